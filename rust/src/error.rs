@@ -27,9 +27,10 @@ pub enum Error {
         /// The value found.
         value: f64,
     },
-    /// Two edges of the rings cross or touch.
+    /// Two edges of the rings meet where they must not.
     #[error(
-        "edge {first_edge} of ring {first_ring} crosses edge {second_edge} of ring {second_ring}; rings need to be simple and apart"
+        "edge {first_edge} of ring {first_ring} {contact} edge {second_edge} of ring {second_ring}; a ring needs to be \
+         simple, and different rings may touch at single points only"
     )]
     Crossing {
         /// Ring of the first edge.
@@ -40,6 +41,8 @@ pub enum Error {
         second_ring: usize,
         /// Second edge.
         second_edge: usize,
+        /// How they meet.
+        contact: Contact,
     },
     /// A ring encloses no area.
     #[error("ring {ring} has area {area:.3e}; a region ring needs an area above {needed:.3e}")]
@@ -51,11 +54,19 @@ pub enum Error {
         /// Smallest area accepted for a ring of its extent.
         needed: f64,
     },
-    /// A ring that turns as a hole lies outside every other ring.
-    #[error("ring {ring} turns as a hole but lies outside every other ring; a hole needs to lie inside its outer ring")]
+    /// A hole lies outside its outer ring.
+    #[error("ring {ring} is a hole outside every outer ring; a hole needs to lie inside its outer ring")]
     HoleOutside {
         /// Index of the ring.
         ring: usize,
+    },
+    /// A hole of a polygon lies inside another hole.
+    #[error("ring {ring} lies inside the hole ring {outer}; the holes of a polygon need to lie side by side")]
+    NestedHole {
+        /// Index of the ring.
+        ring: usize,
+        /// Index of the hole around it.
+        outer: usize,
     },
     /// An option or a size lies outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
@@ -67,6 +78,27 @@ pub enum Error {
         /// What is accepted.
         needed: String,
     },
+}
+
+/// How two edges meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Contact {
+    /// They change sides of each other.
+    Crosses,
+    /// They share more than a point.
+    Overlaps,
+    /// They share one point without changing sides.
+    Touches,
+}
+
+impl std::fmt::Display for Contact {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Crosses => "crosses",
+            Self::Overlaps => "overlaps",
+            Self::Touches => "touches",
+        })
+    }
 }
 
 /// `Result` of this crate.
