@@ -68,6 +68,66 @@ pub enum Error {
         /// Index of the hole around it.
         outer: usize,
     },
+    /// A ring leaves its plane.
+    #[error("ring {ring} leaves the region's plane by {distance:.3e}; a planar region needs its vertices within {allowed:.3e}")]
+    NotPlanar {
+        /// Index of the ring.
+        ring: usize,
+        /// Largest distance of a vertex from the plane.
+        distance: f64,
+        /// Largest distance accepted.
+        allowed: f64,
+    },
+    /// Triangles that are no open surface.
+    #[error("the mesh has {found}; it needs {needed}")]
+    BadMesh {
+        /// What was found.
+        found: String,
+        /// What is accepted.
+        needed: &'static str,
+    },
+    /// A bearing has no direction.
+    #[error("{item} {index} is zero; a bearing needs a direction")]
+    ZeroBearing {
+        /// What the bearing belongs to.
+        item: String,
+        /// Index of the bearing.
+        index: usize,
+    },
+    /// An observed region is too wide to be projected onto a plane.
+    #[error("the observed region reaches {limit:.1} deg or more from every axis; it needs to lie nearer to one")]
+    TooWide {
+        /// Largest angle accepted, in degrees.
+        limit: f64,
+    },
+    /// Sums over pixels were asked for without pixels.
+    #[error("the observed region holds no pixels; integration over pixels needs a region made from a mask")]
+    NoPixels,
+    /// The two sides do not pair up.
+    #[error("there are {observed} observed and {world} world regions; there need to be as many of each, at least 1")]
+    Unpaired {
+        /// Number of observed regions.
+        observed: usize,
+        /// Number of world regions.
+        world: usize,
+    },
+    /// An iteration that has to end did not.
+    #[error("the eigenvalues of a covariance did not converge; the region's coordinates need to be of ordinary size")]
+    NoConvergence,
+    /// The pool of threads could not be started.
+    #[error("the threads could not be started: {reason}")]
+    Threads {
+        /// What the system said.
+        reason: String,
+    },
+    /// What is wrong with one region of several.
+    #[error("region {index}: {error}")]
+    InRegion {
+        /// Index of the region.
+        index: usize,
+        /// What is wrong with it.
+        error: Box<Error>,
+    },
     /// An option or a size lies outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
     OutOfRange {
@@ -78,6 +138,13 @@ pub enum Error {
         /// What is accepted.
         needed: String,
     },
+}
+
+impl Error {
+    /// The same error, said of the region with this index.
+    pub fn in_region(self, index: usize) -> Self {
+        Self::InRegion { index, error: Box::new(self) }
+    }
 }
 
 /// How two edges meet.

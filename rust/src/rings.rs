@@ -73,6 +73,14 @@ impl PlaneRings {
         self.rings.iter().map(|ring| signed_area(ring)).sum()
     }
 
+    /// The rings under a map that keeps them simple and their orientation, such as a projective map of a half plane that
+    /// holds them; `None` where the map has no value.
+    pub(crate) fn mapped(&self, map: impl Fn(&Vector2<f64>) -> Option<Vector2<f64>>) -> Option<Self> {
+        let rings = self.rings.iter().map(|ring| ring.iter().map(&map).collect()).collect::<Option<Vec<Vec<_>>>>()?;
+        let (lower, upper) = bounding_box(rings.iter().flatten().copied());
+        Some(Self { rings, lower, upper })
+    }
+
     /// Edges of all rings as (start, end), ring by ring; the region lies to their left.
     pub fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + '_ {
         self.rings.iter().flat_map(|ring| ring_edges(ring))

@@ -4,6 +4,8 @@
 //! [`mesh`] holds the form over triangles; [`pixels`] the sum over the pixels of a mask.
 
 mod lanes;
+use std::ops::AddAssign;
+
 pub mod mesh;
 pub mod pixels;
 pub mod plane;
@@ -68,6 +70,26 @@ impl PlaneMoments {
     /// The moments in the order of [`plane_index`], to be filled.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values[..plane_count(self.order)]
+    }
+
+    /// The moments of the region with all coordinates multiplied by `scale`.
+    pub fn scaled(&self, scale: f64) -> Self {
+        let mut scaled = *self;
+        let mut factor = scale * scale;
+        for k in 0..=self.order {
+            scaled.values[plane_count(k) - (k + 1)..plane_count(k)].iter_mut().for_each(|value| *value *= factor);
+            factor *= scale;
+        }
+        scaled
+    }
+}
+
+impl AddAssign<&PlaneMoments> for PlaneMoments {
+    /// Adds the moments of a region that lies beside this one; the order is that of the left side, at most the right's.
+    fn add_assign(&mut self, other: &PlaneMoments) {
+        for (value, term) in self.values_mut().iter_mut().zip(&other.values) {
+            *value += term;
+        }
     }
 }
 
