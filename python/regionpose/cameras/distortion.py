@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import SupportsFloat
 
 import numpy as np
-from numpy.polynomial import polynomial as poly
 
 from regionpose.cameras.base import LIMIT_SLACK, Array, finite_numbers
 from regionpose.cameras.inversion import (
@@ -135,23 +134,23 @@ class RadialTangential:
         as long as `g > 6 Q` and `f > 2 Q`.
         """
         pole = math.sqrt(first_positive_root(self.denominator))
-        product: Array = poly.polymul(self.numerator, self.denominator)
-        growth: Array = poly.polyadd(product, np.concatenate([[0.0], 2.0 * self._factor_slope_numerator()]))
+        product = np.convolve(self.numerator, self.denominator)
+        growth = _sum(product, np.concatenate([[0.0], 2.0 * self._factor_slope_numerator()]))
         if self._is_radial:
             return min(pole, math.sqrt(first_positive_root(growth)))
         q = math.hypot(*self.tangential)
-        square: Array = poly.polymul(self.denominator, self.denominator)
+        square = np.convolve(self.denominator, self.denominator)
         conditions = (
             _minus_odd(growth, 6.0 * q, square),
             _minus_odd(self.numerator, 2.0 * q, self.denominator),
-            _minus_odd(poly.polyadd(growth, 3.0 * product), 16.0 * q, square),
+            _minus_odd(_sum(growth, 3.0 * product), 16.0 * q, square),
         )
         return min(pole, *(first_positive_root(condition) for condition in conditions))
 
     def _factor_slope_numerator(self) -> Array:
         """Numerator `N' D - N D'` of the derivative of the radial factor N / D, over D^2."""
-        rising = poly.polymul(derivative(self.numerator), self.denominator)
-        return np.asarray(poly.polysub(rising, poly.polymul(self.numerator, derivative(self.denominator))))
+        rising = np.convolve(derivative(self.numerator), self.denominator)
+        return _sum(rising, -np.convolve(self.numerator, derivative(self.denominator)))
 
     def _largest_distorted_radius(self) -> float:
         """Bound of the distorted radii in the disc, reached when there are no tangential terms."""
@@ -167,6 +166,14 @@ class RadialTangential:
 def _trimmed(coefficients: tuple[float, ...]) -> Array:
     """Ascending coefficients without trailing zeros."""
     return np.trim_zeros(np.array(coefficients), "b")
+
+
+def _sum(first: Array, second: Array) -> Array:
+    """Ascending coefficients of the sum of two polynomials."""
+    total = np.zeros(max(len(first), len(second)))
+    total[: len(first)] += first
+    total[: len(second)] += second
+    return total
 
 
 def _minus_odd(even: Array, weight: float, odd: Array) -> Array:

@@ -164,7 +164,7 @@ def inverses_in_disc(mapping: Callable[[Array], PlaneMapping], target: Array, st
         distance[moved] = trial_distance[better]
         fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.5 * fraction[rows])
     point[:, ~(distance <= ACCEPTED * tolerance)] = np.nan
-    return point
+    return np.asarray(point)
 
 
 def _distance_and_step(mapping: Callable[[Array], PlaneMapping], point: Array, target: Array) -> tuple[Array, Array]:

@@ -72,7 +72,7 @@ class OcamCamera(Camera):
         """The camera of OCamCalib's `ss` (ascending, ss0 < 0), center as (row, column) from 0, and `c, d, e`."""
         c, d, e = cde
         row, column = center
-        forward = tuple(-coefficient for coefficient in ss)
+        forward = tuple(0.0 - coefficient for coefficient in ss)
         return cls(forward, (column, row), ((1.0, e), (d, c)), width=width, height=height)
 
     @cached_property
