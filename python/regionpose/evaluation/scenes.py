@@ -27,6 +27,7 @@ from regionpose.evaluation.masks import (
     project_region,
     to_camera,
 )
+from regionpose.evaluation.planar import region_centroid, view_angle
 from regionpose.evaluation.templates import Template, TemplateSet, load_templates
 
 WorldFrame = Literal["first", "arbitrary"]
@@ -267,11 +268,12 @@ class View:
     def outlines(self, regions: Sequence[list[Array]]) -> list[shapely.Polygon] | None:
         """The outer boundary of each region's image; None when one isn't wholly visible, in the image and well seen."""
         width, height = image_size(self.camera)
-        frame = shapely.box(0, 0, width - 1, height - 1).buffer(0.5 - BORDER_MARGIN_PX, join_style="mitre")
+        edge = BORDER_MARGIN_PX - 0.5
+        frame = shapely.box(edge, edge, width - 1 - edge, height - 1 - edge)
+        if not all(self._well_seen(rings) and self._vertices_within(frame, rings) for rings in regions):
+            return None
         outlines = []
         for rings in regions:
-            if not self._well_seen(rings):
-                return None
             try:
                 outer = project_region(self.camera, self.rotation, self.translation, rings[:1])[0]
             except ProjectionError:
@@ -286,6 +288,12 @@ class View:
         depth = to_camera(rings[0], self.rotation, self.translation)[:, 2]
         angle = view_angle(rings, self.rotation, self.translation)
         return bool(depth.min() > MIN_DEPTH_M and min(angle, 180.0 - angle) < MAX_VIEW_ANGLE_DEG)
+
+    def _vertices_within(self, frame: shapely.Polygon, rings: list[Array]) -> bool:
+        """Whether the outer ring's vertices fall in the frame: spares most misfits the costly outline."""
+        pixels = self.camera.project(to_camera(rings[0], self.rotation, self.translation))
+        left, top, right, bottom = frame.bounds
+        return bool(((pixels >= (left, top)) & (pixels <= (right, bottom))).all())
 
     def sees_front(self, rings: list[Array]) -> bool:
         """Whether the front of a region faces the camera."""
@@ -400,40 +408,3 @@ def random_direction(dimensions: int, rng: np.random.Generator) -> Array:
     vector = rng.normal(size=dimensions)
     direction: Array = vector / np.linalg.norm(vector)
     return direction
-
-
-def area_vector(rings: Sequence[Array]) -> Array:
-    """(3,) normal of a planar region times its area, m^2: half the sum of cross products along its (n, 3) rings.
-
-    Rings are oriented as in `Scene`, so that the vector points away from a camera that sees the front.
-    """
-    base = rings[0][0]
-    total = np.zeros(3)
-    for ring in rings:
-        arms = ring - base
-        total += 0.5 * np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)
-    return total
-
-
-def region_centroid(rings: Sequence[Array]) -> Array:
-    """(3,) area centroid of a planar region given by (n, 3) rings, holes turning the other way."""
-    base = rings[0][0]
-    normal = area_vector(rings)
-    area = float(np.linalg.norm(normal))
-    weighted = np.zeros(3)
-    for ring in rings:
-        start, end = ring - base, np.roll(ring, -1, axis=0) - base
-        weighted += (start + end).T @ (np.cross(start, end) @ (normal / area)) / 6.0
-    centroid: Array = base + weighted / area
-    return centroid
-
-
-def view_angle(rings: Sequence[Array], rotation: Array, translation: Array) -> float:
-    """Angle in degrees at the region's centroid between the line of sight and the direction its back faces.
-
-    0 when the front is seen straight on, 90 edge-on, above 90 from behind.
-    """
-    sight = rotation @ region_centroid(rings) + translation
-    normal = rotation @ area_vector(rings)
-    cosine = sight @ normal / (np.linalg.norm(sight) * np.linalg.norm(normal))
-    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
