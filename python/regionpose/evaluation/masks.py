@@ -7,10 +7,12 @@ Pixel coordinates are OpenCV's: an integer is the centre of a pixel, so pixel (c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from regionpose.cameras import Camera
 
 Array = NDArray[np.float64]
 Rings = Sequence[NDArray[np.float64]]
@@ -27,24 +29,6 @@ class ProjectionError(ValueError):
     """A boundary point of a region has no image in the camera."""
 
 
-class Camera(Protocol):
-    """What the benchmark needs of a central camera."""
-
-    @property
-    def width(self) -> int | None:
-        """Image width, px."""
-
-    @property
-    def height(self) -> int | None:
-        """Image height, px."""
-
-    def project(self, points: Array) -> Array:
-        """(n, 3) camera-frame points -> (n, 2) pixels, NaN where not visible."""
-
-    def bearings(self, pixels: Array) -> Array:
-        """(n, 2) pixels -> (n, 3) unit bearings."""
-
-
 class Window(NamedTuple):
     """A rectangle of whole pixels: columns left..right and rows top..bottom, the last of each excluded."""
 
@@ -56,8 +40,9 @@ class Window(NamedTuple):
 
 def to_camera(points: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Array:
     """(n, 3) camera-frame points `R X + t` of (n, 3) world points."""
-    moved: Array = np.asarray(points, dtype=np.float64) @ np.asarray(rotation, dtype=np.float64).T + translation
-    return moved
+    world, turn, shift = (np.asarray(values, dtype=np.float64) for values in (points, rotation, translation))
+    camera: Array = world @ turn.T + shift
+    return camera
 
 
 def image_size(camera: Camera) -> tuple[int, int]:
@@ -86,7 +71,7 @@ def project_ring(camera: Camera, ring: ArrayLike, tolerance: float = BOUNDARY_TO
 
 
 def chord_deviation(camera: Camera, start: Array, end: Array) -> Array:
-    """(n,) largest distance in px of the images of points inside each 3D edge from the chord of its end points' images."""
+    """(n,) largest distance in px of the image of each 3D edge from the chord between its ends, at the probes."""
     first, last = _visible_images(camera, start), _visible_images(camera, end)
     chord = last - first
     length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), np.finfo(np.float64).tiny)
@@ -114,8 +99,8 @@ def _visible_images(camera: Camera, points: Array) -> Array:
     hidden = ~np.isfinite(pixels).all(axis=1)
     if hidden.any():
         raise ProjectionError(
-            f"{int(hidden.sum())} of {len(points)} boundary points have no image, the first at {points[hidden][0]} m in the"
-            " camera frame; a region must be visible as a whole"
+            f"{int(hidden.sum())} of {len(points)} boundary points have no image, the first at {points[hidden][0]} m"
+            " in the camera frame; a region must be visible as a whole"
         )
     return pixels
 
@@ -123,7 +108,7 @@ def _visible_images(camera: Camera, points: Array) -> Array:
 def project_region(
     camera: Camera, rotation: ArrayLike, translation: ArrayLike, rings: Rings, tolerance: float = BOUNDARY_TOLERANCE_PX
 ) -> list[Array]:
-    """Pixel rings of a region given by (n, 3) world rings, seen at the pose `camera_from_world` (see `project_ring`)."""
+    """Pixel rings, as of `project_ring`, of a region given by (n, 3) world rings, at the pose `camera_from_world`."""
     return [project_ring(camera, to_camera(ring, rotation, translation), tolerance) for ring in rings]
 
 

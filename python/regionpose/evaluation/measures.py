@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.evaluation.masks import Array
+from regionpose.evaluation.planar import even_odd_shape
 
 # deg and share: the paper's bounds (section 3) below which a problem counts as solved.
 SOLVED_ROTATION_DEG = 1.0
@@ -31,13 +31,17 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 
 
 def rotation_errors_by_axis(estimated: ArrayLike, true: ArrayLike) -> Array:
-    """(3,) rotation vector of `R_est R_true^T` in degrees: its signed parts about the camera's x, y, z; its norm is the angle."""
+    """(3,) rotation vector of `R_est R_true^T` in degrees: signed parts about the camera's x, y, z."""
     vector: Array = np.degrees(_rotation_between(estimated, true).as_rotvec())
     return vector
 
 
 def translation_error(
-    rotation: ArrayLike, translation: ArrayLike, true_rotation: ArrayLike, true_translation: ArrayLike, anchor: ArrayLike
+    rotation: ArrayLike,
+    translation: ArrayLike,
+    true_rotation: ArrayLike,
+    true_translation: ArrayLike,
+    anchor: ArrayLike,
 ) -> float:
     """`|(R_est x + t_est) - (R_true x + t_true)|` in metres at the world point `anchor` = x.
 
@@ -71,14 +75,6 @@ def overlap_error(predicted: Sequence[Array], observed: Sequence[Array]) -> floa
     return float(even_odd_shape(predicted).symmetric_difference(observed_shape).area / observed_shape.area)
 
 
-def even_odd_shape(rings: Sequence[Array]) -> shapely.Geometry:
-    """The region inside an odd number of the (n, 2) rings; a ring that crosses itself is mended first."""
-    shape: shapely.Geometry = shapely.Polygon()
-    for ring in rings:
-        shape = shape.symmetric_difference(shapely.make_valid(shapely.Polygon(ring)))
-    return shape
-
-
 @dataclass(frozen=True)
 class PoseErrors:
     """All errors of one estimate: degrees and metres; `rotation_axes_deg` is (3,), about the camera's x, y, z."""
@@ -90,7 +86,11 @@ class PoseErrors:
 
 
 def pose_errors(
-    rotation: ArrayLike, translation: ArrayLike, true_rotation: ArrayLike, true_translation: ArrayLike, anchor: ArrayLike
+    rotation: ArrayLike,
+    translation: ArrayLike,
+    true_rotation: ArrayLike,
+    true_translation: ArrayLike,
+    anchor: ArrayLike,
 ) -> PoseErrors:
     """Errors of the pose `(rotation, translation)`, the translation's taken at the world point `anchor`."""
     return PoseErrors(
@@ -102,7 +102,7 @@ def pose_errors(
 
 
 def is_solved(rotation_error_deg: ArrayLike, overlap: ArrayLike) -> NDArray[np.bool_]:
-    """Whether rotation error < 1 deg and overlap error < 5 %, for numbers or arrays; NaN (no estimate) is not solved."""
+    """Whether rotation error < 1 deg and overlap error < 5 %, elementwise; NaN (no estimate) is not solved."""
     solved = (np.asarray(rotation_error_deg) < SOLVED_ROTATION_DEG) & (np.asarray(overlap) < SOLVED_OVERLAP_ERROR)
     return np.asarray(solved, dtype=np.bool_)
 

@@ -6,22 +6,25 @@ Each function returns a new object, changes none of its inputs, and draws only f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
+from shapely.geometry.base import BaseGeometry
 from skimage.measure import find_contours
 
-from regionpose.evaluation.masks import Array, Camera, Window
+from regionpose.cameras import Camera
+from regionpose.evaluation.masks import Array, Window
 from regionpose.evaluation.planar import PlaneFrame, as_multipolygon
 
 Mask = NDArray[np.bool_]
 
 # Side of a segmentation-error square, as a share of the square root of the region's area. The first holds up to a fifth
-# of the area; beyond that squares grow with the share (second figure), since they change only a band of their own width.
+# of the area; beyond that squares grow with the share (second figure): they change only a band of their own width.
 SQUARE_SIDE_SHARE = 0.1
 SQUARE_SIDE_GROWTH = 0.5
 # Squares are laid until their sides add up to so many boundary lengths; then the band beside it is full (1 - e^-12).
@@ -39,7 +42,7 @@ def _checked_share(share: float) -> float:
 def _checked_mask(mask: ArrayLike) -> Mask:
     array = np.asarray(mask)
     if array.ndim != 2 or array.dtype != np.bool_:
-        raise ValueError(f"mask has shape {array.shape} and type {array.dtype}; needed is a (height, width) array of bool")
+        raise ValueError(f"mask has shape {array.shape} and type {array.dtype}; needed is (height, width), bool")
     if not array.any():
         raise ValueError("mask is empty; a region of at least one pixel is needed")
     return array
@@ -82,7 +85,8 @@ def mask_boundary(mask: Mask) -> list[Array]:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     region = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     corner = (columns[0] - 1.0, rows[0] - 1.0)
-    return [contour[:-1, ::-1] + corner for contour in find_contours(np.pad(region, 1).astype(np.float64), 0.5)]
+    contours = find_contours(np.pad(region, 1).astype(np.float64), 0.5)  # type: ignore[no-untyped-call]
+    return [contour[:-1, ::-1] + corner for contour in contours]
 
 
 def squares_on_mask(mask: ArrayLike, share: float, rng: np.random.Generator, side: float | None = None) -> Mask:
@@ -129,8 +133,8 @@ def _change_square(region: Mask, changed: Mask, centre: Array, side: float, adds
 
 def _unreached(share: float, reached: float, side: float, unit: str) -> str:
     return (
-        f"squares of side {side:.4g} {unit} along the boundary changed only {reached:.1%} of the {share:.1%} of the area asked"
-        " for; a larger side or a smaller share is needed"
+        f"squares of side {side:.4g} {unit} along the boundary changed {reached:.1%} of the {share:.1%} of the area"
+        " asked for; a larger side or a smaller share is needed"
     )
 
 
@@ -151,18 +155,20 @@ def squares_on_region(
     for centre, adds in zip(squares.centres, squares.adds, strict=True):
         missing = target - changed.area
         if missing <= SHARE_PRECISION * region.area:
-            return frame.rings(region.symmetric_difference(changed))
+            break
         piece = _fitting_piece(region, changed, centre, length, bool(adds), missing)
         changed = as_multipolygon(changed.union(piece))
-    raise ValueError(_unreached(share, changed.area / target, length, "m"))
+    if target - changed.area > SHARE_PRECISION * region.area:
+        raise ValueError(_unreached(share, changed.area / target, length, "m"))
+    return frame.rings(region.symmetric_difference(changed))
 
 
 def _fitting_piece(
-    region: shapely.Geometry, changed: shapely.Geometry, centre: Array, side: float, adds: bool, most: float
-) -> shapely.Geometry:
+    region: BaseGeometry, changed: BaseGeometry, centre: Array, side: float, adds: bool, most: float
+) -> BaseGeometry:
     """What a square newly changes; when that is over `most`, of the smaller square that changes just as much."""
 
-    def piece(size: float) -> shapely.Geometry:
+    def piece(size: float) -> BaseGeometry:
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
         part = square.difference(region) if adds else square.intersection(region)
         return part.difference(changed)
@@ -194,10 +200,11 @@ def occlude_region(rings: Sequence[Array], share: float, rng: np.random.Generato
     direction = np.array([np.cos(angle), np.sin(angle)])
     reach = 1.0 + float(max(np.linalg.norm(frame.flat(ring), axis=1).max() for ring in rings))
 
-    def kept(offset: float) -> shapely.Geometry:
-        across = np.array([-direction[1], direction[0]])
-        corners = [s * reach * across + d * direction for d, s in ((-reach, 1), (-reach, -1), (offset, -1), (offset, 1))]
-        return region.intersection(shapely.Polygon(corners))
+    across = reach * np.array([-direction[1], direction[0]])
+
+    def kept(offset: float) -> BaseGeometry:
+        near, far = -reach * direction, offset * direction
+        return region.intersection(shapely.Polygon([near + across, near - across, far - across, far + across]))
 
     if share == 0.0:
         return [ring.copy() for ring in rings]
@@ -301,46 +308,55 @@ def lidar_points(
 
 
 @dataclass(frozen=True)
-class MiscalibratedCamera:
+class MiscalibratedCamera(Camera):
     """A camera whose focal length and principal point are wrong: its image is scaled about that point, then shifted.
 
-    `pixel = principal + shift + focal_scale * (true pixel - principal)`, for any central camera.
+    `pixel = principal + shift + focal_scale * (true pixel - principal)`, for any central camera; `shift` is (2,) px.
     """
 
     camera: Camera
     focal_scale: float
     shift: Array
+    width: int | None = field(init=False)
+    height: int | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take over the true camera's image size; check the scale."""
+        if not self.focal_scale > 0.0:
+            raise ValueError(f"focal_scale is {self.focal_scale}; it must be positive")
+        object.__setattr__(self, "width", self.camera.width)
+        object.__setattr__(self, "height", self.camera.height)
 
     @property
-    def width(self) -> int | None:
-        """Image width, px."""
-        return self.camera.width
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis of the true camera, rad."""
+        return self.camera.max_angle
 
     @property
-    def height(self) -> int | None:
-        """Image height, px."""
-        return self.camera.height
+    def straight_lines(self) -> bool:
+        """Whether straight lines of the world are straight in the image."""
+        return self.camera.straight_lines
 
-    @property
+    @cached_property
     def principal(self) -> Array:
         """(2,) pixel of the true camera's optical axis."""
-        pixel: Array = np.asarray(self.camera.project(np.array([[0.0, 0.0, 1.0]])))[0]
+        pixel: Array = self.camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
         return pixel
 
-    def project(self, points: Array) -> Array:
-        """(n, 2) pixels, as wrongly calibrated, of (n, 3) camera-frame points; NaN where not visible."""
-        principal = self.principal
-        pixels: Array = principal + self.shift + self.focal_scale * (self.camera.project(points) - principal)
-        return pixels
+    def _bearings(self, u: Array, v: Array) -> tuple[Array, ...]:
+        shifted = np.column_stack([u, v]) - self.principal - self.shift
+        return tuple(self.camera.bearings(self.principal + shifted / self.focal_scale).T)
 
-    def bearings(self, pixels: Array) -> Array:
-        """(n, 3) unit bearings, as wrongly calibrated, of (n, 2) pixels."""
-        principal = self.principal
-        return self.camera.bearings(principal + (np.asarray(pixels) - principal - self.shift) / self.focal_scale)
+    def _project(self, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
+        pixels = self.camera.project(np.column_stack([x, y, z]))
+        return tuple((self.principal + self.shift + self.focal_scale * (pixels - self.principal)).T)
 
 
 def miscalibrate(camera: Camera, focal_share: float, centre_px: float, rng: np.random.Generator) -> MiscalibratedCamera:
-    """The camera with normal errors: standard deviation `focal_share` of the focal length, `centre_px` of each centre coordinate."""
+    """The camera with normal errors in its focal length and principal point.
+
+    Standard deviations: `focal_share` of the focal length (as a share), `centre_px` of each coordinate of the point.
+    """
     for name, deviation in (("focal_share", focal_share), ("centre_px", centre_px)):
         if deviation < 0.0:
             raise ValueError(f"{name} is {deviation}; a standard deviation must be 0 or more")

@@ -1,6 +1,7 @@
-"""Geometry of planar regions given by (n, 3) rings: area vector, centroid, viewing angle, and the plane's own frame.
+"""Geometry of planar regions given by (n, 3) rings: area vector, centroid, viewing angle, the plane's own frame.
 
-Rings follow `scenes.Scene`: outer rings turn counter-clockwise in the image when the front is seen, holes the other way.
+Rings follow `scenes.Scene`: outer rings turn counter-clockwise in the image when the front is seen, holes
+the other way.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
 
@@ -57,7 +59,7 @@ def view_angle(rings: Sequence[Array], rotation: Array, translation: Array) -> f
 
 @dataclass(frozen=True)
 class PlaneFrame:
-    """A plane's own coordinates: `X = origin + axes @ (u, v)`, `axes` (3, 2) orthonormal, u x v along the area vector."""
+    """A plane's own coordinates: `X = origin + axes @ (u, v)`, (3, 2) orthonormal axes, u x v along the area vector."""
 
     origin: Array
     axes: Array
@@ -85,15 +87,10 @@ class PlaneFrame:
         return lifted
 
     def polygon(self, rings: Sequence[Array]) -> shapely.MultiPolygon:
-        """The region in plane coordinates, each hole within the outer ring around it."""
-        outers, holes = [], []
-        for ring in rings:
-            flat = shapely.LinearRing(self.flat(ring))
-            (outers if flat.is_ccw else holes).append(shapely.Polygon(flat))
-        whole = shapely.union_all(outers).difference(shapely.union_all(holes))
-        return as_multipolygon(whole)
+        """The region in plane coordinates."""
+        return as_multipolygon(even_odd_shape([self.flat(ring) for ring in rings]))
 
-    def rings(self, polygon: shapely.Geometry) -> list[Array]:
+    def rings(self, polygon: BaseGeometry) -> list[Array]:
         """(n, 3) rings of a polygon in plane coordinates: outer rings as in `of_region`, each followed by its holes."""
         rings = []
         for part in as_multipolygon(polygon).geoms:
@@ -102,7 +99,15 @@ class PlaneFrame:
         return rings
 
 
-def as_multipolygon(geometry: shapely.Geometry) -> shapely.MultiPolygon:
+def even_odd_shape(rings: Sequence[Array]) -> BaseGeometry:
+    """The region inside an odd number of the (n, 2) rings; a ring that crosses itself is mended first."""
+    shape: BaseGeometry = shapely.Polygon()
+    for ring in rings:
+        shape = shape.symmetric_difference(shapely.make_valid(shapely.Polygon(ring)))
+    return shape
+
+
+def as_multipolygon(geometry: BaseGeometry) -> shapely.MultiPolygon:
     """The polygons of any geometry, without lines, points and slivers."""
     parts = [part for part in shapely.get_parts(geometry, return_index=False) if isinstance(part, shapely.Polygon)]
     least = SLIVER_SHARE * sum(part.area for part in parts)

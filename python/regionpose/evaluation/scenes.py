@@ -1,7 +1,7 @@
 """Synthetic scenes: a camera, its true pose, and planar template regions that it sees whole.
 
-The first plane's frame is the "first" world frame: its first region's centroid is the origin. Every other plane is placed
-relative to it. A scene is a pure function of its arguments and one integer seed.
+The first plane's frame is the "first" world frame: its first region's centroid is the origin. Every other plane is
+placed relative to it. A scene is a pure function of its arguments and one integer seed.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera
+from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera
 from regionpose.evaluation.masks import (
     Array,
-    Camera,
     ProjectionError,
     area_coverage,
     binary_mask,
@@ -35,7 +34,7 @@ WorldFrame = Literal["first", "arbitrary"]
 SENSOR_WIDTH_PX, SENSOR_HEIGHT_PX = 2376, 1584
 PERSPECTIVE_FOCAL_PX = 1900.0
 FISHEYE_FOCAL_PX = 500.0
-# px; radius at which the polynomial fisheye looks 90 deg off its axis: the image circle touches the sensor's long sides.
+# px; radius at which the polynomial fisheye looks 90 deg off its axis: the circle touches the sensor's long sides.
 OMNIDIRECTIONAL_RADIUS_PX = 792.0
 
 POSE_ANGLE_DEG = 40.0
@@ -49,6 +48,8 @@ WORLD_OFFSET_M = 5.0
 BORDER_MARGIN_PX = 2.0
 # px; least gap between the images of two regions, so that their masks never touch.
 REGION_GAP_PX = 4.0
+# px; precision of the outlines that gaps and margins are checked with, well inside both.
+OUTLINE_TOLERANCE_PX = 0.1
 # deg; between a region's normal and the line of sight: nearer to edge-on a 1 m region is but a few tens of pixels wide.
 MAX_VIEW_ANGLE_DEG = 75.0
 # m; every point lies so far before the camera's own plane z = 0, within the 180 deg field.
@@ -118,7 +119,7 @@ class Scene:
         return [area_coverage(rings, width, height) for rings in self.image_rings]
 
     def view_angles(self) -> Array:
-        """(regions,) angle in degrees between each region's normal and the line of sight; above 90 it is seen from behind."""
+        """(regions,) angle in degrees between line of sight and normal; above 90 a region is seen from behind."""
         return np.array([view_angle(rings, self.rotation, self.translation) for rings in self.regions])
 
 
@@ -144,8 +145,8 @@ def perspective_camera() -> PinholeCamera:
 def omnidirectional_camera() -> OcamCamera:
     """The benchmark's omnidirectional camera: a polynomial fisheye of 180 deg field on the same sensor.
 
-    `g(rho) = a0 + a2 rho^2 + a4 rho^4` follows the equidistant fisheye, `g = rho / tan(rho / f)` with `f = 2 radius / pi`,
-    to second order; `a4` makes the field exactly 180 deg at the image circle, `g(radius) = 0`.
+    `g(rho) = a0 + a2 rho^2 + a4 rho^4` follows the equidistant fisheye, `g = rho / tan(rho / f)`,
+    `f = 2 radius / pi`, to second order; `a4` makes the field exactly 180 deg at the image circle, `g(radius) = 0`.
     """
     radius = OMNIDIRECTIONAL_RADIUS_PX
     a0 = 2.0 * radius / np.pi
@@ -216,7 +217,8 @@ def fisheye_scene(
 class Layout:
     """What a scene holds.
 
-    `planes`, `regions_per_plane`: counts. `templates`: the set that shapes are drawn from, without repetition while it lasts.
+    `planes`, `regions_per_plane`: counts. `templates`: the set that shapes are drawn from, without
+    repetition while it lasts.
     `world`: "first" (the first plane's frame) or "arbitrary" (any rotation, the origin up to 5 m off along each axis).
     `front`: False turns each plane over with probability 1/2, so that it is seen from behind.
     """
@@ -252,8 +254,8 @@ def draw_scene(camera: Camera, pose_range: PoseRange, layout: Layout, rng: np.ra
             return in_arbitrary_world(scene, rng) if layout.world == "arbitrary" else scene
         furthest = max(furthest, len(placed))
     raise ScenePlacementError(
-        f"plane {furthest + 1} of {layout.planes} ({', '.join(t.name for t in shapes[furthest])}) could not be placed at any of"
-        f" {POSE_TRIES} poses; fewer planes, fewer regions on a plane or a wider camera are needed"
+        f"plane {furthest + 1} of {layout.planes} ({', '.join(t.name for t in shapes[furthest])}) could not be"
+        f" placed at any of {POSE_TRIES} poses; fewer planes, fewer regions on a plane or a wider camera are needed"
     )
 
 
@@ -275,7 +277,7 @@ class View:
         outlines = []
         for rings in regions:
             try:
-                outer = project_region(self.camera, self.rotation, self.translation, rings[:1])[0]
+                outer = project_region(self.camera, self.rotation, self.translation, rings[:1], OUTLINE_TOLERANCE_PX)[0]
             except ProjectionError:
                 return None
             outline = shapely.Polygon(outer)
@@ -353,7 +355,7 @@ def _place_plane(
 
 
 def _plane_regions(templates: tuple[Template, ...], rng: np.random.Generator) -> list[list[Array]]:
-    """Regions in the plane z = 0: the first as drawn, the others moved 1 to 2 m and turned within +-30 deg in the plane."""
+    """Regions in the plane z = 0: the first as drawn, the others moved by 1 to 2 m and turned within +-30 deg."""
     regions = [templates[0].region()]
     for template in templates[1:]:
         turn = Rotation.from_euler("z", rng.uniform(-PLANE_ANGLE_DEG, PLANE_ANGLE_DEG), degrees=True).as_matrix()

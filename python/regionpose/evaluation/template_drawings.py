@@ -1,7 +1,8 @@
-"""Drawings of the benchmark's template shapes; `python -m regionpose.evaluation.template_drawings` rewrites the data file.
+"""Drawings of the template shapes; `python -m regionpose.evaluation.template_drawings` writes the data file.
 
-Polygons are drawn on a free grid with y up, as on paper. `drawn_templates` brings them to the stored form: y down as in an
-image, longer side of the bounding box 1 m, area centroid at the origin, outer rings counter-clockwise in (x, y), holes clockwise.
+Polygons are drawn on a free grid with y up, as on paper. `drawn_templates` brings them to the stored form: y down as in
+an image, longer side of the bounding box 1 m, area centroid at the origin, outer rings counter-clockwise in (x, y),
+holes clockwise.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ Grid = tuple[tuple[float, float], ...]
 
 BLOB_VERTICES = 40
 
+# fmt: off
 # name: (rings on the drawing grid, outer ring first)
 ASYMMETRIC_POLYGONS: dict[str, tuple[Grid, ...]] = {
     "letter_f": (((0, 0), (2, 0), (2, 4), (5, 4), (5, 6), (2, 6), (2, 8), (6, 8), (6, 10), (0, 10)),),
@@ -42,7 +44,9 @@ ASYMMETRIC_POLYGONS: dict[str, tuple[Grid, ...]] = {
     "bolt": (((3, 0), (7, 5.5), (4.8, 6), (8, 10), (2.5, 7), (4.2, 6.2), (0, 4), (3.6, 4.4)),),
     "stairs": (((0, 0), (10, 0), (10, 1.5), (7.5, 1.5), (7.5, 3), (6, 3), (6, 5.5), (2.5, 5.5), (2.5, 7), (0, 7)),),
     "shard": (((0, 1.5), (4, 0), (10, 3), (7, 4.2), (6.2, 8), (2.2, 6)),),
-    "house": (((0, 0), (8, 0), (8, 5), (9, 5), (4.5, 9), (2.8, 7.5), (2.8, 9.2), (1.4, 9.2), (1.4, 6.2), (-1, 5), (0, 5)),),
+    "house": (
+        ((0, 0), (8, 0), (8, 5), (9, 5), (4.5, 9), (2.8, 7.5), (2.8, 9.2), (1.4, 9.2), (1.4, 6.2), (-1, 5), (0, 5)),
+    ),
     "bent_arrow": (((0, 0), (1.6, 0), (1.6, 5), (6, 5), (6, 3), (10, 6), (6, 9), (6, 7), (0, 7)),),
     "uneven_window": (
         ((0, 0), (8, 0), (8, 10), (0, 10)),
@@ -51,6 +55,7 @@ ASYMMETRIC_POLYGONS: dict[str, tuple[Grid, ...]] = {
     ),
 }
 
+# name: (rotation order, mirror symmetric, rings on the drawing grid)
 SYMMETRIC_POLYGONS: dict[str, tuple[int, bool, tuple[Grid, ...]]] = {
     "rectangle": (2, True, (((0, 0), (10, 0), (10, 6), (0, 6)),)),
     "square": (4, True, (((0, 0), (10, 0), (10, 10), (0, 10)),)),
@@ -66,6 +71,8 @@ SYMMETRIC_POLYGONS: dict[str, tuple[int, bool, tuple[Grid, ...]]] = {
     ),
 }
 
+# fmt: on
+
 # name: relative amplitude and phase (rad) of the harmonics 1, 2, 3, ... of the radius
 BLOBS: dict[str, tuple[tuple[float, float], ...]] = {
     "bean_blob": ((0.10, 0.4), (0.22, 1.1), (0.12, 2.9), (0.03, 0.2)),
@@ -77,7 +84,8 @@ BLOBS: dict[str, tuple[tuple[float, float], ...]] = {
 def polar_ring(radius: Callable[[NDArray[np.float64]], NDArray[np.float64]], count: int) -> NDArray[np.float64]:
     """(count, 2) counter-clockwise ring of the curve `radius(angle)`, sampled at even angles from 0."""
     angles = 2.0 * np.pi * np.arange(count) / count
-    return radius(angles)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    ring: NDArray[np.float64] = radius(angles)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return ring
 
 
 def blob_ring(harmonics: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
@@ -85,7 +93,7 @@ def blob_ring(harmonics: tuple[tuple[float, float], ...]) -> NDArray[np.float64]
 
     def radius(angle: NDArray[np.float64]) -> NDArray[np.float64]:
         waves = [amplitude * np.cos(k * angle + phase) for k, (amplitude, phase) in enumerate(harmonics, start=1)]
-        return 1.0 + np.sum(waves, axis=0)
+        return np.asarray(1.0 + np.sum(waves, axis=0), dtype=np.float64)
 
     return polar_ring(radius, BLOB_VERTICES)
 
@@ -131,7 +139,7 @@ def ring_centroid(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stored_form(rings: Rings) -> Rings:
-    """Rings with y down, outer first and counter-clockwise, holes clockwise, longer side 1 m, centroid at the origin."""
+    """Rings with y down, the outer one first and counter-clockwise, longer side 1 m, centroid at the origin."""
     flipped = [np.asarray(ring, dtype=np.float64) * (1.0, -1.0) for ring in rings]
     scale = 1.0 / float(np.ptp(flipped[0], axis=0).max())
     turned = [ring if (signed_area(ring) > 0.0) == (i == 0) else ring[::-1] for i, ring in enumerate(flipped)]
