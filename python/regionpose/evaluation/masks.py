@@ -1,0 +1,224 @@
+"""Exact images of projected regions: boundary rings in pixels, binary masks, and area coverage.
+
+Pixel coordinates are OpenCV's: an integer is the centre of a pixel, so pixel (column i, row j) covers
+[i - 1/2, i + 1/2] x [j - 1/2, j + 1/2]. Images are indexed [row, column].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose.cameras import Camera
+
+Array = NDArray[np.float64]
+Rings = Sequence[NDArray[np.float64]]
+
+# px; the largest distance of a drawn edge from the true, curved boundary. Far below what a pixel mask can resolve.
+BOUNDARY_TOLERANCE_PX = 1e-3
+# An edge is halved at most so often (4096 pieces); smooth cameras need about 8 for a region that fills the image.
+MAX_HALVINGS = 12
+# Parameters at which an edge's image is compared with its chord; three of them also catch a curve with an inflection.
+PROBES = (0.25, 0.5, 0.75)
+
+
+class ProjectionError(ValueError):
+    """A boundary point of a region has no image in the camera."""
+
+
+class Window(NamedTuple):
+    """A rectangle of whole pixels: columns left..right and rows top..bottom, the last of each excluded."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+def to_camera(points: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """(n, 3) camera-frame points `R X + t` of (n, 3) world points."""
+    world, turn, shift = (np.asarray(values, dtype=np.float64) for values in (points, rotation, translation))
+    camera: Array = world @ turn.T + shift
+    return camera
+
+
+def image_size(camera: Camera) -> tuple[int, int]:
+    """(width, height) of the camera's image in px; ValueError when the camera holds none."""
+    if camera.width is None or camera.height is None:
+        raise ValueError(f"camera has width {camera.width} and height {camera.height}; rendering needs both in pixels")
+    return int(camera.width), int(camera.height)
+
+
+def project_ring(camera: Camera, ring: ArrayLike, tolerance: float = BOUNDARY_TOLERANCE_PX) -> Array:
+    """(m, 2) pixel ring of an (n, 3) camera-frame ring, with edges split until no chord is off by `tolerance` px.
+
+    Every vertex is the exact image of a point of the 3D boundary, and the original vertices stay.
+    ProjectionError when a point of the boundary isn't visible.
+    """
+    start = np.asarray(ring, dtype=np.float64)
+    if start.ndim != 2 or start.shape[1] != 3 or len(start) < 3:
+        raise ValueError(f"ring has shape {start.shape}; needed is (n, 3) with n >= 3")
+    end = np.roll(start, -1, axis=0)
+    for _ in range(MAX_HALVINGS):
+        curved = chord_deviation(camera, start, end) > tolerance
+        if not curved.any():
+            break
+        start, end = halve_edges(start, end, curved)
+    return _visible_images(camera, start)
+
+
+def chord_deviation(camera: Camera, start: Array, end: Array) -> Array:
+    """(n,) largest distance in px of the image of each 3D edge from the chord between its ends, at the probes."""
+    first, last = _visible_images(camera, start), _visible_images(camera, end)
+    chord = last - first
+    length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), np.finfo(np.float64).tiny)
+    deviation = np.zeros(len(start))
+    for s in PROBES:
+        probe = _visible_images(camera, start + s * (end - start)) - first
+        distance = np.abs(probe[:, 0] * chord[:, 1] - probe[:, 1] * chord[:, 0]) / length
+        deviation = np.maximum(deviation, distance)
+    return deviation
+
+
+def halve_edges(start: Array, end: Array, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Start and end points of the ring's edges after the chosen ones are split at their middle, in ring order."""
+    counts = np.where(chosen, 2, 1)
+    middle = 0.5 * (start + end)
+    first_half = np.cumsum(counts) - counts
+    split_start, split_end = np.repeat(start, counts, axis=0), np.repeat(end, counts, axis=0)
+    split_end[first_half[chosen]] = middle[chosen]
+    split_start[first_half[chosen] + 1] = middle[chosen]
+    return split_start, split_end
+
+
+def _visible_images(camera: Camera, points: Array) -> Array:
+    pixels = np.asarray(camera.project(points), dtype=np.float64)
+    hidden = ~np.isfinite(pixels).all(axis=1)
+    if hidden.any():
+        raise ProjectionError(
+            f"{int(hidden.sum())} of {len(points)} boundary points have no image, the first at {points[hidden][0]} m"
+            " in the camera frame; a region must be visible as a whole"
+        )
+    return pixels
+
+
+def project_region(
+    camera: Camera, rotation: ArrayLike, translation: ArrayLike, rings: Rings, tolerance: float = BOUNDARY_TOLERANCE_PX
+) -> list[Array]:
+    """Pixel rings, as of `project_ring`, of a region given by (n, 3) world rings, at the pose `camera_from_world`."""
+    return [project_ring(camera, to_camera(ring, rotation, translation), tolerance) for ring in rings]
+
+
+def rings_window(rings: Rings, width: int, height: int) -> Window:
+    """The smallest window of the image that holds every pixel touched by the (n, 2) pixel rings; may be empty."""
+    points = np.concatenate([_pixel_ring(ring, i) for i, ring in enumerate(rings)])
+    low = np.floor(points.min(axis=0) + 0.5)
+    high = np.floor(points.max(axis=0) + 0.5) + 1.0
+    left, top = np.clip(low, 0, (width, height)).astype(int).tolist()
+    right, bottom = np.clip(high, 0, (width, height)).astype(int).tolist()
+    return Window(left, top, right, bottom)
+
+
+def _pixel_ring(ring: ArrayLike, index: int) -> Array:
+    points = np.asarray(ring, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+        raise ValueError(f"ring {index} has shape {points.shape}; needed is (n, 2) with n >= 3")
+    if not np.isfinite(points).all():
+        raise ValueError(f"ring {index} holds NaN or infinite pixels; all must be finite")
+    return points
+
+
+def ring_edges(rings: Rings) -> tuple[Array, Array]:
+    """(e, 2) start and (e, 2) end points of all edges of all rings."""
+    checked = [_pixel_ring(ring, i) for i, ring in enumerate(rings)]
+    return np.concatenate(checked), np.concatenate([np.roll(ring, -1, axis=0) for ring in checked])
+
+
+def binary_mask(rings: Rings, width: int, height: int) -> NDArray[np.bool_]:
+    """(height, width) mask of the pixels whose centre lies inside the (n, 2) pixel rings by the even-odd rule.
+
+    A centre exactly on the boundary is in when the inside lies to its right (on a horizontal edge: below it), so masks
+    of regions that share an edge neither overlap nor leave a gap.
+    """
+    mask = np.zeros((height, width), dtype=np.bool_)
+    window = rings_window(rings, width, height)
+    if window.right > window.left and window.bottom > window.top:
+        mask[window.top : window.bottom, window.left : window.right] = _window_mask(rings, window)
+    return mask
+
+
+def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
+    """Mask of one window: each row toggles at the first pixel centre at or right of every crossing."""
+    start, end = ring_edges(rings)
+    edge, row = _crossed_lines(start[:, 1], end[:, 1], window.top, window.bottom - 1)
+    a, b = start[edge], end[edge]
+    crossing = a[:, 0] + (row - a[:, 1]) * ((b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1]))
+    columns, rows = window.right - window.left, window.bottom - window.top
+    toggle = np.clip(np.ceil(crossing) - window.left, 0, columns).astype(np.int64)
+    cells = (row - window.top) * (columns + 1) + toggle
+    counts = np.bincount(cells, minlength=rows * (columns + 1)).reshape(rows, columns + 1)
+    parity = np.bitwise_xor.accumulate((counts[:, :columns] & 1).astype(np.uint8), axis=1)
+    return parity.astype(np.bool_)
+
+
+def _crossed_lines(first: Array, last: Array, low: int, high: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(edge, line) of each integer line in low..high with min <= line < max of an edge's two end values."""
+    begin = np.maximum(np.ceil(np.minimum(first, last)), low).astype(np.int64)
+    stop = np.minimum(np.ceil(np.maximum(first, last)), high + 1).astype(np.int64)
+    counts = np.maximum(stop - begin, 0)
+    edge = np.repeat(np.arange(len(first)), counts)
+    offset = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return edge, begin[edge] + offset
+
+
+def area_coverage(rings: Rings, width: int, height: int) -> Array:
+    """(height, width) share in [0, 1] of each pixel's area inside the (n, 2) pixel rings, exact for straight edges.
+
+    Signed areas are accumulated along the boundary, so holes must turn the other way than outer rings, and rings must
+    not cross; all rings reversed give the same answer.
+    """
+    coverage = np.zeros((height, width))
+    window = rings_window(rings, width, height)
+    if window.right > window.left and window.bottom > window.top:
+        coverage[window.top : window.bottom, window.left : window.right] = _window_coverage(rings, window)
+    return coverage
+
+
+def _window_coverage(rings: Rings, window: Window) -> Array:
+    """Coverage of one window: each piece of an edge adds the signed area between it and the window's right side."""
+    start, end = ring_edges(rings)
+    corner = np.array([window.left, window.top]) - 0.5
+    columns, rows = window.right - window.left, window.bottom - window.top
+    first, last = _cell_pieces(start - corner, end - corner, columns, rows)
+    middle = 0.5 * (first + last)
+    column = np.clip(np.floor(middle[:, 0]), 0, columns).astype(np.int64)
+    row = np.floor(middle[:, 1]).astype(np.int64)
+    height = last[:, 1] - first[:, 1]
+    right_share = np.clip(column + 1.0 - middle[:, 0], 0.0, 1.0)
+    kept = (row >= 0) & (row < rows)
+    cells = row[kept] * (columns + 2) + column[kept]
+    size = rows * (columns + 2)
+    sums = np.bincount(cells, weights=(height * right_share)[kept], minlength=size)
+    sums += np.bincount(cells + 1, weights=(height * (1.0 - right_share))[kept], minlength=size)
+    areas = np.cumsum(sums.reshape(rows, columns + 2), axis=1)[:, :columns]
+    return np.clip(areas if areas.sum() >= 0.0 else -areas, 0.0, 1.0)
+
+
+def _cell_pieces(start: Array, end: Array, columns: int, rows: int) -> tuple[Array, Array]:
+    """First and last points of the edges' pieces after a cut at every integer line of the grid."""
+    edges, parameters = [np.arange(len(start))] * 2, [np.zeros(len(start)), np.ones(len(start))]
+    for axis, high in ((0, columns), (1, rows)):
+        edge, line = _crossed_lines(start[:, axis], end[:, axis], 0, high)
+        low, span = start[edge, axis], end[edge, axis] - start[edge, axis]
+        edges.append(edge)
+        parameters.append(np.clip((line - low) / span, 0.0, 1.0))
+    edge, parameter = np.concatenate(edges), np.concatenate(parameters)
+    order = np.lexsort((parameter, edge))
+    edge, parameter = edge[order], parameter[order]
+    points = start[edge] + parameter[:, None] * (end - start)[edge]
+    points[parameter == 1.0] = end[edge[parameter == 1.0]]
+    same = edge[1:] == edge[:-1]
+    return points[:-1][same], points[1:][same]

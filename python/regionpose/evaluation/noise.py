@@ -1,0 +1,364 @@
+"""Disturbances of the benchmark: segmentation error, occlusion, truncation, lidar sampling, calibration error.
+
+Each function returns a new object, changes none of its inputs, and draws only from the generator it is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from shapely.geometry.base import BaseGeometry
+from skimage.measure import find_contours
+
+from regionpose.cameras import Camera
+from regionpose.evaluation.masks import Array, Window
+from regionpose.evaluation.planar import PlaneFrame, as_multipolygon
+
+Mask = NDArray[np.bool_]
+
+# Side of a segmentation-error square, as a share of the square root of the region's area. The first holds up to a fifth
+# of the area; beyond that squares grow with the share (second figure): they change only a band of their own width.
+SQUARE_SIDE_SHARE = 0.1
+SQUARE_SIDE_GROWTH = 0.5
+# Squares are laid until their sides add up to so many boundary lengths; then the band beside it is full (1 - e^-12).
+MAX_BOUNDARY_COVER = 24.0
+# Relative precision to which a 3D region's changed or hidden share is met: rounding of polygon areas is 1e-14.
+SHARE_PRECISION = 1e-9
+
+
+def _checked_share(share: float) -> float:
+    if not 0.0 <= share < 1.0:
+        raise ValueError(f"share is {share}; it must be at least 0 and under 1")
+    return float(share)
+
+
+def _checked_mask(mask: ArrayLike) -> Mask:
+    array = np.asarray(mask)
+    if array.ndim != 2 or array.dtype != np.bool_:
+        raise ValueError(f"mask has shape {array.shape} and type {array.dtype}; needed is (height, width), bool")
+    if not array.any():
+        raise ValueError("mask is empty; a region of at least one pixel is needed")
+    return array
+
+
+def square_side(share: float, area: float) -> float:
+    """Side of the squares that disturb a region of that area, in the unit of its square root."""
+    return float(max(SQUARE_SIDE_SHARE, SQUARE_SIDE_GROWTH * share) * np.sqrt(area))
+
+
+def points_along(rings: Sequence[Array], distances: Array) -> Array:
+    """(n, 2) points at arc lengths `distances` (n,) along the (m, 2) closed rings, one ring after the other."""
+    start = np.concatenate(rings)
+    step = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in rings])
+    lengths = np.hypot(step[:, 0], step[:, 1])
+    ends = np.cumsum(lengths)
+    edge = np.minimum(np.searchsorted(ends, distances, side="right"), len(ends) - 1)
+    along = (distances - (ends[edge] - lengths[edge])) / np.where(lengths[edge] > 0.0, lengths[edge], 1.0)
+    points: Array = start[edge] + along[:, None] * step[edge]
+    return points
+
+
+class Squares(NamedTuple):
+    """Where segmentation errors fall: (n, 2) centres and (n,) whether each adds (True) or removes (False)."""
+
+    centres: Array
+    adds: Mask
+
+
+def squares_along(rings: Sequence[Array], side: float, rng: np.random.Generator) -> Squares:
+    """More squares than can be needed, uniform along the (m, 2) rings, each adding or removing with probability 1/2."""
+    perimeter = sum(float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).sum()) for ring in rings)
+    count = int(np.ceil(MAX_BOUNDARY_COVER * perimeter / side)) + 1
+    centres = points_along(rings, rng.uniform(0.0, perimeter, size=count))
+    return Squares(centres, rng.random(count) < 0.5)
+
+
+def mask_boundary(mask: Mask) -> list[Array]:
+    """Closed (m, 2) rings, (x, y) in px, half-way between the pixels inside and outside a mask."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    region = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    corner = (columns[0] - 1.0, rows[0] - 1.0)
+    contours = find_contours(np.pad(region, 1).astype(np.float64), 0.5)  # type: ignore[no-untyped-call]
+    return [contour[:-1, ::-1] + corner for contour in contours]
+
+
+def squares_on_mask(mask: ArrayLike, share: float, rng: np.random.Generator, side: float | None = None) -> Mask:
+    """The mask after squares were added or removed along its boundary until `share` of its area has changed.
+
+    Exact to half a pixel: of the last square only as many pixels change as are needed. Pixels once changed stay so.
+    `side`: px, else `square_side`. ValueError when the squares are too small ever to reach the share.
+    """
+    region = _checked_mask(mask)
+    target = round(_checked_share(share) * int(region.sum()))
+    length = square_side(share, float(region.sum())) if side is None else _checked_side(side)
+    changed = np.zeros_like(region)
+    missing = target
+    squares = squares_along(mask_boundary(region), length, rng)
+    for centre, adds in zip(squares.centres, squares.adds, strict=True):
+        if missing <= 0:
+            break
+        missing -= _change_square(region, changed, centre, length, bool(adds), missing)
+    if missing > 0:
+        raise ValueError(_unreached(share, 1.0 - missing / target, length, "px"))
+    return region ^ changed
+
+
+def _checked_side(side: float) -> float:
+    if not side > 0.0:
+        raise ValueError(f"square side is {side}; it must be positive")
+    return float(side)
+
+
+def _change_square(region: Mask, changed: Mask, centre: Array, side: float, adds: bool, most: int) -> int:
+    """Mark up to `most` pixels of one square as changed, in place; how many were."""
+    height, width = region.shape
+    low = np.ceil(centre - 0.5 * side).astype(int)
+    high = np.maximum(np.ceil(centre + 0.5 * side).astype(int), low + 1)
+    left, top = np.maximum(low, 0).tolist()
+    right, bottom = np.minimum(high, (width, height)).tolist()
+    if left >= right or top >= bottom:
+        return 0
+    block = (slice(top, bottom), slice(left, right))
+    fresh = np.flatnonzero((region[block] != adds) & ~changed[block])[:most]
+    changed[block][np.unravel_index(fresh, (bottom - top, right - left))] = True
+    return len(fresh)
+
+
+def _unreached(share: float, reached: float, side: float, unit: str) -> str:
+    return (
+        f"squares of side {side:.4g} {unit} along the boundary changed {reached:.1%} of the {share:.1%} of the area"
+        " asked for; a larger side or a smaller share is needed"
+    )
+
+
+def squares_on_region(
+    rings: Sequence[Array], share: float, rng: np.random.Generator, side: float | None = None
+) -> list[Array]:
+    """(n, 3) rings of a planar region after squares were added or removed along its boundary, in its plane.
+
+    `share` of its area has changed, to 1e-9: the last square is shrunk to fit. Several outer rings are possible, each
+    followed by its holes; outer rings turn as in the input. `side`: metres, else `square_side`.
+    """
+    frame = PlaneFrame.of_region(rings)
+    region = frame.polygon(rings)
+    target = _checked_share(share) * region.area
+    length = square_side(share, region.area) if side is None else _checked_side(side)
+    changed = shapely.MultiPolygon()
+    squares = squares_along([frame.flat(ring) for ring in rings], length, rng)
+    for centre, adds in zip(squares.centres, squares.adds, strict=True):
+        missing = target - changed.area
+        if missing <= SHARE_PRECISION * region.area:
+            break
+        piece = _fitting_piece(region, changed, centre, length, bool(adds), missing)
+        changed = as_multipolygon(changed.union(piece))
+    if target - changed.area > SHARE_PRECISION * region.area:
+        raise ValueError(_unreached(share, changed.area / target, length, "m"))
+    return frame.rings(region.symmetric_difference(changed))
+
+
+def _fitting_piece(
+    region: BaseGeometry, changed: BaseGeometry, centre: Array, side: float, adds: bool, most: float
+) -> BaseGeometry:
+    """What a square newly changes; when that is over `most`, of the smaller square that changes just as much."""
+
+    def piece(size: float) -> BaseGeometry:
+        square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
+        part = square.difference(region) if adds else square.intersection(region)
+        return part.difference(changed)
+
+    whole = piece(side)
+    if whole.area <= most:
+        return whole
+    return piece(brentq(lambda size: piece(size).area - most, 0.0, side, xtol=SHARE_PRECISION * side))
+
+
+def occlude_mask(mask: ArrayLike, share: float, rng: np.random.Generator) -> Mask:
+    """The mask without the `share` of its pixels, to half a pixel, that lies furthest in a random direction."""
+    region = _checked_mask(mask)
+    rows, columns = np.nonzero(region)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    order = np.argsort(columns * np.cos(angle) + rows * np.sin(angle), kind="stable")
+    hidden = order[len(order) - round(_checked_share(share) * len(order)) :]
+    kept = region.copy()
+    kept[rows[hidden], columns[hidden]] = False
+    return kept
+
+
+def occlude_region(rings: Sequence[Array], share: float, rng: np.random.Generator) -> list[Array]:
+    """(n, 3) rings of a planar region without the `share` of its area, to 1e-9, that a random half plane hides."""
+    frame = PlaneFrame.of_region(rings)
+    region = frame.polygon(rings)
+    kept_area = (1.0 - _checked_share(share)) * region.area
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    reach = 1.0 + float(max(np.linalg.norm(frame.flat(ring), axis=1).max() for ring in rings))
+
+    across = reach * np.array([-direction[1], direction[0]])
+
+    def kept(offset: float) -> BaseGeometry:
+        near, far = -reach * direction, offset * direction
+        return region.intersection(shapely.Polygon([near + across, near - across, far - across, far + across]))
+
+    if share == 0.0:
+        return [ring.copy() for ring in rings]
+    return frame.rings(kept(brentq(lambda d: kept(d).area - kept_area, -reach, reach, xtol=SHARE_PRECISION * reach)))
+
+
+class TruncatedMasks(NamedTuple):
+    """Masks cut off by an image border, and the window of the image that is left."""
+
+    masks: list[Mask]
+    window: Window
+
+
+def truncate_masks(masks: Sequence[ArrayLike], share: float, rng: np.random.Generator) -> TruncatedMasks:
+    """All masks as seen by a smaller sensor, one random border of which cuts `share` of the first mask off.
+
+    The border falls between two columns or rows, where the share cut is nearest to the one asked for. Masks keep their
+    size; pixels outside the returned window are empty.
+    """
+    regions = [_checked_mask(mask) for mask in masks]
+    if not regions:
+        raise ValueError("no mask is given; at least one is needed")
+    height, width = regions[0].shape
+    axis, from_end = int(rng.integers(2)), bool(rng.integers(2))
+    counts = regions[0].sum(axis=axis)
+    lost = np.concatenate([[0], np.cumsum(counts[::-1] if from_end else counts)])
+    border = int(np.argmin(np.abs(lost - _checked_share(share) * lost[-1])))
+    size = len(counts)
+    first, last = (0, size - border) if from_end else (border, size)
+    window = Window(first, 0, last, height) if axis == 0 else Window(0, first, width, last)
+    inside = np.zeros((height, width), dtype=np.bool_)
+    inside[window.top : window.bottom, window.left : window.right] = True
+    return TruncatedMasks([region & inside for region in regions], window)
+
+
+@dataclass(frozen=True)
+class SpinningLidar:
+    """A lidar that turns a fan of beams about its axis.
+
+    `beams` elevations from `lowest_deg` to `highest_deg` above the plane of rotation, one column of points every
+    `azimuth_step_deg`, ranges disturbed by a normal error of standard deviation `range_noise_m` along the beam.
+    """
+
+    beams: int = 64
+    lowest_deg: float = -25.0
+    highest_deg: float = 25.0
+    azimuth_step_deg: float = 0.2
+    range_noise_m: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check that the beams and steps are positive."""
+        for name in ("beams", "azimuth_step_deg"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"lidar {name} is {getattr(self, name)}; it must be positive")
+        if self.range_noise_m < 0.0:
+            raise ValueError(f"lidar range_noise_m is {self.range_noise_m}; it must be 0 or more")
+
+    def directions(self, up: ArrayLike, phase: float) -> Array:
+        """(n, 3) unit beams of one turn about the axis `up`, the first column at angle `phase` (rad)."""
+        axis = np.asarray(up, dtype=np.float64)
+        axis = axis / np.linalg.norm(axis)
+        forward = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        forward /= np.linalg.norm(forward)
+        elevation = np.radians(np.linspace(self.lowest_deg, self.highest_deg, self.beams))[:, None, None]
+        azimuth = phase + np.radians(np.arange(0.0, 360.0, self.azimuth_step_deg))[None, :, None]
+        flat = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(axis, forward)
+        beams: Array = (np.cos(elevation) * flat + np.sin(elevation) * axis).reshape(-1, 3)
+        return beams
+
+
+# The scenes' "first" world frame has y down.
+UP = (0.0, -1.0, 0.0)
+
+
+def lidar_points(
+    rings: Sequence[Array],
+    position: ArrayLike,
+    rng: np.random.Generator,
+    lidar: SpinningLidar | None = None,
+    up: ArrayLike = UP,
+) -> Array:
+    """(n, 3) world points where the beams of a lidar at `position` (3,) hit a planar region, with range noise, metres.
+
+    Other regions don't shade it. The turn starts at a random angle. `up`: the axis of rotation in the world.
+    """
+    sensor = SpinningLidar() if lidar is None else lidar
+    origin = np.asarray(position, dtype=np.float64)
+    frame = PlaneFrame.of_region(rings)
+    normal = np.cross(frame.axes[:, 0], frame.axes[:, 1])
+    beams = sensor.directions(up, rng.uniform(0.0, 2.0 * np.pi))
+    approach = beams @ normal
+    with np.errstate(divide="ignore"):
+        ranges = ((frame.origin - origin) @ normal) / approach
+    ahead = np.isfinite(ranges) & (ranges > 0.0)
+    beams, ranges = beams[ahead], ranges[ahead]
+    flat = frame.flat(origin + ranges[:, None] * beams)
+    inside = shapely.contains_xy(frame.polygon(rings), flat[:, 0], flat[:, 1])
+    noisy = ranges[inside] + rng.normal(0.0, sensor.range_noise_m, size=int(inside.sum()))
+    points: Array = origin + noisy[:, None] * beams[inside]
+    return points
+
+
+@dataclass(frozen=True)
+class MiscalibratedCamera(Camera):
+    """A camera whose focal length and principal point are wrong: its image is scaled about that point, then shifted.
+
+    `pixel = principal + shift + focal_scale * (true pixel - principal)`, for any central camera; `shift` is (2,) px.
+    """
+
+    camera: Camera
+    focal_scale: float
+    shift: Array
+    width: int | None = field(init=False)
+    height: int | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take over the true camera's image size; check the scale."""
+        if not self.focal_scale > 0.0:
+            raise ValueError(f"focal_scale is {self.focal_scale}; it must be positive")
+        object.__setattr__(self, "width", self.camera.width)
+        object.__setattr__(self, "height", self.camera.height)
+
+    @property
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis of the true camera, rad."""
+        return self.camera.max_angle
+
+    @property
+    def straight_lines(self) -> bool:
+        """Whether straight lines of the world are straight in the image."""
+        return self.camera.straight_lines
+
+    @cached_property
+    def principal(self) -> Array:
+        """(2,) pixel of the true camera's optical axis."""
+        pixel: Array = self.camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
+        return pixel
+
+    def _bearings(self, u: Array, v: Array) -> tuple[Array, ...]:
+        shifted = np.column_stack([u, v]) - self.principal - self.shift
+        return tuple(self.camera.bearings(self.principal + shifted / self.focal_scale).T)
+
+    def _project(self, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
+        pixels = self.camera.project(np.column_stack([x, y, z]))
+        return tuple((self.principal + self.shift + self.focal_scale * (pixels - self.principal)).T)
+
+
+def miscalibrate(camera: Camera, focal_share: float, centre_px: float, rng: np.random.Generator) -> MiscalibratedCamera:
+    """The camera with normal errors in its focal length and principal point.
+
+    Standard deviations: `focal_share` of the focal length (as a share), `centre_px` of each coordinate of the point.
+    """
+    for name, deviation in (("focal_share", focal_share), ("centre_px", centre_px)):
+        if deviation < 0.0:
+            raise ValueError(f"{name} is {deviation}; a standard deviation must be 0 or more")
+    # The exponential keeps the focal length positive however large the error.
+    return MiscalibratedCamera(camera, float(np.exp(rng.normal(0.0, focal_share))), rng.normal(0.0, centre_px, size=2))
