@@ -29,6 +29,12 @@ impl Lanes {
         out
     }
 
+    /// The largest number.
+    #[inline(always)]
+    pub(crate) fn max(self) -> f64 {
+        self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// The sum over the edges.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
