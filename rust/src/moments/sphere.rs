@@ -98,6 +98,9 @@ struct ArcGroup {
 /// Squared chord up to which an arc is integrated whole: 60 deg, chord 1, and rounding.
 const WHOLE_ARC: f64 = 1.0 + 1e-9;
 
+/// Times an arc under 180 deg is halved until it is whole.
+const HALVINGS: usize = 2;
+
 impl<const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAST: usize> ArcSums<ORDER, FLAT, LESS, LEAST> {
     fn new(apex: Bearing) -> Self {
         let fan = [Lanes::splat(1.0), Lanes::ZERO];
@@ -113,7 +116,7 @@ impl<const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAST: usiz
                 self.add_group(&arcs, chord2);
             } else {
                 let ends = ring[first..].iter().skip(1).chain(ring.first());
-                ring[first..].iter().zip(ends).take(LANES).for_each(|(a, b)| self.add_arc(a, b));
+                ring[first..].iter().zip(ends).take(LANES).for_each(|(a, b)| self.add_arc(a, b, HALVINGS));
             }
             first += LANES;
         }
@@ -144,19 +147,21 @@ impl<const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAST: usiz
     }
 
     /// Adds the arc from `a` to `b`, in halves while it is long.
-    fn add_arc(&mut self, a: &Bearing, b: &Bearing) {
-        let chord2 = (b - a).norm_squared();
-        if chord2 <= WHOLE_ARC {
-            let mut arcs = self.arc_group(&[], 0);
-            for c in 0..3 {
-                arcs.start[c].0[0] = a[c];
-                arcs.chord[c].0[0] = b[c] - a[c];
+    fn add_arc(&mut self, a: &Bearing, b: &Bearing, halvings: usize) {
+        if halvings > 0 && (b - a).norm_squared() > WHOLE_ARC {
+            if let Some(middle) = (a + b).try_normalize(0.0) {
+                self.add_arc(a, &middle, halvings - 1);
+                self.add_arc(&middle, b, halvings - 1);
             }
-            self.add_group(&arcs, dot(&arcs.chord, &arcs.chord));
-        } else if let Some(middle) = (a + b).try_normalize(0.0) {
-            self.add_arc(a, &middle);
-            self.add_arc(&middle, b);
+            return;
         }
+        let mut arcs = self.arc_group(&[], 0);
+        for c in 0..3 {
+            arcs.start[c].0[0] = a[c];
+            arcs.chord[c].0[0] = b[c] - a[c];
+        }
+        let chord2 = dot(&arcs.chord, &arcs.chord);
+        self.add_group(&arcs, chord2);
     }
 
     #[inline(always)]
