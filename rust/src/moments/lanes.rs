@@ -29,6 +29,12 @@ impl Lanes {
         out
     }
 
+    /// The largest number.
+    #[inline(always)]
+    pub(crate) fn max(self) -> f64 {
+        self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// The sum over the edges.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
@@ -43,7 +49,7 @@ macro_rules! lane_wise {
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
                 for i in 0..LANES {
-                    self.0[i] = self.0[i] $symbol other.0[i];
+                    self.0[i] $symbol other.0[i];
                 }
                 self
             }
@@ -51,13 +57,13 @@ macro_rules! lane_wise {
     };
 }
 
-lane_wise!(Add, add, +);
-lane_wise!(Sub, sub, -);
-lane_wise!(Mul, mul, *);
+lane_wise!(Add, add, +=);
+lane_wise!(Sub, sub, -=);
+lane_wise!(Mul, mul, *=);
 
 impl AddAssign for Lanes {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
+        *self = self.add(other);
     }
 }

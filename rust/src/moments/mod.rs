@@ -12,6 +12,8 @@ pub mod plane;
 mod quadrature;
 pub mod sphere;
 
+use nalgebra::Vector3;
+
 /// Highest moment order supported.
 pub const MAX_ORDER: usize = 8;
 
@@ -126,5 +128,34 @@ impl SphereMoments {
     /// The moments in the order of [`sphere_index`], to be filled.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values[..sphere_count(self.order)]
+    }
+
+    /// Adds `weight x^l y^m z^n` of a point to every moment.
+    ///
+    /// A degree's list is the one before times x, then that one's last row times y, then its last entry times z.
+    pub(crate) fn add_point(&mut self, point: &Vector3<f64>, weight: f64) {
+        let mut terms = [0.0; plane_count(MAX_ORDER)];
+        terms[0] = weight;
+        self.values[0] += weight;
+        for k in 1..=self.order {
+            let count = plane_count(k - 1);
+            for i in count - k..count {
+                terms[i + k] = terms[i] * point.y;
+            }
+            terms[count + k] = terms[count - 1] * point.z;
+            for term in &mut terms[..count] {
+                *term *= point.x;
+            }
+            for (value, term) in self.values[sphere_count(k - 1)..sphere_count(k)].iter_mut().zip(&terms) {
+                *value += term;
+            }
+        }
+    }
+
+    /// Adds the moments of another region, of the same order.
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (value, more) in self.values.iter_mut().zip(&other.values) {
+            *value += more;
+        }
     }
 }

@@ -84,7 +84,7 @@ fn edge_group(ring: &[Vector2<f64>], start: usize) -> EdgeGroup {
         }
         return group;
     }
-    let ends = ring[start..].iter().skip(1).chain(&ring[..1]);
+    let ends = ring[start..].iter().skip(1).chain(ring.first());
     for (i, (a, b)) in ring[start..].iter().zip(ends).enumerate() {
         (group.ax.0[i], group.ay.0[i]) = (a.x, a.y);
         (group.bx.0[i], group.by.0[i]) = (b.x, b.y);
