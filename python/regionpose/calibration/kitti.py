@@ -41,10 +41,10 @@ def load_lidar_pose(path: str | Path, name: str | None = None) -> tuple[Array, A
     where R0_rect is contained in it) must be in the file. CalibrationError otherwise, and on counts that are wrong.
     """
     source = CalibrationText.read(path)
+    if not describes(source):
+        raise source.error("projection matrices", "none", "P0 to P3 of a KITTI calibration")
     entries = _entries(source)
     names = _projections(entries)
-    if not names:
-        raise source.error("projection matrices", "none", "P0 to P3 of a KITTI calibration")
     projection = _matrix(source, entries, source.choice(names, name, _default(names)), (3, 4))
     pose = _matrix(source, entries, "Tr_velo_to_cam" if "Tr_velo_to_cam" in entries else "Tr", (3, 4))
     if "R0_rect" in entries:

@@ -48,7 +48,7 @@ class YamlItem:
         return self.source.whole_number(self.name, self.text(), self.line)
 
     def numbers(self) -> list[float]:
-        """The numbers of a sequence, of a sequence of sequences row by row, or of a mapping with rows, cols and data."""
+        """The numbers of a sequence, of sequences row by row, or of a mapping with rows, cols and data."""
         if isinstance(self.node, yaml.MappingNode):
             return self.mapping()._matrix_numbers()
         if not isinstance(self.node, yaml.SequenceNode):

@@ -92,7 +92,7 @@ def bracketed_roots(residual: Residual, start: Array, upper: float) -> Array:
     Newton steps that leave the bracket or do not halve are replaced by bisection, so a slope of zero at the end of
     the bracket (a fold) does no harm. `upper` may be infinite: the bracket is then doubled until it holds the root.
     """
-    root = np.clip(start, 0.0, upper)
+    root = np.where(start < upper, start, 0.5 * upper)
     low = np.zeros_like(root)
     high = np.full_like(root, upper) if math.isfinite(upper) else _upper_ends(residual, root)
     step_before = np.full_like(root, np.inf)
@@ -123,7 +123,7 @@ def _next(
     following = np.where(inside & shrinking, newton, 0.5 * (low + high))
     following = np.where((value == 0.0) | noise, x, following)
     exact = np.abs(following - x) <= STEP_TOLERANCE * x
-    return following, exact | noise | ~np.isfinite(value)
+    return following, exact | noise
 
 
 def _upper_ends(residual: Residual, start: Array) -> Array:
