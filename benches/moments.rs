@@ -5,6 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Vector2, Vector3};
 use regionpose::moments::PlaneMoments;
+use regionpose::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use regionpose::moments::plane::ring_moments;
 use regionpose::moments::sphere::spherical_moments;
 
@@ -53,5 +54,22 @@ fn sphere(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(moments, plane, sphere);
+/// The mesh forms on a fan of as many triangles as the ring has edges; here an element is a triangle.
+fn mesh(criterion: &mut Criterion) {
+    let mut vertices = wavy_ring();
+    vertices.push(Vector2::zeros());
+    let triangles: Vec<_> = (0..VERTICES).map(|i| [VERTICES, i, (i + 1) % VERTICES]).collect();
+    let lifted: Vec<_> = vertices.iter().map(|p| Vector3::new(0.2 * p.x, 0.2 * p.y, 1.0)).collect();
+    let mut group = criterion.benchmark_group("mesh");
+    group.throughput(Throughput::Elements(VERTICES as u64));
+    group.bench_function("plane order 5", |bencher| {
+        bencher.iter(|| mesh_plane_moments(black_box(&vertices), &triangles, 5));
+    });
+    group.bench_function("sphere order 5, subdivision 1", |bencher| {
+        bencher.iter(|| mesh_sphere_moments(black_box(&lifted), &triangles, 5, 1));
+    });
+    group.finish();
+}
+
+criterion_group!(moments, plane, sphere, mesh);
 criterion_main!(moments);
