@@ -39,7 +39,8 @@ class Camera(ABC):
         """Pixels (n, 2) of the points (n, 3) in the camera frame; only the direction of a point matters.
 
         A row is NaN where the point is not finite, is the camera centre, or is not visible: behind the camera or
-        further off the axis than the model can tell apart (`max_angle`). Pixels are not cropped by the image size.
+        further off the axis than the model can tell apart (`max_angle`), or where its pixel is too far out to be a
+        finite number. Pixels are not cropped by the image size.
         ValueError when the shape is not (n, 3).
         """
         return _map_rows(self._project, _rows(points, "points", 3), 2)
