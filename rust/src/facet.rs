@@ -149,7 +149,7 @@ impl Facet {
             }
             Shape::Triangles { vertices, triangles } => {
                 let moved: Vec<_> = vertices.iter().map(|x| chart_from_world.transform(x)).collect();
-                Some(mesh_sphere_moments(&moved, triangles, order, SUBDIVISION))
+                mesh_sphere_moments(&moved, triangles, order, SUBDIVISION).ok()
             }
         }
     }

@@ -14,7 +14,7 @@ use crate::rings::PlaneRings;
 const ANGLES: usize = 72;
 
 /// Orders of the moments that are compared once the second moments agree.
-const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=5;
+const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=8;
 
 /// A shape whose second moments are the identity and whose centroid is the origin, and the affine map that made it so.
 #[derive(Debug, Clone)]

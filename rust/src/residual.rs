@@ -144,7 +144,7 @@ fn observed_values(
         (System::Sphere, Integration::Pixels) => {
             let pixels = observed.pixels.as_ref().ok_or(Error::NoPixels)?;
             let turned: Vec<_> = pixels.bearings.iter().map(|r| chart.rotation * r).collect();
-            add_sphere_values(&pixel_moments(&turned, &pixels.solid_angles, 3), chart.scale, &mut values);
+            add_sphere_values(&pixel_moments(&turned, &pixels.solid_angles, 3)?, chart.scale, &mut values);
         }
         (System::Plane, Integration::Pixels) => {
             return Err(Error::OutOfRange {
@@ -158,7 +158,7 @@ fn observed_values(
         }
         (System::Plane, Integration::Mesh) => {
             let mesh = triangulate(outline, MeshOptions::default())?;
-            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, PLANE_ORDER), &mut values);
+            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, PLANE_ORDER)?, &mut values);
         }
         (System::Sphere, Integration::Boundary) => {
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0).normalize();
@@ -170,7 +170,7 @@ fn observed_values(
             let mesh = quadrature_mesh(outline)?;
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0);
             let vertices: Vec<_> = mesh.vertices.iter().map(lift).collect();
-            let moments = mesh_sphere_moments(&vertices, &mesh.triangles, SPHERE_ORDER, SUBDIVISION);
+            let moments = mesh_sphere_moments(&vertices, &mesh.triangles, SPHERE_ORDER, SUBDIVISION)?;
             add_sphere_values(&moments, chart.scale, &mut values);
         }
     }

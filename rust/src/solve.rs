@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::facet::Integration;
 use crate::initial::{closed_form, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
-use crate::pose::Pose;
+use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::residual::{Evaluation, RegionEquations, Weighting, evaluate};
 
@@ -98,6 +98,12 @@ impl Problem {
     /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.
     pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
         evaluate(&self.regions, &self.centred(pose), weighting)
+    }
+
+    /// Residuals at a pose moved by a left increment, and their derivatives by that increment.
+    pub fn evaluate_moved(&self, pose: &Pose, increment: &Tangent, weighting: Weighting) -> Option<Evaluation> {
+        let evaluation = self.evaluate(&pose.moved(increment), weighting)?;
+        Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 
     /// Poses from which to solve, best first: distinct, and already minima of the unweighted equations.

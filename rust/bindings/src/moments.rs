@@ -15,26 +15,17 @@ fn checked_order(order: i64) -> PyResult<usize> {
     })
 }
 
-fn checked_indices(triangles: &[[usize; 3]], vertices: usize) -> PyResult<()> {
-    match triangles.iter().flatten().max() {
-        Some(&index) if index >= vertices => Err(PyValueError::new_err(format!(
-            "triangles hold vertex {index}; indices need to be below the number of vertices, {vertices}"
-        ))),
-        _ => Ok(()),
-    }
-}
-
 fn plane_array<'py>(py: Python<'py>, moments: &PlaneMoments) -> Bound<'py, PyArray2<f64>> {
     let order = moments.order();
     let rows: Vec<Vec<f64>> = (0..=order)
-        .map(|i| (0..=order).map(|j| if i + j <= order { moments.get(i, j) } else { f64::NAN }).collect())
+        .map(|i| (0..=order).map(|j| if i + j <= order { moments.get(i, j) } else { 0.0 }).collect())
         .collect();
     PyArray2::from_vec2(py, &rows).expect("rows of one length")
 }
 
 fn sphere_array<'py>(py: Python<'py>, moments: &SphereMoments) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let n = moments.order() + 1;
-    let mut values = vec![f64::NAN; n * n * n];
+    let mut values = vec![0.0; n * n * n];
     for l in 0..n {
         for m in 0..n - l {
             for k in 0..n - l - m {
@@ -80,9 +71,8 @@ pub fn mesh_planar_moments<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (vertices, triangles) = (points::<2>("vertices", vertices)?, crate::arrays::triangles(triangles)?);
     let order = checked_order(order)?;
-    checked_indices(&triangles, vertices.len())?;
     let moments = py.detach(|| moments::mesh::mesh_plane_moments(&vertices, &triangles, order));
-    Ok(plane_array(py, &moments))
+    Ok(plane_array(py, &moments.map_err(value_error)?))
 }
 
 /// Moments on the unit sphere of triangles seen from the origin, by quadrature.
@@ -97,12 +87,11 @@ pub fn mesh_spherical_moments<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (vertices, triangles) = (points::<3>("vertices", vertices)?, crate::arrays::triangles(triangles)?);
     let order = checked_order(order)?;
-    checked_indices(&triangles, vertices.len())?;
     if !(1..=256).contains(&subdivision) {
         return Err(PyValueError::new_err(format!("subdivision is {subdivision}; it needs to be 1 to 256")));
     }
     let moments = py.detach(|| moments::mesh::mesh_sphere_moments(&vertices, &triangles, order, subdivision));
-    sphere_array(py, &moments)
+    sphere_array(py, &moments.map_err(value_error)?)
 }
 
 /// Sum over pixels of the monomials of their bearings times their solid angles.
@@ -120,5 +109,16 @@ pub fn pixel_moments<'py>(
         return Err(PyValueError::new_err(format!("bearings has {n} rows and solid_angles {m}; they need to be as many")));
     }
     let moments = py.detach(|| moments::pixels::pixel_moments(&bearings, &solid_angles, order));
-    sphere_array(py, &moments)
+    sphere_array(py, &moments.map_err(value_error)?)
+}
+
+/// Solid angle (n,) of each quadrilateral of bearings, rows four by four (4 n, 3).
+#[pyfunction]
+pub fn quad_solid_angles<'py>(py: Python<'py>, corners: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let corners = points::<3>("corners", corners)?;
+    let quads: Vec<_> = corners.as_chunks::<4>().0.to_vec();
+    if quads.len() * 4 != corners.len() {
+        return Err(PyValueError::new_err(format!("corners has {} rows; it needs four a quadrilateral", corners.len())));
+    }
+    Ok(PyArray1::from_vec(py, py.detach(|| moments::pixels::quad_solid_angles(&quads))))
 }

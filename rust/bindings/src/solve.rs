@@ -9,10 +9,11 @@ use regionpose::equations::System;
 use regionpose::estimate;
 use regionpose::facet::Integration;
 use regionpose::least_squares;
+use regionpose::pose::Tangent;
 use regionpose::residual::Weighting;
 use regionpose::solve::{self, Prior, Start};
 
-use crate::arrays::{matrix, pose, rotation, translation, value_error, vector};
+use crate::arrays::{matrix, numbers, pose, rotation, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
@@ -202,18 +203,21 @@ impl Problem {
         poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
     }
 
-    /// Residuals (m,) and derivatives (m, 6) by the left increment; None where a region is out of view.
-    #[pyo3(signature = (rotation, translation, *, whitened = true))]
+    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None where a
+    /// region is out of view.
+    #[pyo3(signature = (rotation, translation, *, increment = None, whitened = true))]
     fn evaluate<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
+        increment: Option<&Bound<'py, PyAny>>,
         whitened: bool,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
         let pose = pose(rotation, translation)?;
         let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
-        let Some(evaluation) = py.detach(|| self.0.evaluate(&pose, weighting)) else { return Ok(None) };
+        let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
+        let Some(evaluation) = py.detach(|| self.0.evaluate_moved(&pose, &increment, weighting)) else { return Ok(None) };
         let rows = evaluation.residual.len();
         let jacobian = matrix(py, evaluation.jacobian.transpose().iter().copied().collect(), [rows, 6])?;
         Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
@@ -238,6 +242,26 @@ impl Problem {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
         Ok(py.detach(|| self.0.judged(minima, &prior)).map(Estimate))
     }
+}
+
+/// Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,).
+#[pyfunction]
+pub fn moved_pose<'py>(
+    py: Python<'py>,
+    rotation: &Bound<'py, PyAny>,
+    translation: &Bound<'py, PyAny>,
+    increment: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+    let moved = pose(rotation, translation)?.moved(&tangent(increment)?);
+    Ok((self::rotation(py, &moved)?, self::translation(py, &moved)))
+}
+
+fn tangent(increment: &Bound<'_, PyAny>) -> PyResult<Tangent> {
+    let values = numbers("increment", increment)?;
+    if values.len() != 6 {
+        return Err(PyValueError::new_err(format!("increment has {} entries; it needs to have 6", values.len())));
+    }
+    Ok(Tangent::from_column_slice(&values))
 }
 
 /// The two sides of a problem, free of the interpreter.

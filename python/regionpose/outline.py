@@ -1,0 +1,173 @@
+"""From points on a plane to the plane and the outline."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial import Delaunay, QhullError
+
+from regionpose import _core
+
+Array = NDArray[np.float64]
+
+PLANE_TRIALS = 200
+"""Planes through three random points that are tried: a share of 40 % outliers leaves a wrong best with odds of 1e-21."""
+
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+INLIER_SIGMAS = 3.0
+"""Points farther from the plane than this many standard deviations have no part in it."""
+
+REFITS = 10
+"""Least squares fits to the inliers at the most; they settle in two or three."""
+
+CONNECTED_SHARE = 0.98
+"""Share of the points that the outline has to hold together; the rest counts as stray."""
+
+RADIUS_FACTOR = 1.5
+"""Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
+
+
+class Outline(NamedTuple):
+    """A plane `origin + u axes[0] + v axes[1]`, axes (2, 3), and rings (n, 2) in its coordinates."""
+
+    origin: Array
+    axes: Array
+    rings: list[Array]
+
+
+def outline_of_points(points: ArrayLike, *, radius: float | None = None) -> Outline:
+    """The robust plane of points (n, 3) and the outline of those on it, by an alpha shape.
+
+    ValueError for values that are not finite, fewer than 3 points, points that are identical or on one line, or a radius
+    that is not positive.
+    """
+    given = _checked_points(points)
+    origin, axes, inliers = robust_plane(given)
+    flat = (given[inliers] - origin) @ axes[:2].T
+    chosen = bridging_radius(flat) if radius is None else radius
+    return Outline(origin, axes[:2], _main_part(_core.alpha_shape(flat, chosen)))
+
+
+def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the inliers' indices.
+
+    The start is the plane through three points with the least median distance (Rousseeuw 1984), then least squares over the
+    points within three standard deviations until they stay the same.
+    """
+    origin, axes = _least_median_plane(points)
+    inliers = np.arange(len(points))
+    for _ in range(REFITS):
+        distances = np.abs((points - origin) @ axes[2])
+        sigma = MAD_TO_SIGMA * np.median(distances)
+        extent = float(np.ptp(points, axis=0).max())
+        kept = np.flatnonzero(distances <= max(INLIER_SIGMAS * sigma, np.finfo(float).eps * extent * 64))
+        if len(kept) < 3:
+            break
+        origin, axes = _least_squares_plane(points[kept])
+        if np.array_equal(kept, inliers):
+            break
+        inliers = kept
+    return origin, axes, inliers
+
+
+def bridging_radius(points: Array) -> float:
+    """Radius of an alpha shape that holds 98 % of the points (n, 2) together, from the gaps of their spanning tree.
+
+    Scan lines far apart count as much as the spacing within a line: the tree has to cross from each to the next.
+    """
+    try:
+        edges = _delaunay_edges(points)
+    except QhullError as error:
+        raise ValueError(f"{len(points)} points are identical or on one line; needed points that span a plane") from error
+    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
+    tree = minimum_spanning_tree(graph).tocoo()
+    return RADIUS_FACTOR * _bridging_gap(len(points), tree.row, tree.col, tree.data)
+
+
+def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:
+    """The shortest edge of a spanning tree up to which one part holds the connected share of the points."""
+    parent, size = np.arange(count), np.ones(count, dtype=np.int64)
+
+    def root(node: int) -> int:
+        while parent[node] != node:
+            parent[node] = parent[parent[node]]
+            node = int(parent[node])
+        return node
+
+    for edge in np.argsort(lengths, kind="stable"):
+        a, b = root(int(first[edge])), root(int(second[edge]))
+        parent[a] = b
+        size[b] += size[a]
+        if size[b] >= CONNECTED_SHARE * count:
+            return float(lengths[edge])
+    return float(lengths.max())
+
+
+def _delaunay_edges(points: Array) -> NDArray[np.int32]:
+    triangles = Delaunay(points - points.mean(axis=0)).simplices
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return np.unique(edges, axis=0)
+
+
+def _main_part(rings: list[Array]) -> list[Array]:
+    """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
+    areas = [0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1))) for ring in rings]
+    outer = int(np.argmax(areas))
+    low, high = rings[outer].min(axis=0), rings[outer].max(axis=0)
+    holes = [ring for ring, area in zip(rings, areas, strict=True) if area < 0 and _within(ring, low, high)]
+    return [rings[outer], *holes]
+
+
+def _within(ring: Array, low: Array, high: Array) -> bool:
+    return bool((ring >= low).all() and (ring <= high).all())
+
+
+def _checked_points(points: ArrayLike) -> Array:
+    given = np.asarray(points)
+    if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
+        raise ValueError(f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers")
+    given = given.astype(np.float64)
+    wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
+    if len(wrong):
+        raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
+    if len(np.unique(given, axis=0)) < 3:
+        raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
+    return given
+
+
+def _least_median_plane(points: Array) -> tuple[Array, Array]:
+    """The plane with the least median distance among those through three random points, and least squares over all points."""
+    generator = np.random.default_rng(0)
+    triples = points[generator.integers(len(points), size=(PLANE_TRIALS, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    norms = np.linalg.norm(normals, axis=1)
+    proper = norms > np.finfo(float).tiny
+    best = _least_squares_plane(points)
+    least = np.median(np.abs((points - best[0]) @ best[1][2]))
+    for triple, normal in zip(triples[proper], normals[proper] / norms[proper, None], strict=True):
+        median = np.median(np.abs((points - triple[0]) @ normal))
+        if median < least:
+            least, best = median, (triple[0], _axes_of(normal))
+    return best
+
+
+def _least_squares_plane(points: Array) -> tuple[Array, Array]:
+    origin = points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(points - origin, full_matrices=False)
+    if spread[1] <= 1e-9 * spread[0]:
+        raise ValueError(f"{len(points)} points are identical or on one line; needed points that span a plane")
+    return origin, np.array([axes[0], axes[1], np.cross(axes[0], axes[1])])
+
+
+def _axes_of(normal: Array) -> Array:
+    """Right-handed axes u, v, normal as rows."""
+    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    u /= np.linalg.norm(u)
+    return np.array([u, np.cross(normal, u), normal])

@@ -1,0 +1,259 @@
+"""The two sides of a region: its contour in the image and its shape in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from skimage.measure import find_contours
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.outline import outline_of_points
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.float64]
+
+CONTOUR_LEVEL = 0.5
+"""Share of a pixel at which the contour of a mask runs."""
+
+SIMPLIFY_TOLERANCE_PX = 0.01
+"""Vertices of a mask's contour within this distance (pixels) of the line through their neighbours are redundant."""
+
+BEND_TOLERANCE_PX = 0.01
+"""A straight pixel edge is split until the great-circle arcs between its parts stay within this distance (pixels) of it."""
+
+MOST_PARTS = 1000
+"""Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
+
+
+class TriangleMesh(Protocol):
+    """What `WorldRegion.from_mesh` reads; trimesh.Trimesh is one."""
+
+    vertices: ArrayLike
+    faces: ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRegion:
+    """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
+
+    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to the first.
+    `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon.
+    """
+
+    rings: tuple[Array, ...]
+    mask: Mask | None = None
+
+    @classmethod
+    def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> ImageRegion:
+        """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
+
+        One (n, 2) array stands for one ring. ValueError for a ring with fewer than 3 vertices, values that are not
+        finite, crossing edges, no area, or a hole that is not inside the first ring.
+        """
+        return cls(tuple(_core.plane_rings(_ring_list(rings, 2), polygon=True)))
+
+    @classmethod
+    def from_mask(cls, mask: ArrayLike) -> ImageRegion:
+        """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
+
+        The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway between
+        pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the image border is closed
+        half a pixel outside the outermost centres. ValueError for another shape or type, an empty mask, or values outside [0, 1].
+        """
+        coverage = _checked_mask(mask)
+        return cls(tuple(_core.plane_rings(_contours(coverage), polygon=False)), coverage)
+
+    @property
+    def area(self) -> float:
+        """Area in pixels."""
+        return float(sum(_signed_area(ring) for ring in self.rings))
+
+    def bearings(self, camera: Camera) -> list[Array]:
+        """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
+
+        ValueError where the camera sees no ray at a vertex.
+        """
+        return [_bearing_ring(camera, ring, index) for index, ring in enumerate(self.rings)]
+
+    def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
+        """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
+
+        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbours tile the sphere.
+        ValueError without a mask, or where the camera sees no ray.
+        """
+        if self.mask is None:
+            raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
+        rows, columns = np.nonzero(self.mask > 0.0)
+        centres = np.column_stack([columns, rows]).astype(np.float64)
+        offsets = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        corners = np.concatenate([camera.bearings(centres + offset) for offset in offsets])
+        bearings = camera.bearings(centres)
+        if not (np.isfinite(bearings).all() and np.isfinite(corners).all()):
+            raise ValueError("the mask holds pixels along which the camera's model sees no ray")
+        solid_angles = _core.quad_solid_angles(corners.reshape(4, -1, 3).transpose(1, 0, 2).reshape(-1, 3))
+        return bearings, solid_angles * self.mask[rows, columns]
+
+
+@dataclass(frozen=True, eq=False)
+class WorldRegion:
+    """A region of the 3D data: a planar patch with holes, or an open triangulated surface."""
+
+    core: _core.WorldRegion
+
+    @classmethod
+    def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
+        """The planar region inside the first ring and outside the others; vertices (n, 3) in metres, turning either way.
+
+        One (n, 3) array stands for one ring. The vertices are moved onto their least squares plane. ValueError for fewer than 3
+        vertices, values that are not finite, a vertex farther from the plane than 1 % of the extent, crossing edges,
+        no area, or a hole that is not inside the first ring.
+        """
+        return cls(_core.WorldRegion.from_rings(_ring_list(rings, 3)))
+
+    @classmethod
+    def from_points(cls, points: ArrayLike, *, radius: float | None = None) -> WorldRegion:
+        """The planar region that points (n, 3) sample: their robust plane, and their outline by an alpha shape of `radius`.
+
+        Without `radius` (metres) it is chosen from the spacing of the points, so that the region hangs together. ValueError
+        for fewer than 3 points, values that are not finite, or points that are identical or on one line.
+        """
+        outline = outline_of_points(points, radius=radius)
+        return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
+
+    @classmethod
+    def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
+        """The region covered by an open triangle mesh (`vertices` (n, 3), `faces` (k, 3)), planar or not.
+
+        The surface must not hide itself from the camera. ValueError for a closed mesh, inconsistent triangles, or crossing
+        boundaries.
+        """
+        return cls(_core.WorldRegion.from_mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)))
+
+    @property
+    def rings(self) -> list[Array]:
+        """Boundary rings, (n, 3) each."""
+        return self.core.rings
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal of the plane, (3,); its side is arbitrary."""
+        return np.asarray(self.core.axes[2])
+
+    @property
+    def area(self) -> float:
+        """Area in square metres, of a surface its projection along the normal."""
+        return self.core.area
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the region lies in one plane."""
+        return self.core.is_planar
+
+
+def _ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
+    """Rings as a list of arrays; one array of vertices is one ring."""
+    if isinstance(rings, np.ndarray) and rings.ndim == 2:
+        rings = [rings]
+    if not isinstance(rings, Iterable) or isinstance(rings, str | bytes):
+        raise ValueError(f"rings is a {type(rings).__name__}; needed a list of (n, {columns}) arrays")
+    listed = list(rings)
+    if listed and np.ndim(listed[0]) == 1:
+        listed = [listed]
+    if not listed:
+        raise ValueError(f"rings is empty; needed at least one (n, {columns}) array")
+    return [_ring_array(ring, index, columns) for index, ring in enumerate(listed)]
+
+
+def _ring_array(ring: object, index: int, columns: int) -> Array:
+    try:
+        array = np.asarray(ring, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"ring {index} is not an array of numbers; needed (n, {columns})") from error
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"ring {index} has shape {array.shape}; needed (n, {columns})")
+    return array
+
+
+def _checked_mask(mask: ArrayLike) -> Mask:
+    given = np.asarray(mask)
+    if given.ndim != 2 or 0 in given.shape:
+        raise ValueError(f"mask has shape {given.shape}; needed (h, w)")
+    if given.dtype.kind not in "biuf":
+        raise ValueError(f"mask has type {given.dtype}; needed bool, integers or floats in [0, 1]")
+    if given.dtype.kind in "iu":
+        given = _two_valued(given)
+    coverage = given.astype(np.float64)
+    if not ((coverage >= 0.0) & (coverage <= 1.0)).all():
+        raise ValueError(f"mask holds values from {coverage.min()} to {coverage.max()}; needed coverage in [0, 1]")
+    if not (coverage > CONTOUR_LEVEL).any():
+        raise ValueError("mask is empty; needed at least one pixel that is covered by more than half")
+    return coverage
+
+
+def _two_valued(mask: NDArray[np.generic]) -> NDArray[np.bool_]:
+    values = np.unique(mask)
+    if len(values) > 2 or (len(values) == 2 and values[0] != 0):
+        raise ValueError(f"mask holds {len(values)} integer values; needed 0 and one other (for labels, pass mask == label)")
+    return np.asarray(mask != 0)
+
+
+def _contours(coverage: Mask) -> list[Array]:
+    """Closed contours in pixels, traced on the mask's bounding box with a border of zeros."""
+    rows, columns = (np.flatnonzero((coverage > 0.0).any(axis=axis)) for axis in (1, 0))
+    window = coverage[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    # A value exactly at the level would let the contour touch itself at a pixel's centre.
+    padded = np.pad(np.where(window == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), window), 1)
+    offset = np.array([columns[0] - 1, rows[0] - 1])
+    return [_simplified(contour[:, ::-1] + offset) for contour in find_contours(padded, CONTOUR_LEVEL)]
+
+
+def _simplified(ring: Array) -> Array:
+    """A closed contour without its redundant vertices and its repeated end."""
+    kept = shapely.get_coordinates(shapely.simplify(shapely.LinearRing(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
+    return kept if len(kept) >= 3 else ring[:-1]
+
+
+def _signed_area(ring: Array) -> float:
+    x, y = (ring - ring[0]).T
+    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def _bearing_ring(camera: Camera, ring: Array, index: int) -> Array:
+    bearings = _visible(camera, ring, index)
+    if camera.straight_lines:
+        return bearings
+    parts = _parts_of_edges(camera, ring, bearings, index)
+    if parts.max() == 1:
+        return bearings
+    first = np.repeat(np.arange(len(ring)), parts)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
+    share = (within / parts[first])[:, None]
+    return _visible(camera, ring[first] * (1.0 - share) + np.roll(ring, -1, axis=0)[first] * share, index)
+
+
+def _visible(camera: Camera, pixels: Array, index: int) -> Array:
+    bearings = camera.bearings(pixels)
+    blind = np.flatnonzero(~np.isfinite(bearings).all(axis=1))
+    if len(blind):
+        x, y = pixels[blind[0]]
+        raise ValueError(f"ring {index} passes pixel ({x:.2f}, {y:.2f}), where the camera's model sees no ray")
+    return bearings
+
+
+def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
+    """Into how many parts each pixel edge has to be split: its sagitta falls with the square of their number."""
+    following = np.roll(ring, -1, axis=0)
+    ahead = np.roll(bearings, -1, axis=0)
+    middle = _visible(camera, 0.5 * (ring + following), index)
+    arc_middle = bearings + ahead
+    arc_middle /= np.linalg.norm(arc_middle, axis=1, keepdims=True)
+    chord = np.linalg.norm(ahead - bearings, axis=1)
+    pixels_per_radian = np.linalg.norm(following - ring, axis=1) / np.maximum(chord, np.finfo(float).tiny)
+    sagitta = np.linalg.norm(middle - arc_middle, axis=1) * pixels_per_radian
+    return np.clip(np.ceil(np.sqrt(sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)

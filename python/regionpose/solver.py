@@ -1,0 +1,271 @@
+"""From regions to a pose: the scipy Levenberg-Marquardt driver around the core, and batches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.pose import Pose
+from regionpose.regions import ImageRegion, WorldRegion
+
+Array = NDArray[np.float64]
+System = Literal["plane", "sphere"]
+Integration = Literal["boundary", "mesh", "pixels"]
+Driver = Literal["scipy", "native"]
+Region = TypeVar("Region", ImageRegion, WorldRegion)
+Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
+
+TOLERANCE = 1e-12
+"""Relative change of cost and increment at which the scipy driver stops, as the native one."""
+
+MOST_EVALUATIONS = 140
+"""Evaluations of the equations for one minimum, as of the native driver."""
+
+OUT_OF_VIEW = 1e6
+"""Residual where a region leaves the view, so that the step there is refused."""
+
+
+class PoseError(ValueError):
+    """No pose shows the regions as they were observed."""
+
+
+@dataclass(frozen=True)
+class PoseWarning:
+    """Something to know before trusting a pose: a stable `code` and a sentence."""
+
+    code: str
+    message: str
+
+    def __str__(self) -> str:
+        """The code and the sentence."""
+        return f"{self.code}: {self.message}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Alternative(Pose):
+    """Another pose that fits as well, and its overlap error (a fraction, as `PoseEstimate.overlap_error`)."""
+
+    overlap_error: float = float("nan")
+
+    @property
+    def pose(self) -> Pose:
+        """The pose alone."""
+        return Pose(self.rotation, self.translation)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEstimate:
+    """The pose of a camera and what is known of it.
+
+    `pose`: camera_from_world. `covariance`: (6, 6) of the left increment `[omega (rad), tau (metres)]`,
+    `P' = exp(omega) P + tau`. `overlap_error`: area of the symmetric difference of projected and observed regions over the
+    observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
+    `boundary_noise`: standard deviation of the contour that the fit shows, pixels. `alternatives`: other minima that fit as
+    well, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's iteration ended.
+    """
+
+    pose: Pose
+    covariance: Array
+    overlap_error: float
+    region_overlap_errors: Array
+    boundary_noise: float
+    alternatives: tuple[Alternative, ...]
+    warnings: tuple[PoseWarning, ...]
+    converged: bool
+    termination: str
+    evaluations: int
+
+    @property
+    def rotation_sigma_deg(self) -> Array:
+        """Standard deviations of the rotation about the camera's axes, (3,), degrees."""
+        return np.degrees(np.sqrt(np.diag(self.covariance)[:3]))
+
+    @property
+    def translation_sigma(self) -> Array:
+        """Standard deviations of the translation along the camera's axes, (3,), metres."""
+        return np.sqrt(np.diag(self.covariance)[3:])
+
+
+def estimate_pose(
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    *,
+    initial: Pose | Literal["paper"] | None = None,
+    up: ArrayLike | None = None,
+    system: System = "plane",
+    integration: Integration = "boundary",
+    driver: Driver = "scipy",
+) -> PoseEstimate:
+    """The pose `camera_from_world` from which each world region looks like the image region of the same place in the lists.
+
+    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up in the
+    image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own start alone
+    (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere; `integration`: sums over the
+    boundary, a mesh, or (sphere, observed side) the mask's pixels. `driver` runs the final least squares.
+
+    A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a ValueError) where
+    no pose shows every region.
+    """
+    _check_camera(camera, image_regions)
+    problem = _core.Problem(
+        _observed_regions(camera, image_regions, integration),
+        [region.core for region in _checked_regions(world_regions, WorldRegion)],
+        system=system,
+        integration=integration,
+    )
+    start, prior = _start_and_prior(initial, up)
+    candidates = problem.candidates(start=start, **prior)
+    minima = [_minimum(problem, driver, rotation, translation) for rotation, translation in candidates]
+    return _pose_estimate(problem.judged(minima, **prior))
+
+
+def estimate_poses(problems: Iterable[Problem], *, threads: int | None = None) -> list[PoseEstimate]:
+    """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
+
+    They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for any
+    number of them. ValueError names the problem that is refused.
+    """
+    sides = []
+    for index, (camera, image_regions, world_regions) in enumerate(problems):
+        try:
+            _check_camera(camera, image_regions)
+            observed = _observed_regions(camera, image_regions, "boundary")
+            sides.append((observed, [region.core for region in _checked_regions(world_regions, WorldRegion)]))
+        except ValueError as error:
+            raise ValueError(f"problem {index}: {error}") from error
+    estimates = _core.estimate_batch(sides, threads=threads)
+    return [_pose_estimate(estimate, f"problem {index}: ") for index, estimate in enumerate(estimates)]
+
+
+def _check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
+    for index, region in enumerate(_checked_regions(image_regions, ImageRegion)):
+        if region.mask is None or camera.width is None or camera.height is None:
+            continue
+        if region.mask.shape != (camera.height, camera.width):
+            needed = (camera.height, camera.width)
+            raise ValueError(f"image region {index} has a mask of shape {region.mask.shape}; the camera's image is {needed}")
+
+
+def _checked_regions(regions: Sequence[Region], kind: type[Region]) -> list[Region]:
+    listed = list(regions)
+    for index, region in enumerate(listed):
+        if not isinstance(region, kind):
+            raise ValueError(f"region {index} is a {type(region).__name__}; needed a {kind.__name__}")
+    return listed
+
+
+def _observed_regions(
+    camera: Camera, regions: Sequence[ImageRegion], integration: str
+) -> list[_core.ObservedRegion]:
+    observed = []
+    for index, region in enumerate(regions):
+        try:
+            rings = region.bearings(camera)
+            pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
+        except ValueError as error:
+            raise ValueError(f"image region {index}: {error}") from error
+        observed.append(
+            _core.ObservedRegion(rings, region.area, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1])
+        )
+    return observed
+
+
+def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[str, dict[str, object]]:
+    direction = None if up is None else np.asarray(up, dtype=np.float64)
+    if isinstance(initial, Pose):
+        return "global", {"initial": (initial.rotation.as_matrix(), initial.translation), "up": direction}
+    if initial is None:
+        return "global", {"initial": None, "up": direction}
+    if initial == "paper":
+        return "paper", {"initial": None, "up": direction}
+    raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
+
+
+def _minimum(problem: _core.Problem, driver: str, rotation: Array, translation: Array) -> _core.Minimum:
+    if driver == "native":
+        return problem.solve_from(rotation, translation)
+    if driver == "scipy":
+        return _scipy_minimum(problem, rotation, translation)
+    raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
+
+
+def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
+    """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches over one left increment of the candidate."""
+    increments = _Increments(problem, rotation, translation)
+    result = least_squares(
+        increments.residual,
+        np.zeros(6),
+        jac=increments.jacobian,
+        method="lm",
+        x_scale="jac",
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=None,
+        max_nfev=MOST_EVALUATIONS,
+    )
+    moved = _core.moved_pose(rotation, translation, result.x)
+    return _core.Minimum(*moved, 2.0 * result.cost, bool(result.success), str(result.message), int(result.nfev))
+
+
+class _Increments:
+    """The whitened equations as functions of one left increment (6,) of a pose."""
+
+    def __init__(self, problem: _core.Problem, rotation: Array, translation: Array) -> None:
+        first = problem.evaluate(rotation, translation)
+        self._at = np.zeros(6)
+        self._evaluation = first
+        self._problem, self._start = problem, (rotation, translation)
+        self._count = 0 if first is None else len(first[0])
+
+    def residual(self, increment: Array) -> Array:
+        """Residuals (m,), large where a region is out of view."""
+        evaluation = self._evaluated(increment)
+        return np.full(self._count, OUT_OF_VIEW) if evaluation is None else evaluation[0]
+
+    def jacobian(self, increment: Array) -> Array:
+        """Derivatives (m, 6) by the increment."""
+        evaluation = self._evaluated(increment)
+        return np.zeros((self._count, 6)) if evaluation is None else evaluation[1]
+
+    def _evaluated(self, increment: Array) -> tuple[Array, Array] | None:
+        if not np.array_equal(increment, self._at):
+            self._at = increment.copy()
+            self._evaluation = self._problem.evaluate(*self._start, increment=increment)
+        return self._evaluation
+
+
+def _pose_estimate(estimate: _core.Estimate | None, prefix: str = "") -> PoseEstimate:
+    if estimate is None:
+        raise PoseError(f"{prefix}no pose shows every world region where its image region is; check that the pairs belong together")
+    best = estimate.best
+    alternatives = tuple(
+        Alternative(*_pose_parts(solution.minimum), overlap_error=solution.overlap_error)
+        for solution in estimate.alternatives
+    )
+    return PoseEstimate(
+        pose=Pose(*_pose_parts(best.minimum)),
+        covariance=estimate.covariance,
+        overlap_error=best.overlap_error,
+        region_overlap_errors=best.region_overlap_errors,
+        boundary_noise=estimate.boundary_noise,
+        alternatives=alternatives,
+        warnings=tuple(PoseWarning(code, message) for code, message in estimate.warnings),
+        converged=best.minimum.converged,
+        termination=best.minimum.termination,
+        evaluations=estimate.evaluations,
+    )
+
+
+def _pose_parts(minimum: _core.Minimum) -> tuple[Rotation, Array]:
+    return Rotation.from_matrix(minimum.rotation), minimum.translation
