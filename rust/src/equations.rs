@@ -8,15 +8,54 @@ use nalgebra::Vector3;
 /// Which integrals are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum System {
-    /// 13 moments on the normalized plane of each region's chart (paper eq. 14, 15).
+    /// Moments on the normalized plane of each region's chart (paper eq. 14, 15).
     Plane,
-    /// 17 moments on the unit sphere (paper eq. 5 to 8).
+    /// Moments on the unit sphere (paper eq. 5 to 8).
     Sphere,
 }
 
-/// Exponents (i, j) of the plane system: `i, j <= 3`, `i + j <= 4` (paper section 2.2).
-pub const PLANE_EXPONENTS: [[usize; 2]; 13] =
-    [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [2, 1], [1, 2], [0, 3], [3, 1], [2, 2], [1, 3]];
+/// Which of a system's equations are compared, and on what scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weighting {
+    /// The paper's equations in charts of unit observed area: a wide basin.
+    Uniform,
+    /// In standard deviations of one pixel's boundary noise, close to maximum likelihood near the solution; on the plane
+    /// all moments up to order 6, which tell the turns of shapes with up to sixfold symmetry apart.
+    Whitened,
+}
+
+/// Exponents (i, j) of the plane system by order: the paper's 13 first (`i, j <= 3`, `i + j <= 4`, section 2.2), then the
+/// others up to order 6.
+pub const PLANE_EXPONENTS: [[usize; 2]; 28] = [
+    [0, 0],
+    [1, 0],
+    [0, 1],
+    [2, 0],
+    [1, 1],
+    [0, 2],
+    [3, 0],
+    [2, 1],
+    [1, 2],
+    [0, 3],
+    [3, 1],
+    [2, 2],
+    [1, 3],
+    [4, 0],
+    [0, 4],
+    [5, 0],
+    [4, 1],
+    [3, 2],
+    [2, 3],
+    [1, 4],
+    [0, 5],
+    [6, 0],
+    [5, 1],
+    [4, 2],
+    [3, 3],
+    [2, 4],
+    [1, 5],
+    [0, 6],
+];
 
 /// Exponents (l, m, n) of the sphere system: each at most 2, the sum at most 3 (paper section 2.1).
 pub const SPHERE_EXPONENTS: [[usize; 3]; 17] = [
@@ -39,18 +78,28 @@ pub const SPHERE_EXPONENTS: [[usize; 3]; 17] = [
     [0, 1, 2],
 ];
 
-/// Order of the moments from which the plane system's residuals and derivatives follow.
-pub const PLANE_ORDER: usize = 4 + PLANE_REACH;
+/// The paper's share of [`PLANE_EXPONENTS`].
+const PAPER_PLANE_COUNT: usize = 13;
 
-/// Order of the moments from which the sphere system's residuals and derivatives follow.
-pub const SPHERE_ORDER: usize = 3 + SPHERE_REACH;
+/// Most equations of one region in any system.
+pub const MOST_EQUATIONS: usize = PLANE_EXPONENTS.len();
 
 impl System {
     /// Number of equations of one region.
-    pub fn count(self) -> usize {
-        match self {
-            Self::Plane => PLANE_EXPONENTS.len(),
-            Self::Sphere => SPHERE_EXPONENTS.len(),
+    pub fn count(self, weighting: Weighting) -> usize {
+        match (self, weighting) {
+            (Self::Plane, Weighting::Uniform) => PAPER_PLANE_COUNT,
+            (Self::Plane, Weighting::Whitened) => PLANE_EXPONENTS.len(),
+            (Self::Sphere, _) => SPHERE_EXPONENTS.len(),
+        }
+    }
+
+    /// Order of the moments from which residuals and derivatives follow.
+    pub fn order(self, weighting: Weighting) -> usize {
+        match (self, weighting) {
+            (Self::Plane, Weighting::Uniform) => 4 + PLANE_REACH,
+            (Self::Plane, Weighting::Whitened) => 6 + PLANE_REACH,
+            (Self::Sphere, _) => 3 + SPHERE_REACH,
         }
     }
 }

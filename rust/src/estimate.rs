@@ -7,7 +7,8 @@ use crate::chart::Chart;
 use crate::least_squares::Minimum;
 use crate::overlap::{OverlapAreas, overlap_areas};
 use crate::pose::Pose;
-use crate::residual::{RegionEquations, Weighting};
+use crate::equations::Weighting;
+use crate::residual::RegionEquations;
 use crate::rings::PlaneRings;
 use crate::solve::{Prior, Problem, Start};
 
@@ -127,7 +128,7 @@ impl Problem {
         let minima = self.distinct(minima);
         let least = minima.first()?.cost;
         let noise = self.boundary_noise(least);
-        let limit = least + AMBIGUITY_COST * noise * noise;
+        let limit = self.ambiguity_limit(least);
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
         // The sort is stable: without a prior the order of cost stays.
         fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
@@ -139,9 +140,14 @@ impl Problem {
         Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
     }
 
+    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
+    pub(crate) fn ambiguity_limit(&self, least: f64) -> f64 {
+        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
+    }
+
     /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
     fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize = self.regions().iter().map(RegionEquations::rank).sum();
+        let count: usize = self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
         let left = count.saturating_sub(6).max(1) as f64;
         (cost / left).sqrt().max(NOISE_FLOOR)
     }

@@ -9,9 +9,15 @@ use crate::pose::Pose;
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::rings::PlaneRings;
 
-/// Angles over a full turn at which the whitened shapes are compared: 5 degrees apart, a twelfth of the shortest period
-/// that moments of order 5 can have.
+/// Angles over a full turn at which the whitened shapes are compared: 5 degrees apart, a ninth of the shortest period
+/// that moments of order 8 can have.
 const ANGLES: usize = 72;
+
+/// Turns that leave a difference this many times the least are kept: perspective and noise disturb right and wrong alike.
+const LEAST_FACTOR: f64 = 4.0;
+
+/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
+const POWER_SHARE: f64 = 0.05;
 
 /// Orders of the moments that are compared once the second moments agree.
 const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=8;
@@ -22,7 +28,7 @@ struct WhitenedShape {
     mean: Vector2<f64>,
     /// `whitened = transform (x - mean)`.
     transform: Matrix2<f64>,
-    /// Complex moments of orders 3 to 5, `integral of z^p conj(z)^q` with p >= q, per unit of area.
+    /// Complex moments of orders 3 to 8, `integral of z^p conj(z)^q` with p >= q, over those of a disc.
     moments: Vec<ComplexMoment>,
 }
 
@@ -33,26 +39,30 @@ struct ComplexMoment {
     value: Complex<f64>,
 }
 
+impl ComplexMoment {
+    /// How often the moment counts: with its conjugate, unless it is real.
+    fn share(&self) -> f64 {
+        if self.winding == 0 { 1.0 } else { 2.0 }
+    }
+}
+
 /// Poses at which a planar region looks like what its chart shows, up to second order exactly (`docs/math.md`, section 7).
 ///
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
-/// 3 to 5 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
-/// which the poses take world coordinates. Symmetric shapes give one candidate a symmetry.
+/// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
+/// which the poses take world coordinates. Symmetric shapes give candidates for each symmetry.
 pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
     let (Some(seen), Some(model)) = (WhitenedShape::of(outline), WhitenedShape::of(world.outline())) else {
         return Vec::new();
     };
+    let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
+    let target = seen.mean / chart.scale;
     let mut poses = Vec::new();
-    for mirrored in [false, true] {
-        for angle in best_turns(&seen, &model, mirrored) {
-            let turn = in_plane(angle, mirrored);
-            let Some(back) = seen.transform.try_inverse() else { continue };
-            let affine = back * turn * model.transform / chart.scale;
-            let target = seen.mean / chart.scale;
-            poses.extend(two_fold(&affine).into_iter().map(|(rotation, depth)| {
-                let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
-                posed(chart, &chart_from_plane, world.frame(), &model.mean, origin)
-            }));
+    for turn in best_turns(&seen, &model) {
+        let affine = back * turn.matrix() * model.transform / chart.scale;
+        for (rotation, depth) in two_fold(&affine) {
+            let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
+            poses.push(posed(chart, &chart_from_plane, world.frame(), &model.mean, origin));
         }
     }
     poses
@@ -144,26 +154,38 @@ fn completed(block: &Matrix2<f64>, third: &Vector2<f64>) -> Rotation3<f64> {
     Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[a, b, a.cross(&b)]))
 }
 
-fn in_plane(angle: f64, mirrored: bool) -> Matrix2<f64> {
-    let (sine, cosine) = angle.sin_cos();
-    let side = if mirrored { -1.0 } else { 1.0 };
-    Matrix2::new(cosine, -sine * side, sine, cosine * side)
+/// An in-plane turn, after a mirror at the first axis where the region is seen from behind.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    angle: f64,
+    mirrored: bool,
+    /// Squared difference of the moments that is left.
+    difference: f64,
 }
 
-/// The turns at which the model's moments of order 3 to 5 come nearest the observed ones: every local minimum.
-fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> Vec<f64> {
+impl Turn {
+    fn matrix(&self) -> Matrix2<f64> {
+        let (sine, cosine) = self.angle.sin_cos();
+        let side = if self.mirrored { -1.0 } else { 1.0 };
+        Matrix2::new(cosine, -sine * side, sine, cosine * side)
+    }
+}
+
+/// The turns that bring the model's moments near the observed ones: local minima, with and without a mirror, that are not
+/// far worse than the best.
+fn best_turns(seen: &WhitenedShape, model: &WhitenedShape) -> Vec<Turn> {
+    let mut turns = local_minima(seen, model, false);
+    turns.extend(local_minima(seen, model, true));
+    let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
+    let power: f64 = seen.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum();
+    let limit = (LEAST_FACTOR * least).max(POWER_SHARE * power);
+    turns.retain(|turn| turn.difference <= limit);
+    turns
+}
+
+fn local_minima(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> Vec<Turn> {
     let step = std::f64::consts::TAU / ANGLES as f64;
-    let difference = |angle: f64| -> f64 {
-        let pairs = seen.moments.iter().zip(&model.moments);
-        pairs
-            .map(|(s, m)| {
-                let value = if mirrored { m.value.conj() } else { m.value };
-                let share = if s.winding == 0 { 1.0 } else { 2.0 };
-                share * (s.value - value * Complex::from_polar(1.0, s.winding as f64 * angle)).norm_sqr()
-            })
-            .sum()
-    };
-    let samples: Vec<f64> = (0..ANGLES).map(|k| difference(k as f64 * step)).collect();
+    let samples: Vec<f64> = (0..ANGLES).map(|k| difference(seen, model, mirrored, k as f64 * step)).collect();
     let at = |k: usize| samples[k % ANGLES];
     (0..ANGLES)
         .filter(|&k| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1))
@@ -171,9 +193,22 @@ fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> Ve
             let (before, here, after) = (at(k + ANGLES - 1), at(k), at(k + 1));
             let curvature = before - 2.0 * here + after;
             let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
-            (k as f64 + shift) * step
+            let angle = (k as f64 + shift) * step;
+            Turn { angle, mirrored, difference: difference(seen, model, mirrored, angle) }
         })
         .collect()
+}
+
+/// Squared difference between the observed moments and the model's after a mirror and a turn.
+fn difference(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool, angle: f64) -> f64 {
+    let turn = Complex::from_polar(1.0, angle);
+    let pairs = seen.moments.iter().zip(&model.moments);
+    pairs
+        .map(|(s, m)| {
+            let value = if mirrored { m.value.conj() } else { m.value };
+            s.share() * (s.value - value * turn.powi(s.winding)).norm_sqr()
+        })
+        .sum()
 }
 
 impl WhitenedShape {
@@ -205,16 +240,21 @@ fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     square_root.try_inverse()
 }
 
-/// `integral of z^p conj(z)^q` per unit of area for p + q in 3..=5, p >= q, `z = x + i y`.
+/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment.
 fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
     let mut list = Vec::new();
     for order in SHAPE_ORDERS {
         for q in 0..=order / 2 {
-            let value = complex_moment(moments, order - q, q) / moments.get(0, 0);
+            let value = complex_moment(moments, order - q, q) / (moments.get(0, 0) * disc_moment(order));
             list.push(ComplexMoment { winding: (order - 2 * q) as i32, value });
         }
     }
     list
+}
+
+/// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that order.
+fn disc_moment(order: usize) -> f64 {
+    2.0 * 2.0_f64.powi(order as i32) / (order + 2) as f64
 }
 
 /// Expansion of `(x + i y)^p (x - i y)^q` into monomials, by multiplying factor after factor.

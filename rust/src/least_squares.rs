@@ -5,7 +5,8 @@ use nalgebra::storage::Owned;
 use nalgebra::{DVector, Dyn, OMatrix, U6};
 
 use crate::pose::{Pose, Tangent, increment_derivative};
-use crate::residual::{Evaluation, RegionEquations, Weighting, evaluate};
+use crate::equations::Weighting;
+use crate::residual::{Evaluation, RegionEquations, evaluate};
 
 /// Stands for every residual where a region leaves the view, so that the step there is refused and a shorter one tried.
 pub const OUT_OF_VIEW: f64 = 1e6;
@@ -76,7 +77,7 @@ impl<'a> Increment<'a> {
     }
 
     fn count(&self) -> usize {
-        self.regions.iter().map(RegionEquations::count).sum()
+        self.regions.iter().map(|region| region.count(self.weighting)).sum()
     }
 }
 

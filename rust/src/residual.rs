@@ -1,12 +1,12 @@
 //! Predicted minus observed moments of a set of regions, and their derivatives by the pose: the one place where moments,
 //! poses and regions meet.
 
-use nalgebra::{DMatrix, DVector, Dyn, OMatrix, U6, Vector2, Vector3};
+use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
 use crate::chart::Chart;
 use crate::derivatives::Row;
 use crate::equations::{
-    PLANE_ORDER, SPHERE_ORDER, System, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
+    MOST_EQUATIONS, System, Weighting, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
 };
 use crate::error::{Error, Result};
 use crate::facet::{Facet, Integration, SUBDIVISION, facets, quadrature_mesh};
@@ -18,16 +18,7 @@ use crate::moments::sphere::spherical_moments;
 use crate::pose::Pose;
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::rings::PlaneRings;
-use crate::whitening::whitening;
-
-/// The scale on which residuals are compared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weighting {
-    /// Moments of charts with unit observed area: a wide basin.
-    Uniform,
-    /// In standard deviations of one pixel's boundary noise: close to maximum likelihood near the solution.
-    Whitened,
-}
+use crate::whitening::Whitening;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -46,7 +37,7 @@ pub struct RegionEquations {
     outline: PlaneRings,
     observed: Vec<f64>,
     facets: Vec<Facet>,
-    whitening: DMatrix<f64>,
+    whitening: Whitening,
 }
 
 impl RegionEquations {
@@ -64,7 +55,7 @@ impl RegionEquations {
         let (chart, outline) = Chart::of(&observed.rings)?;
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        let whitening = whitening(system, &chart, &outline, observed.checked_pixel_area()?)?;
+        let whitening = Whitening::new(system, &chart, &outline, observed.checked_pixel_area()?);
         Ok(Self { system, chart, outline, observed: values, facets, whitening })
     }
 
@@ -78,51 +69,51 @@ impl RegionEquations {
         &self.outline
     }
 
-    /// Number of independent equations: the whitening leaves out directions that the system cannot tell apart.
-    pub fn rank(&self) -> usize {
-        self.whitening.row_iter().filter(|row| row.iter().any(|&entry| entry != 0.0)).count()
+    /// Number of independent equations.
+    pub fn count(&self, weighting: Weighting) -> usize {
+        match weighting {
+            Weighting::Uniform => self.system.count(weighting),
+            Weighting::Whitened => self.whitening.rank(),
+        }
     }
 
-    /// Number of equations.
-    pub fn count(&self) -> usize {
-        self.system.count()
-    }
-
-    /// Residuals and derivatives at a pose of the centred world; `None` where the region is not wholly in view of its chart
-    /// or its plane passes through the camera.
-    pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
-        let mut values = vec![0.0; self.count()];
-        let mut rows: Vec<Row> = vec![[0.0; 6]; self.count()];
-        let chart_from_world =
-            Pose::new(self.chart.rotation * pose.rotation, self.chart.rotation * pose.translation);
+    /// Residual and derivatives of each equation at a pose of the centred world; `None` where the region is not wholly in
+    /// view of its chart or its plane passes through the camera.
+    fn rows(&self, pose: &Pose, weighting: Weighting) -> Option<Vec<EquationRow>> {
+        let count = self.system.count(weighting);
+        let mut values = [0.0; MOST_EQUATIONS];
+        let mut derivatives = [[0.0; 6]; MOST_EQUATIONS];
+        let chart_from_world = Pose::new(self.chart.rotation * pose.rotation, self.chart.rotation * pose.translation);
         for facet in &self.facets {
-            self.add_facet(facet, &chart_from_world, &mut values, &mut rows)?;
+            self.add_facet(facet, &chart_from_world, weighting, &mut values[..count], &mut derivatives[..count])?;
         }
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
         let side = if values[0] < 0.0 { -1.0 } else { 1.0 };
-        let residual = DVector::from_iterator(
-            self.count(),
-            values.iter().zip(&self.observed).map(|(predicted, observed)| side * predicted - observed),
-        );
-        let jacobian = OMatrix::<f64, Dyn, U6>::from_fn(self.count(), |row, column| side * rows[row][column]);
-        Some(match weighting {
-            Weighting::Uniform => Evaluation { residual, jacobian },
-            Weighting::Whitened => {
-                Evaluation { residual: &self.whitening * residual, jacobian: &self.whitening * jacobian }
-            }
-        })
+        let row = |k: usize| {
+            let [a, b, c, d, e, f] = derivatives[k].map(|derivative: f64| side * derivative);
+            [side * values[k] - self.observed[k], a, b, c, d, e, f]
+        };
+        Some((0..count).map(row).collect())
     }
 
-    fn add_facet(&self, facet: &Facet, chart_from_world: &Pose, values: &mut [f64], rows: &mut [Row]) -> Option<()> {
+    fn add_facet(
+        &self,
+        facet: &Facet,
+        chart_from_world: &Pose,
+        weighting: Weighting,
+        values: &mut [f64],
+        rows: &mut [Row],
+    ) -> Option<()> {
         let nu = facet.nu(chart_from_world)?;
+        let order = self.system.order(weighting);
         match self.system {
             System::Plane => {
-                let moments = facet.plane_moments(chart_from_world, &self.chart, PLANE_ORDER)?;
+                let moments = facet.plane_moments(chart_from_world, &self.chart, order)?;
                 add_plane_values(&moments, values);
                 add_plane_rows(&moments, &self.chart, &nu, rows);
             }
             System::Sphere => {
-                let moments = facet.sphere_moments(chart_from_world, SPHERE_ORDER)?;
+                let moments = facet.sphere_moments(chart_from_world, order)?;
                 add_sphere_values(&moments, self.chart.scale, values);
                 add_sphere_rows(&moments, &self.chart, &nu, rows);
             }
@@ -130,6 +121,9 @@ impl RegionEquations {
         Some(())
     }
 }
+
+/// An equation's residual, then its derivatives by the left increment.
+type EquationRow = [f64; 7];
 
 /// The observed side of the equations.
 fn observed_values(
@@ -139,7 +133,8 @@ fn observed_values(
     system: System,
     integration: Integration,
 ) -> Result<Vec<f64>> {
-    let mut values = vec![0.0; system.count()];
+    let mut values = vec![0.0; system.count(Weighting::Whitened)];
+    let order = system.order(Weighting::Whitened);
     match (system, integration) {
         (System::Sphere, Integration::Pixels) => {
             let pixels = observed.pixels.as_ref().ok_or(Error::NoPixels)?;
@@ -154,23 +149,23 @@ fn observed_values(
             });
         }
         (System::Plane, Integration::Boundary) => {
-            add_plane_values(&planar_moments(slices(outline), PLANE_ORDER), &mut values);
+            add_plane_values(&planar_moments(slices(outline), order), &mut values);
         }
         (System::Plane, Integration::Mesh) => {
             let mesh = triangulate(outline, MeshOptions::default())?;
-            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, PLANE_ORDER)?, &mut values);
+            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, &mut values);
         }
         (System::Sphere, Integration::Boundary) => {
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0).normalize();
             let rings: Vec<Vec<_>> = outline.rings().iter().map(|ring| ring.iter().map(lift).collect()).collect();
-            let moments = spherical_moments(rings.iter().map(Vec::as_slice), SPHERE_ORDER);
+            let moments = spherical_moments(rings.iter().map(Vec::as_slice), order);
             add_sphere_values(&moments, chart.scale, &mut values);
         }
         (System::Sphere, Integration::Mesh) => {
             let mesh = quadrature_mesh(outline)?;
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0);
             let vertices: Vec<_> = mesh.vertices.iter().map(lift).collect();
-            let moments = mesh_sphere_moments(&vertices, &mesh.triangles, SPHERE_ORDER, SUBDIVISION)?;
+            let moments = mesh_sphere_moments(&vertices, &mesh.triangles, order, SUBDIVISION)?;
             add_sphere_values(&moments, chart.scale, &mut values);
         }
     }
@@ -179,16 +174,18 @@ fn observed_values(
 
 /// Residuals and derivatives of several regions, one after another; `None` where one of them is not in view.
 pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
-    let count = regions.iter().map(RegionEquations::count).sum();
-    let mut all = Evaluation { residual: DVector::zeros(count), jacobian: OMatrix::<f64, Dyn, U6>::zeros(count) };
-    let mut start = 0;
+    let mut all: Vec<EquationRow> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
     for region in regions {
-        let one = region.evaluate(pose, weighting)?;
-        all.residual.rows_mut(start, region.count()).copy_from(&one.residual);
-        all.jacobian.rows_mut(start, region.count()).copy_from(&one.jacobian);
-        start += region.count();
+        let rows = region.rows(pose, weighting)?;
+        match weighting {
+            Weighting::Uniform => all.extend(rows),
+            Weighting::Whitened => all.extend(region.whitening.apply(&rows)),
+        }
     }
-    Some(all)
+    Some(Evaluation {
+        residual: DVector::from_iterator(all.len(), all.iter().map(|row| row[0])),
+        jacobian: OMatrix::<f64, Dyn, U6>::from_fn(all.len(), |row, column| all[row][column + 1]),
+    })
 }
 
 fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {

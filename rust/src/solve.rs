@@ -2,20 +2,32 @@
 
 use nalgebra::Vector3;
 
-use crate::equations::System;
+use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
 use crate::initial::{closed_form, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::residual::{Evaluation, RegionEquations, Weighting, evaluate};
+use crate::residual::{Evaluation, RegionEquations, evaluate};
 
 /// A candidate of one region: enough to tell it from the others, not yet a solution.
-const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
+const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
 
 /// A candidate of all regions together.
-const JOINT: Stopping = Stopping { tolerance: 1e-5, evaluations: 28 };
+const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
+
+/// A candidate on the whitened scale, where it can be seen whether it fits.
+const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
+
+/// A candidate stays while its coarse cost is within this factor of what would count as fitting.
+const COARSE_AMBIGUITY: f64 = 4.0;
+
+/// Candidates above the least unweighted cost by this factor are given up.
+const WORTH_A_LOOK: f64 = 1e3;
+
+/// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
+const SMALL_COST: f64 = 1e-4;
 
 /// A final solution: both drivers end within 1e-7 of one another.
 const FINAL: Stopping = Stopping { tolerance: 1e-12, evaluations: 140 };
@@ -25,7 +37,7 @@ const FINAL: Stopping = Stopping { tolerance: 1e-12, evaluations: 140 };
 const SINGLE_REGION_COST: f64 = 0.05;
 
 /// Candidates carried into the joint system at most.
-const MOST_CANDIDATES: usize = 12;
+const MOST_CANDIDATES: usize = 32;
 
 /// Poses nearer than this are one candidate: radians, and a share of the distance to the regions.
 const SAME_CANDIDATE: f64 = 0.01;
@@ -106,22 +118,23 @@ impl Problem {
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 
-    /// Poses from which to solve, best first: distinct, and already minima of the unweighted equations.
+    /// Poses from which to solve, best first: distinct, near minima of the whitened equations, and none so much worse than
+    /// the best that it could not fit.
     pub fn candidates(&self, start: Start, prior: &Prior) -> Vec<Pose> {
         let starts = match start {
             Start::Global => self.global_starts(prior),
             Start::Paper => self.paper_starts(prior),
         };
-        let ranked = self.ranked(starts, SAME_CANDIDATE);
-        if self.regions.len() == 1 {
-            return ranked.into_iter().map(|(pose, _)| self.uncentred(&pose)).collect();
+        let mut poses = self.narrowed(starts);
+        if self.regions.len() > 1 {
+            let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
+            poses = self.narrowed(poses.iter().map(joint).collect());
         }
-        let solved = ranked
-            .into_iter()
-            .take(MOST_CANDIDATES)
-            .map(|(pose, _)| minimize(&self.regions, &pose, Weighting::Uniform, JOINT).pose)
-            .collect();
-        self.ranked(solved, SAME_CANDIDATE).into_iter().map(|(pose, _)| self.uncentred(&pose)).collect()
+        let minima = poses.iter().map(|pose| minimize(&self.regions, pose, Weighting::Whitened, COARSE)).collect();
+        let minima = distinct(minima, SAME_CANDIDATE);
+        let least = minima.first().map_or(0.0, |minimum| minimum.cost);
+        let limit = COARSE_AMBIGUITY * self.ambiguity_limit(least);
+        minima.into_iter().filter(|m| m.cost <= limit).map(|m| self.uncentred(&m.pose)).collect()
     }
 
     /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`.
@@ -136,16 +149,10 @@ impl Problem {
     }
 
     /// Minima sorted by cost, each pose once.
-    pub fn distinct(&self, mut minima: Vec<Minimum>) -> Vec<Minimum> {
-        minima.retain(|minimum| minimum.cost.is_finite());
-        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut kept: Vec<Minimum> = Vec::new();
-        for minimum in minima {
-            if kept.iter().all(|other| self.apart(&other.pose, &minimum.pose, SAME_MINIMUM)) {
-                kept.push(minimum);
-            }
-        }
-        kept
+    pub fn distinct(&self, minima: Vec<Minimum>) -> Vec<Minimum> {
+        let centred = minima.into_iter().map(|m| Minimum { pose: self.centred(&m.pose), ..m }).collect();
+        let kept = distinct(centred, SAME_MINIMUM);
+        kept.into_iter().map(|m| Minimum { pose: self.uncentred(&m.pose), ..m }).collect()
     }
 
     /// Distance from the camera to the middle of the regions.
@@ -176,29 +183,22 @@ impl Problem {
             .collect()
     }
 
-    /// Distinct poses with their joint unweighted cost, best first; poses out of view are left out.
-    fn ranked(&self, poses: Vec<Pose>, apart: f64) -> Vec<(Pose, f64)> {
+    /// Distinct poses by their joint unweighted cost, best first, as many as are worth another look.
+    fn narrowed(&self, poses: Vec<Pose>) -> Vec<Pose> {
         let cost = |pose: Pose| {
             let evaluation = evaluate(&self.regions, &pose, Weighting::Uniform)?;
             Some((pose, evaluation.residual.norm_squared()))
         };
         let mut costs: Vec<(Pose, f64)> = poses.into_iter().filter_map(cost).collect();
         costs.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let mut kept: Vec<(Pose, f64)> = Vec::new();
+        let limit = costs.first().map_or(0.0, |(_, least)| least * WORTH_A_LOOK + SMALL_COST);
+        let mut kept: Vec<Pose> = Vec::new();
         for (pose, cost) in costs {
-            if kept.iter().all(|(other, _)| self.apart_centred(other, &pose, apart)) {
-                kept.push((pose, cost));
+            if cost <= limit && kept.len() < MOST_CANDIDATES && kept.iter().all(|other| apart(other, &pose, SAME_CANDIDATE)) {
+                kept.push(pose);
             }
         }
         kept
-    }
-
-    fn apart(&self, a: &Pose, b: &Pose, limit: f64) -> bool {
-        self.apart_centred(&self.centred(a), &self.centred(b), limit)
-    }
-
-    fn apart_centred(&self, a: &Pose, b: &Pose, limit: f64) -> bool {
-        a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
     }
 
     fn centred(&self, pose: &Pose) -> Pose {
@@ -210,9 +210,28 @@ impl Problem {
     }
 }
 
+/// Minima sorted by cost, each pose once.
+fn distinct(mut minima: Vec<Minimum>, limit: f64) -> Vec<Minimum> {
+    minima.retain(|minimum| minimum.cost.is_finite());
+    minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Minimum> = Vec::new();
+    for minimum in minima {
+        if kept.iter().all(|other| apart(&other.pose, &minimum.pose, limit)) {
+            kept.push(minimum);
+        }
+    }
+    kept
+}
+
+/// Whether two poses of the centred world differ by more than `limit`: radians, or that share of the distance.
+fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
+    a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
+}
+
 /// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
 fn single_region(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
-    region.evaluate(pose, Weighting::Uniform)?;
-    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, SINGLE_REGION);
+    let region = std::slice::from_ref(region);
+    evaluate(region, pose, Weighting::Uniform)?;
+    let minimum = minimize(region, pose, Weighting::Uniform, SINGLE_REGION);
     (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
 }

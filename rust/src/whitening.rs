@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
 use crate::chart::Chart;
-use crate::equations::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
-use crate::error::{Error, Result};
+use crate::equations::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
+use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::rings::PlaneRings;
 
 /// Noise of the boundary along its normal, in pixels, for which the second-order part of the covariance is taken.
@@ -13,50 +13,94 @@ use crate::rings::PlaneRings;
 /// term keeps them from being trusted without end. One pixel is what segmenters reach.
 const BOUNDARY_NOISE: f64 = 1.0;
 
-/// Eigenvalues of the covariance below this share of the largest are taken for round-off and their directions left out.
-const EIGENVALUE_CUT: f64 = 1e-13;
+/// Pivots of the covariance below this share of the largest are taken for round-off and their functions left out.
+const PIVOT_CUT: f64 = 1e-13;
 
 /// Edges shorter than this, in chart units (the region's area is one), are integrated with one node.
 const SHORT_EDGE: f64 = 0.15;
 
-/// Gauss-Legendre nodes on [0, 1] and weights; five are exact for the products of two moments of order 4.
-const NODES: [(f64, f64); 5] = [
-    (0.046_910_077_030_668, 0.118_463_442_528_094_54),
-    (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
-    (0.5, 0.284_444_444_444_444_45),
-    (0.769_234_655_052_841_5, 0.239_314_335_249_683_24),
-    (0.953_089_922_969_332, 0.118_463_442_528_094_54),
-];
+/// One node serves a short edge.
+const MIDPOINT: [Node; 1] = gauss_legendre();
 
-/// The matrix W for which `W (predicted - observed)` has unit covariance where every pixel of the boundary has independent
-/// noise of one pixel (`docs/math.md`, eq. 6.4).
-///
-/// `rings` is the observed outline in the chart, `pixel_area` its area in pixels. Directions that the system cannot
-/// tell apart (the sphere's monomials are dependent) have zero rows.
-///
-/// # Errors
-/// When the eigenvalues of the covariance do not converge.
-pub fn whitening(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Result<DMatrix<f64>> {
-    let pixel = 1.0 / pixel_area.sqrt();
-    let covariance = boundary_covariance(system, chart, rings, pixel);
-    let eigen = covariance.try_symmetric_eigen(f64::EPSILON, 10_000).ok_or(Error::NoConvergence)?;
-    let largest = eigen.eigenvalues.max();
-    let mut whitening = eigen.eigenvectors.transpose();
-    for (mut row, &value) in whitening.row_iter_mut().zip(eigen.eigenvalues.iter()) {
-        row *= if value > EIGENVALUE_CUT * largest { value.sqrt().recip() } else { 0.0 };
+/// Exact for products of two moments of order 6.
+const LONG_EDGE: [Node; 7] = gauss_legendre();
+
+/// The square root of the moments' covariance: scales residuals so that they have unit covariance where every pixel of the
+/// boundary has independent noise of one pixel (`docs/math.md`, eq. 6.4).
+#[derive(Debug, Clone)]
+pub struct Whitening {
+    /// Functions in the order of their pivots; those that depend on the others are left out.
+    pivots: Vec<usize>,
+    /// Lower triangular inverse of the Cholesky factor of the pivots' covariance, row after row.
+    inverse: Vec<f64>,
+}
+
+impl Whitening {
+    /// The whitening of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
+    pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
+        let pixel = 1.0 / pixel_area.sqrt();
+        let covariance = boundary_covariance(system, chart, rings, pixel);
+        let (pivots, factor) = pivoted_cholesky(covariance);
+        let identity = DMatrix::identity(pivots.len(), pivots.len());
+        let inverse = factor.solve_lower_triangular(&identity).unwrap_or(identity);
+        let inverse = (0..pivots.len()).flat_map(|row| inverse.row(row).columns(0, row + 1).iter().copied().collect::<Vec<_>>());
+        Self { inverse: inverse.collect(), pivots }
     }
-    Ok(whitening)
+
+    /// Number of independent equations.
+    pub fn rank(&self) -> usize {
+        self.pivots.len()
+    }
+
+    /// The whitened rows; each row of `rows` holds one equation's residual and derivatives.
+    pub fn apply<const N: usize>(&self, rows: &[[f64; N]]) -> impl Iterator<Item = [f64; N]> {
+        let mut start = 0;
+        (0..self.pivots.len()).map(move |row| {
+            let weights = &self.inverse[start..start + row + 1];
+            start += row + 1;
+            let mut sum = [0.0; N];
+            for (weight, &pivot) in weights.iter().zip(&self.pivots) {
+                for (total, value) in sum.iter_mut().zip(&rows[pivot]) {
+                    *total += weight * value;
+                }
+            }
+            sum
+        })
+    }
+}
+
+/// Cholesky's factor of a positive semidefinite matrix, largest pivot first, up to round-off: the pivots and the lower
+/// triangular factor of their rows and columns.
+fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
+    let count = rest.nrows();
+    let (mut pivots, mut columns) = (Vec::new(), Vec::new());
+    let largest = rest.diagonal().max();
+    for _ in 0..count {
+        let (pivot, value) = rest.diagonal().argmax();
+        if !(value > PIVOT_CUT * largest) {
+            break;
+        }
+        let column = rest.column(pivot) / value.sqrt();
+        rest.ger(-1.0, &column, &column, 1.0);
+        // What is left of an eliminated pivot is round-off.
+        rest[(pivot, pivot)] = 0.0;
+        pivots.push(pivot);
+        columns.push(column);
+    }
+    let rank = pivots.len();
+    let factor = DMatrix::from_fn(rank, rank, |row, column| if row < column { 0.0 } else { columns[column][pivots[row]] });
+    (pivots, factor)
 }
 
 /// `pixel^3 times the integral over the boundary of (w w^T + (pixel sigma)^2 / 2 w_n w_n^T) ds`, `w_n` the normal derivative.
 fn boundary_covariance(system: System, chart: &Chart, rings: &PlaneRings, pixel: f64) -> DMatrix<f64> {
-    let count = system.count();
+    let count = system.count(Weighting::Whitened);
     let mut covariance = DMatrix::zeros(count, count);
     let second_order = 0.5 * (pixel * BOUNDARY_NOISE).powi(2);
     for (a, b) in rings.edges() {
         let length = (b - a).norm();
         let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
-        let nodes = if length < SHORT_EDGE { &[(0.5, 1.0)] } else { &NODES[..] };
+        let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
         for &(at, weight) in nodes {
             let (value, slope) = functions(system, chart, &(a + (b - a) * at), &normal);
             let ds = weight * length * pixel.powi(3);
@@ -101,12 +145,16 @@ fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (
     (DVector::from_iterator(SPHERE_EXPONENTS.len(), value), DVector::from_iterator(SPHERE_EXPONENTS.len(), slope))
 }
 
-/// 1, x, x^2, x^3.
-fn powers(x: f64) -> [f64; 4] {
-    [1.0, x, x * x, x * x * x]
+/// Powers of x from 0 to 6.
+fn powers(x: f64) -> [f64; 7] {
+    let mut powers = [1.0; 7];
+    for k in 1..powers.len() {
+        powers[k] = powers[k - 1] * x;
+    }
+    powers
 }
 
 /// Derivative of `x^k` from the powers of x.
-fn lowered(k: usize, powers: &[f64; 4]) -> f64 {
+fn lowered(k: usize, powers: &[f64; 7]) -> f64 {
     if k == 0 { 0.0 } else { k as f64 * powers[k - 1] }
 }

@@ -5,12 +5,11 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::batch::in_parallel;
-use regionpose::equations::System;
+use regionpose::equations::{System, Weighting};
 use regionpose::estimate;
 use regionpose::facet::Integration;
 use regionpose::least_squares;
 use regionpose::pose::Tangent;
-use regionpose::residual::Weighting;
 use regionpose::solve::{self, Prior, Start};
 
 use crate::arrays::{matrix, numbers, pose, rotation, translation, value_error, vector};

@@ -9,7 +9,7 @@ use std::ops::AddAssign;
 pub mod mesh;
 pub mod pixels;
 pub mod plane;
-mod quadrature;
+pub(crate) mod quadrature;
 pub mod sphere;
 
 use nalgebra::Vector3;
