@@ -4,4 +4,5 @@
 pub mod error;
 pub mod mesh;
 pub mod moments;
+pub mod overlap;
 pub mod rings;

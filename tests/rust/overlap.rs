@@ -1,0 +1,1 @@
+//! The overlap error against closed forms, laws, and sampling.
