@@ -78,6 +78,20 @@ pub(super) fn inside_faces(cdt: &Cdt) -> Vec<bool> {
     inside.into_iter().map(|flag| flag.unwrap_or(false)).collect()
 }
 
+/// Centroids of the faces marked in `inside` with an area above `largest`.
+pub(super) fn middles_above(cdt: &Cdt, inside: &[bool], largest: f64) -> Vec<Vertex> {
+    let large = cdt.inner_faces().filter(|face| inside[face.fix().index()] && face.area() > largest);
+    large.map(|face| Vertex::from(face.center())).collect()
+}
+
+/// Inserts further vertices.
+pub(super) fn insert(cdt: &mut Cdt, vertices: Vec<Vertex>) -> Result<()> {
+    for vertex in vertices {
+        cdt.insert(vertex).map_err(|error| Error::Triangulation { reason: error.to_string() })?;
+    }
+    Ok(())
+}
+
 /// Vertex indices of the faces marked in `kept`, counter-clockwise, the smallest first; sorted.
 pub(super) fn triangles(cdt: &Cdt, kept: &[bool]) -> Vec<[usize; 3]> {
     let inner = cdt.inner_faces().filter(|face| kept[face.fix().index()]);

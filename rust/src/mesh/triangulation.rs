@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector2;
-use spade::{AngleLimit, RefinementParameters, Triangulation};
+use spade::{AngleLimit, RefinementParameters, RefinementResult, Triangulation};
 
 use super::delaunay::{self, Cdt};
 use super::{MOST_TRIANGLES, PlaneMesh};
@@ -22,6 +22,9 @@ const VERTICES_PER_RING_VERTEX: usize = 200;
 
 /// New vertices allowed for each triangle of the largest area; an even mesh needs half a vertex, graded ones up to 3.
 const VERTICES_PER_TRIANGLE: f64 = 8.0;
+
+/// Rounds of refinement, all but the first for the rare face that spade skips.
+const MOST_ROUNDS: usize = 16;
 
 /// Triangles below this fraction of the extent squared are not split: their circumcentre is lost in rounding.
 const SMALLEST_SPLIT_FRACTION: f64 = 1e-12;
@@ -80,6 +83,9 @@ pub fn triangulate(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMes
 }
 
 /// Refines the faces inside the rings; returns whether spade agreed on which ones those are.
+///
+/// Spade leaves a face alone whose circumcentre rounding puts just outside the rings: such a face gets a vertex in its
+/// middle, then refinement goes on.
 fn refine(
     cdt: &mut Cdt,
     graph: &RingGraph,
@@ -89,23 +95,36 @@ fn refine(
 ) -> Result<bool> {
     let square = graph.scale * graph.scale;
     let budget = options.budget(graph.points.len(), region.area());
-    let mut parameters = RefinementParameters::new()
+    let largest = options.max_area.map_or(f64::INFINITY, |max_area| max_area * square);
+    let parameters = RefinementParameters::new()
         .exclude_outer_faces(only_inside)
         .with_angle_limit(AngleLimit::from_deg(options.min_angle.unwrap_or(0.0)))
         .with_min_required_area(smallest_split(region) * square)
-        .with_max_additional_vertices(budget);
-    if let Some(max_area) = options.max_area.filter(|max_area| max_area.is_finite()) {
-        parameters = parameters.with_max_allowed_area(max_area * square);
+        .with_max_additional_vertices(budget)
+        .with_max_allowed_area(largest);
+    for _ in 0..MOST_ROUNDS {
+        let result = cdt.refine(parameters.clone());
+        let inside = delaunay::inside_faces(cdt);
+        if only_inside && !is_outside_of(&result, &inside) {
+            return Ok(false);
+        }
+        if !result.refinement_complete {
+            break;
+        }
+        let middles = delaunay::middles_above(cdt, &inside, largest);
+        if middles.is_empty() {
+            return Ok(true);
+        }
+        delaunay::insert(cdt, middles)?;
     }
-    let result = cdt.refine(parameters);
-    let mut outside: Vec<usize> = result.excluded_faces.iter().map(|face| face.index()).collect();
-    outside.sort_unstable();
-    let inside = delaunay::inside_faces(cdt);
-    if only_inside && !(1..inside.len()).filter(|&face| !inside[face]).eq(outside) {
-        return Ok(false);
-    }
-    let vertices = cdt.num_vertices();
-    if result.refinement_complete { Ok(true) } else { Err(Error::MeshIncomplete { vertices, budget }) }
+    Err(Error::MeshIncomplete { vertices: cdt.num_vertices(), budget })
+}
+
+/// Whether spade left out just the faces that are not inside.
+fn is_outside_of(result: &RefinementResult, inside: &[bool]) -> bool {
+    let mut excluded: Vec<usize> = result.excluded_faces.iter().map(|face| face.index()).collect();
+    excluded.sort_unstable();
+    (1..inside.len()).filter(|&face| !inside[face]).eq(excluded)
 }
 
 fn smallest_split(region: &PlaneRings) -> f64 {
