@@ -282,8 +282,6 @@ fn star() -> impl Strategy<Value = Ring> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
-
     #[test]
     fn no_mesh_panics(
         rings in prop_oneof![
