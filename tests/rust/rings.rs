@@ -112,6 +112,13 @@ fn rings_may_touch_at_points_but_not_cross_there() {
 }
 
 #[test]
+fn a_ring_that_touches_its_hole_at_every_vertex_holds_it() {
+    let outer = ring(&[[4.0, 3.0], [0.0, 3.0], [2.0, 2.0], [1.0, 0.0]]);
+    let hole = ring(&[[2.0, 2.0], [3.0, 2.0], [1.0, 3.0]]);
+    assert_eq!(PlaneRings::polygon(vec![outer, hole]).unwrap().area(), 3.0);
+}
+
+#[test]
 fn rings_one_bit_apart_are_accepted_and_one_bit_over_refused() {
     let gap = |x: f64| ring(&[[x, -1.0], [5.0, 0.0], [x, 1.0]]);
     let outer = square(0.0, 0.0, 2.0);

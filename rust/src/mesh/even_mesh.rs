@@ -17,8 +17,11 @@ const ROW_SPACING: f64 = 0.866_025_403_784_438_6;
 /// Lattice points nearer to the boundary than this fraction of the edge length make flat triangles there.
 const BOUNDARY_GAP: f64 = 0.55;
 
-/// Rounds of smoothing; the quality gains less than 0.001 from further ones.
-const SMOOTHING_ROUNDS: usize = 6;
+/// Rounds of smoothing, each ending in a new triangulation; further ones gain less than 0.001 of quality.
+const SMOOTHING_ROUNDS: usize = 2;
+
+/// Sweeps over all free vertices in a round: cheap next to the triangulation.
+const SWEEPS: usize = 4;
 
 /// A triangle whose vertices lie on one edge is dropped below this fraction of an equilateral one: rounding of the
 /// points set on that edge made it.
@@ -43,7 +46,9 @@ pub fn even_mesh(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
     graph.points.extend(lattice);
     let mut cdt = delaunay::constrained(&graph.points, &graph.edges)?;
     for _ in 0..SMOOTHING_ROUNDS {
-        smooth(&cdt, &mut graph.points, fixed);
+        for _ in 0..SWEEPS {
+            smooth(&cdt, &mut graph.points, fixed);
+        }
         cdt = delaunay::constrained(&graph.points, &graph.edges)?;
     }
     let mut mesh = delaunay::inside_mesh(&cdt, graph.scale, fixed);
