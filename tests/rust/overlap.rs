@@ -141,6 +141,8 @@ fn wild_ring() -> impl Strategy<Value = Ring> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn laws_hold(a in star(), b in star()) {
         let (a, b) = (polygon(vec![a]), polygon(vec![b]));

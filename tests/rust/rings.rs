@@ -202,6 +202,8 @@ fn star() -> impl Strategy<Value = Ring> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn nothing_panics(rings in proptest::collection::vec(ring_of(wild(), 0..7), 0..4), x in wild(), y in wild()) {
         let _ = PlaneRings::polygon(rings.clone());
