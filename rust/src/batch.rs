@@ -18,8 +18,9 @@ pub fn in_parallel<P: Sync, A: Send>(
         return Err(Error::OutOfRange { item: "threads", found: "0".into(), needed: "at least 1".into() });
     }
     // A pool of its own: the process-wide one deadlocks in a forked child.
-    let pool = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(|error| Error::Threads {
-        reason: error.to_string(),
-    })?;
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .build()
+        .map_err(|error| Error::Threads { reason: error.to_string() })?;
     Ok(pool.install(|| problems.par_iter().map(&solve).collect()))
 }

@@ -69,7 +69,9 @@ pub enum Error {
         outer: usize,
     },
     /// A ring leaves its plane.
-    #[error("ring {ring} leaves the region's plane by {distance:.3e}; a planar region needs its vertices within {allowed:.3e}")]
+    #[error(
+        "ring {ring} leaves the region's plane by {distance:.3e}; a planar region needs its vertices within {allowed:.3e}"
+    )]
     NotPlanar {
         /// Index of the ring.
         ring: usize,
@@ -127,6 +129,51 @@ pub enum Error {
         index: usize,
         /// What is wrong with it.
         error: Box<Error>,
+    },
+    /// A triangulation could not be built from its edges.
+    #[error("no triangulation of the region: {reason}; rings need to be further apart than rounding")]
+    Triangulation {
+        /// What went wrong.
+        reason: String,
+    },
+    /// A mesh does not cover its region.
+    #[error("the mesh has area {found:e}, the region {needed:e}; the rings need to be further apart than rounding")]
+    MeshArea {
+        /// Area of the mesh.
+        found: f64,
+        /// Area of the region.
+        needed: f64,
+    },
+    /// Refinement did not end.
+    #[error(
+        "refinement stopped at {vertices} vertices, {budget} of them allowed on top of the rings'; it needs a larger \
+         max_area or a smaller min_angle"
+    )]
+    MeshIncomplete {
+        /// Vertices reached.
+        vertices: usize,
+        /// Vertices allowed besides those of the rings.
+        budget: usize,
+    },
+    /// Too few distinct points for an outline.
+    #[error("{found} distinct points; an outline needs at least 3")]
+    TooFewPoints {
+        /// Distinct points found.
+        found: usize,
+    },
+    /// All points of an outline lie on one line.
+    #[error("all {found} distinct points lie on one line; an outline needs points that span an area")]
+    CollinearPoints {
+        /// Distinct points found.
+        found: usize,
+    },
+    /// An alpha shape keeps no triangle.
+    #[error("radius {radius:e} keeps none of the triangles; it needs to be at least {smallest:e}")]
+    EmptyShape {
+        /// Radius given.
+        radius: f64,
+        /// Smallest radius that keeps a triangle.
+        smallest: f64,
     },
     /// An option or a size lies outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]

@@ -4,10 +4,10 @@ use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 use thiserror::Error as Message;
 
 use crate::chart::Chart;
+use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::overlap::{OverlapAreas, overlap_areas};
 use crate::pose::Pose;
-use crate::equations::Weighting;
 use crate::residual::RegionEquations;
 use crate::rings::PlaneRings;
 use crate::solve::{Prior, Problem, Start};
@@ -36,7 +36,9 @@ const WEAK_TRANSLATION: f64 = 0.02;
 #[non_exhaustive]
 pub enum Warning {
     /// Other poses fit as well.
-    #[error("{count} other pose(s) fit as well, the nearest {degrees:.1} deg away: the regions are symmetric or too few")]
+    #[error(
+        "{count} other pose(s) fit as well, the nearest {degrees:.1} deg away: the regions are symmetric or too few"
+    )]
     Ambiguous {
         /// How many.
         count: usize,
@@ -147,7 +149,8 @@ impl Problem {
 
     /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
     fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize = self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
+        let count: usize =
+            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
         let left = count.saturating_sub(6).max(1) as f64;
         (cost / left).sqrt().max(NOISE_FLOOR)
     }
@@ -162,9 +165,11 @@ impl Problem {
     }
 
     fn solution(&self, minimum: Minimum) -> Solution {
-        let areas: Vec<Option<OverlapAreas>> = (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
+        let areas: Vec<Option<OverlapAreas>> =
+            (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
         let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
-        let total = areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
+        let total =
+            areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
     }
 
@@ -177,7 +182,7 @@ impl Problem {
         let rings = self.worlds()[region].rings();
         let predicted = PlaneRings::new(rings.iter().map(project).collect::<Option<_>>()?).ok()?;
         let observed = equations.outline().mapped(|p| Some(p / equations.chart().scale))?;
-        overlap_areas(&observed, &predicted).ok()
+        Some(overlap_areas(&observed, &predicted))
     }
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {

@@ -3,14 +3,15 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::chart::Chart;
+use crate::equations::System;
 use crate::error::Result;
+use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
-use crate::mesh::triangulation::{MeshOptions, PlaneMesh, triangulate};
+use crate::mesh::triangulation::{MeshOptions, triangulate};
 use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
 use crate::moments::plane::ring_moments;
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
-use crate::equations::System;
 use crate::pose::Pose;
 use crate::region::{Surface, WorldRegion};
 use crate::rings::PlaneRings;

@@ -216,12 +216,8 @@ impl WhitenedShape {
         let first = planar_moments(slices(outline), 2);
         let (area, mean) = (first.get(0, 0), centroid(&first));
         let xy = first.get(1, 1) / area - mean.x * mean.y;
-        let covariance = Matrix2::new(
-            first.get(2, 0) / area - mean.x * mean.x,
-            xy,
-            xy,
-            first.get(0, 2) / area - mean.y * mean.y,
-        );
+        let covariance =
+            Matrix2::new(first.get(2, 0) / area - mean.x * mean.x, xy, xy, first.get(0, 2) / area - mean.y * mean.y);
         let transform = inverse_square_root(&covariance)?;
         let rings = outline.mapped(|p| Some(transform * (p - mean)))?;
         let moments = planar_moments(slices(&rings), *SHAPE_ORDERS.end());

@@ -4,8 +4,8 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{DVector, Dyn, OMatrix, U6};
 
-use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::equations::Weighting;
+use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::residual::{Evaluation, RegionEquations, evaluate};
 
 /// Stands for every residual where a region leaves the view, so that the step there is refused and a shorter one tried.
@@ -122,7 +122,9 @@ fn described(reason: &TerminationReason) -> String {
     match reason {
         TerminationReason::ResidualsZero => "the residuals are zero".into(),
         TerminationReason::Orthogonal => "the gradient is zero".into(),
-        TerminationReason::Converged { ftol: true, xtol: true } => "cost and pose change less than the tolerance".into(),
+        TerminationReason::Converged { ftol: true, xtol: true } => {
+            "cost and pose change less than the tolerance".into()
+        }
         TerminationReason::Converged { ftol: true, .. } => "the cost changes less than the tolerance".into(),
         TerminationReason::Converged { .. } => "the pose changes less than the tolerance".into(),
         TerminationReason::NoImprovementPossible(_) => "the cost can fall no further in double precision".into(),

@@ -227,11 +227,9 @@ fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {
 fn check_indices(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<()> {
     let worst = triangles.iter().flatten().max();
     match worst {
-        None => Err(Error::OutOfRange {
-            item: "the number of triangles",
-            found: "0".into(),
-            needed: "at least 1".into(),
-        }),
+        None => {
+            Err(Error::OutOfRange { item: "the number of triangles", found: "0".into(), needed: "at least 1".into() })
+        }
         Some(&index) if index >= vertices.len() => Err(Error::OutOfRange {
             item: "a triangle's vertex index",
             found: index.to_string(),

@@ -24,7 +24,7 @@ pub const LARGEST_COORDINATE: f64 = 1.606_938_044_258_990_3e60;
 pub const SMALLEST_SIZE: f64 = 6.223_015_277_861_142e-61;
 
 /// Coordinates below this fraction (2^-140) of the largest one are stored as zero, for the same reason.
-const NEGLIGIBLE_FRACTION: f64 = 7.174_648_137_343_064e-43;
+pub(crate) const NEGLIGIBLE_FRACTION: f64 = 7.174_648_137_343_064e-43;
 
 /// The rings of a planar region: outer rings counter-clockwise, holes clockwise, never crossing or overlapping.
 ///
@@ -116,6 +116,17 @@ pub(crate) fn signed_area(ring: &[Vector2<f64>]) -> f64 {
     0.5 * ring_edges(ring).map(|(a, b)| (a - origin).perp(&(b - origin))).sum::<f64>()
 }
 
+/// Whether the area of a ring is too small for its extent, or the ring has no area at all.
+pub(crate) fn is_flat(ring: &[Vector2<f64>]) -> bool {
+    signed_area(ring).abs() <= smallest_area(ring)
+}
+
+/// Smallest area accepted for a ring of this extent.
+fn smallest_area(ring: &[Vector2<f64>]) -> f64 {
+    let (lower, upper) = bounding_box(ring.iter().copied());
+    SMALLEST_AREA_FRACTION * (upper - lower).amax().powi(2)
+}
+
 /// Edges of one ring as (start, end), the closing one last.
 pub(crate) fn ring_edges(ring: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + '_ {
     ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
@@ -164,8 +175,7 @@ impl CleanRing {
     }
 
     fn check_area(&self, ring: usize) -> Result<()> {
-        let (lower, upper) = bounding_box(self.vertices.iter().copied());
-        let needed = SMALLEST_AREA_FRACTION * (upper - lower).amax().powi(2);
+        let needed = smallest_area(&self.vertices);
         let area = self.area.abs();
         if area > needed { Ok(()) } else { Err(Error::ZeroArea { ring, area, needed }) }
     }

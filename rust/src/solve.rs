@@ -194,7 +194,10 @@ impl Problem {
         let limit = costs.first().map_or(0.0, |(_, least)| least * WORTH_A_LOOK + SMALL_COST);
         let mut kept: Vec<Pose> = Vec::new();
         for (pose, cost) in costs {
-            if cost <= limit && kept.len() < MOST_CANDIDATES && kept.iter().all(|other| apart(other, &pose, SAME_CANDIDATE)) {
+            if cost <= limit
+                && kept.len() < MOST_CANDIDATES
+                && kept.iter().all(|other| apart(other, &pose, SAME_CANDIDATE))
+            {
                 kept.push(pose);
             }
         }

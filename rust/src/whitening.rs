@@ -43,7 +43,8 @@ impl Whitening {
         let (pivots, factor) = pivoted_cholesky(covariance);
         let identity = DMatrix::identity(pivots.len(), pivots.len());
         let inverse = factor.solve_lower_triangular(&identity).unwrap_or(identity);
-        let inverse = (0..pivots.len()).flat_map(|row| inverse.row(row).columns(0, row + 1).iter().copied().collect::<Vec<_>>());
+        let inverse =
+            (0..pivots.len()).flat_map(|row| inverse.row(row).columns(0, row + 1).iter().copied().collect::<Vec<_>>());
         Self { inverse: inverse.collect(), pivots }
     }
 
@@ -88,7 +89,8 @@ fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
         columns.push(column);
     }
     let rank = pivots.len();
-    let factor = DMatrix::from_fn(rank, rank, |row, column| if row < column { 0.0 } else { columns[column][pivots[row]] });
+    let factor =
+        DMatrix::from_fn(rank, rank, |row, column| if row < column { 0.0 } else { columns[column][pivots[row]] });
     (pivots, factor)
 }
 
@@ -122,9 +124,7 @@ fn functions(system: System, chart: &Chart, at: &Vector2<f64>, along: &Vector2<f
 fn plane_functions(at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DVector<f64>) {
     let (x, y) = (powers(at.x), powers(at.y));
     let value = PLANE_EXPONENTS.iter().map(|&[i, j]| x[i] * y[j]);
-    let slope = PLANE_EXPONENTS.iter().map(|&[i, j]| {
-        along.x * lowered(i, &x) * y[j] + along.y * x[i] * lowered(j, &y)
-    });
+    let slope = PLANE_EXPONENTS.iter().map(|&[i, j]| along.x * lowered(i, &x) * y[j] + along.y * x[i] * lowered(j, &y));
     (DVector::from_iterator(PLANE_EXPONENTS.len(), value), DVector::from_iterator(PLANE_EXPONENTS.len(), slope))
 }
 

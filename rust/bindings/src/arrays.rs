@@ -12,10 +12,16 @@ pub fn value_error(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-fn real_array<'py>(item: &str, object: &Bound<'py, PyAny>, needed: &str) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
+fn real_array<'py>(
+    item: &str,
+    object: &Bound<'py, PyAny>,
+    needed: &str,
+) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
     object.extract().map_err(|_| {
         let kind = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
-        PyValueError::new_err(format!("{item} is a {kind} that is not an array of real numbers; it needs to be {needed}"))
+        PyValueError::new_err(format!(
+            "{item} is a {kind} that is not an array of real numbers; it needs to be {needed}"
+        ))
     })
 }
 

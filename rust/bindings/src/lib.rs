@@ -16,7 +16,8 @@ mod _core {
     use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
     #[pymodule_export]
     use crate::moments::{
-        mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles, spherical_moments,
+        mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles,
+        spherical_moments,
     };
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
@@ -24,5 +25,6 @@ mod _core {
     use crate::solve::{Estimate, Minimum, Problem, Solution, estimate_batch, moved_pose};
 
     #[pymodule_export]
+    #[allow(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }

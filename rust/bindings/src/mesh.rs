@@ -4,9 +4,10 @@ use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
 use regionpose::mesh::even_mesh as even;
-use regionpose::mesh::triangulation::{self, MeshOptions, PlaneMesh};
+use regionpose::mesh::triangulation::{self, MeshOptions};
 use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, points, value_error};

@@ -3,16 +3,17 @@
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::moments::{self, MAX_ORDER, PlaneMoments, SphereMoments};
 use regionpose::bearing_rings::BearingRings;
+use regionpose::moments::{self, MAX_ORDER, PlaneMoments, SphereMoments};
 use regionpose::rings::PlaneRings;
 
 use crate::arrays::{numbers, points, value_error};
 
 fn checked_order(order: i64) -> PyResult<usize> {
-    usize::try_from(order).ok().filter(|&order| order <= MAX_ORDER).ok_or_else(|| {
-        PyValueError::new_err(format!("order is {order}; it needs to be 0 to {MAX_ORDER}"))
-    })
+    usize::try_from(order)
+        .ok()
+        .filter(|&order| order <= MAX_ORDER)
+        .ok_or_else(|| PyValueError::new_err(format!("order is {order}; it needs to be 0 to {MAX_ORDER}")))
 }
 
 fn plane_array<'py>(py: Python<'py>, moments: &PlaneMoments) -> Bound<'py, PyArray2<f64>> {
@@ -38,10 +39,15 @@ fn sphere_array<'py>(py: Python<'py>, moments: &SphereMoments) -> PyResult<Bound
 
 /// Moments of a planar region from its boundary.
 #[pyfunction]
-pub fn planar_moments<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, order: i64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub fn planar_moments<'py>(
+    py: Python<'py>,
+    rings: &Bound<'py, PyAny>,
+    order: i64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (given, order) = (crate::arrays::rings::<2>(rings)?, checked_order(order)?);
     let moments = py.detach(|| {
-        PlaneRings::new(given).map(|valid| moments::plane::planar_moments(valid.rings().iter().map(Vec::as_slice), order))
+        PlaneRings::new(given)
+            .map(|valid| moments::plane::planar_moments(valid.rings().iter().map(Vec::as_slice), order))
     });
     Ok(plane_array(py, &moments.map_err(value_error)?))
 }
@@ -56,7 +62,8 @@ pub fn spherical_moments<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (given, order) = (crate::arrays::rings::<3>(rings)?, checked_order(order)?);
     let moments = py.detach(|| {
-        BearingRings::new(&given).map(|valid| moments::sphere::spherical_moments(valid.rings().iter().map(Vec::as_slice), order))
+        BearingRings::new(&given)
+            .map(|valid| moments::sphere::spherical_moments(valid.rings().iter().map(Vec::as_slice), order))
     });
     sphere_array(py, &moments.map_err(value_error)?)
 }
@@ -106,7 +113,9 @@ pub fn pixel_moments<'py>(
     let order = checked_order(order)?;
     if bearings.len() != solid_angles.len() {
         let (n, m) = (bearings.len(), solid_angles.len());
-        return Err(PyValueError::new_err(format!("bearings has {n} rows and solid_angles {m}; they need to be as many")));
+        return Err(PyValueError::new_err(format!(
+            "bearings has {n} rows and solid_angles {m}; they need to be as many"
+        )));
     }
     let moments = py.detach(|| moments::pixels::pixel_moments(&bearings, &solid_angles, order));
     sphere_array(py, &moments.map_err(value_error)?)
@@ -118,7 +127,10 @@ pub fn quad_solid_angles<'py>(py: Python<'py>, corners: &Bound<'py, PyAny>) -> P
     let corners = points::<3>("corners", corners)?;
     let quads: Vec<_> = corners.as_chunks::<4>().0.to_vec();
     if quads.len() * 4 != corners.len() {
-        return Err(PyValueError::new_err(format!("corners has {} rows; it needs four a quadrilateral", corners.len())));
+        return Err(PyValueError::new_err(format!(
+            "corners has {} rows; it needs four a quadrilateral",
+            corners.len()
+        )));
     }
     Ok(PyArray1::from_vec(py, py.detach(|| moments::pixels::quad_solid_angles(&quads))))
 }

@@ -3,14 +3,14 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::region::{self, PlaneFrame, Pixels};
+use regionpose::region::{self, Pixels, PlaneFrame};
 use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
 use crate::mesh::ring_arrays;
 
 /// A region as the camera sees it: rings of bearings, and its area in pixels.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct ObservedRegion(pub region::ObservedRegion);
 
@@ -38,7 +38,7 @@ impl ObservedRegion {
 }
 
 /// A region of the 3D data: planar with holes, or a triangulated open surface.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct WorldRegion(pub region::WorldRegion);
 

@@ -56,7 +56,7 @@ fn parsed_prior(initial: Option<PoseArrays<'_>>, up: Option<Bound<'_, PyAny>>) -
 }
 
 /// Where a least squares ended.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Minimum(least_squares::Minimum);
 
@@ -107,7 +107,7 @@ impl Minimum {
 }
 
 /// A minimum and its overlap errors.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Solution(estimate::Solution);
 
@@ -130,7 +130,7 @@ impl Solution {
 }
 
 /// The pose of a camera, and what is known of it.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Estimate(estimate::Estimate);
 
@@ -169,7 +169,7 @@ impl Estimate {
 }
 
 /// Regions seen in one image and known in the world, ready to be solved.
-#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[pyclass(frozen, module = "regionpose._core")]
 pub struct Problem(solve::Problem);
 
 #[pymethods]
@@ -216,14 +216,21 @@ impl Problem {
         let pose = pose(rotation, translation)?;
         let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
         let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
-        let Some(evaluation) = py.detach(|| self.0.evaluate_moved(&pose, &increment, weighting)) else { return Ok(None) };
+        let Some(evaluation) = py.detach(|| self.0.evaluate_moved(&pose, &increment, weighting)) else {
+            return Ok(None);
+        };
         let rows = evaluation.residual.len();
         let jacobian = matrix(py, evaluation.jacobian.transpose().iter().copied().collect(), [rows, 6])?;
         Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
     }
 
     /// The whitened minimum that the native solver reaches from a candidate.
-    fn solve_from(&self, py: Python<'_>, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<Minimum> {
+    fn solve_from(
+        &self,
+        py: Python<'_>,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+    ) -> PyResult<Minimum> {
         let pose = pose(rotation, translation)?;
         Ok(Minimum(py.detach(|| self.0.solve_from(&pose))))
     }

@@ -82,6 +82,11 @@ fn passes_through(rings: &[CleanRing], first: &Edge, second: &Edge) -> bool {
     let Some(corner) = touching_point(first, second) else { return false };
     let path = path_through(&rings[first.ring].vertices, first, corner);
     let [before, _, after] = path_through(&rings[second.ring].vertices, second, corner);
+    let runs_along =
+        |arm: Vector2<f64>, other: Vector2<f64>| contact([corner, arm], [corner, other]) == Some(Contact::Overlaps);
+    if [before, after].iter().any(|&arm| runs_along(path[0], arm) || runs_along(path[2], arm)) {
+        return false; // the two edges that overlap are found as a pair of their own
+    }
     is_left_of_corner(path, before) != is_left_of_corner(path, after)
 }
 

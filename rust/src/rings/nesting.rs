@@ -21,6 +21,9 @@ pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
         if point == a {
             return Location::Boundary(index);
         }
+        if point == b {
+            continue; // the start of the next edge
+        }
         if (a.y > point.y) != (b.y > point.y) {
             let side = turn(a, b, point);
             if side.is_eq() {
