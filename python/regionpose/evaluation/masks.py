@@ -158,10 +158,9 @@ def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
     crossing = a[:, 0] + (row - a[:, 1]) * ((b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1]))
     columns, rows = window.right - window.left, window.bottom - window.top
     toggle = np.clip(np.ceil(crossing) - window.left, 0, columns).astype(np.int64)
-    cells = (row - window.top) * (columns + 1) + toggle
-    counts = np.bincount(cells, minlength=rows * (columns + 1)).reshape(rows, columns + 1)
-    parity = np.bitwise_xor.accumulate((counts[:, :columns] & 1).astype(np.uint8), axis=1)
-    return parity.astype(np.bool_)
+    toggles = np.zeros((rows, columns + 1), dtype=np.uint8)
+    np.bitwise_xor.at(toggles, (row - window.top, toggle), 1)
+    return np.bitwise_xor.accumulate(toggles[:, :columns], axis=1).view(np.bool_)
 
 
 def _crossed_lines(first: Array, last: Array, low: int, high: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
