@@ -1,0 +1,1 @@
+"""Absolute pose of a central camera from planar regions."""

@@ -27,9 +27,10 @@ pub enum Error {
         /// The value found.
         value: f64,
     },
-    /// Two edges of the rings cross or touch.
+    /// Two edges of the rings meet where they must not.
     #[error(
-        "edge {first_edge} of ring {first_ring} crosses edge {second_edge} of ring {second_ring}; rings need to be simple and apart"
+        "edge {first_edge} of ring {first_ring} {contact} edge {second_edge} of ring {second_ring}; a ring needs to be \
+         simple, and different rings may touch at single points only"
     )]
     Crossing {
         /// Ring of the first edge.
@@ -40,6 +41,8 @@ pub enum Error {
         second_ring: usize,
         /// Second edge.
         second_edge: usize,
+        /// How they meet.
+        contact: Contact,
     },
     /// A ring encloses no area.
     #[error("ring {ring} has area {area:.3e}; a region ring needs an area above {needed:.3e}")]
@@ -51,11 +54,79 @@ pub enum Error {
         /// Smallest area accepted for a ring of its extent.
         needed: f64,
     },
-    /// A ring that turns as a hole lies outside every other ring.
-    #[error("ring {ring} turns as a hole but lies outside every other ring; a hole needs to lie inside its outer ring")]
+    /// A hole lies outside its outer ring.
+    #[error("ring {ring} is a hole outside every outer ring; a hole needs to lie inside its outer ring")]
     HoleOutside {
         /// Index of the ring.
         ring: usize,
+    },
+    /// A hole of a polygon lies inside another hole.
+    #[error("ring {ring} lies inside the hole ring {outer}; the holes of a polygon need to lie side by side")]
+    NestedHole {
+        /// Index of the ring.
+        ring: usize,
+        /// Index of the hole around it.
+        outer: usize,
+    },
+    /// A ring leaves its plane.
+    #[error("ring {ring} leaves the region's plane by {distance:.3e}; a planar region needs its vertices within {allowed:.3e}")]
+    NotPlanar {
+        /// Index of the ring.
+        ring: usize,
+        /// Largest distance of a vertex from the plane.
+        distance: f64,
+        /// Largest distance accepted.
+        allowed: f64,
+    },
+    /// Triangles that are no open surface.
+    #[error("the mesh has {found}; it needs {needed}")]
+    BadMesh {
+        /// What was found.
+        found: String,
+        /// What is accepted.
+        needed: &'static str,
+    },
+    /// A bearing has no direction.
+    #[error("{item} {index} is zero; a bearing needs a direction")]
+    ZeroBearing {
+        /// What the bearing belongs to.
+        item: String,
+        /// Index of the bearing.
+        index: usize,
+    },
+    /// An observed region is too wide to be projected onto a plane.
+    #[error("the observed region reaches {limit:.1} deg or more from every axis; it needs to lie nearer to one")]
+    TooWide {
+        /// Largest angle accepted, in degrees.
+        limit: f64,
+    },
+    /// Sums over pixels were asked for without pixels.
+    #[error("the observed region holds no pixels; integration over pixels needs a region made from a mask")]
+    NoPixels,
+    /// The two sides do not pair up.
+    #[error("there are {observed} observed and {world} world regions; there need to be as many of each, at least 1")]
+    Unpaired {
+        /// Number of observed regions.
+        observed: usize,
+        /// Number of world regions.
+        world: usize,
+    },
+    /// An iteration that has to end did not.
+    #[error("the eigenvalues of a covariance did not converge; the region's coordinates need to be of ordinary size")]
+    NoConvergence,
+    /// The pool of threads could not be started.
+    #[error("the threads could not be started: {reason}")]
+    Threads {
+        /// What the system said.
+        reason: String,
+    },
+    /// What is wrong with one region of several.
+    #[error("region {index}: {error}")]
+    InRegion {
+        /// Index of the region.
+        index: usize,
+        /// What is wrong with it.
+        error: Box<Error>,
     },
     /// An option or a size lies outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
@@ -67,6 +138,34 @@ pub enum Error {
         /// What is accepted.
         needed: String,
     },
+}
+
+impl Error {
+    /// The same error, said of the region with this index.
+    pub fn in_region(self, index: usize) -> Self {
+        Self::InRegion { index, error: Box::new(self) }
+    }
+}
+
+/// How two edges meet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Contact {
+    /// They change sides of each other.
+    Crosses,
+    /// They share more than a point.
+    Overlaps,
+    /// They share one point without changing sides.
+    Touches,
+}
+
+impl std::fmt::Display for Contact {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Crosses => "crosses",
+            Self::Overlaps => "overlaps",
+            Self::Touches => "touches",
+        })
+    }
 }
 
 /// `Result` of this crate.

@@ -3,10 +3,16 @@
 //! Moments know no pose and no camera. [`plane`] and [`sphere`] hold the boundary form, exact sums over edges;
 //! [`mesh`] holds the form over triangles; [`pixels`] the sum over the pixels of a mask.
 
+mod lanes;
+use std::ops::AddAssign;
+
 pub mod mesh;
 pub mod pixels;
 pub mod plane;
+mod quadrature;
 pub mod sphere;
+
+use nalgebra::Vector3;
 
 /// Highest moment order supported.
 pub const MAX_ORDER: usize = 8;
@@ -67,6 +73,26 @@ impl PlaneMoments {
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values[..plane_count(self.order)]
     }
+
+    /// The moments of the region with all coordinates multiplied by `scale`.
+    pub fn scaled(&self, scale: f64) -> Self {
+        let mut scaled = *self;
+        let mut factor = scale * scale;
+        for k in 0..=self.order {
+            scaled.values[plane_count(k) - (k + 1)..plane_count(k)].iter_mut().for_each(|value| *value *= factor);
+            factor *= scale;
+        }
+        scaled
+    }
+}
+
+impl AddAssign<&PlaneMoments> for PlaneMoments {
+    /// Adds the moments of a region that lies beside this one; the order is that of the left side, at most the right's.
+    fn add_assign(&mut self, other: &PlaneMoments) {
+        for (value, term) in self.values_mut().iter_mut().zip(&other.values) {
+            *value += term;
+        }
+    }
 }
 
 /// Moments `integral of x^l y^m z^n dS` of a region of the unit sphere for `l + m + n <= order`.
@@ -102,5 +128,34 @@ impl SphereMoments {
     /// The moments in the order of [`sphere_index`], to be filled.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values[..sphere_count(self.order)]
+    }
+
+    /// Adds `weight x^l y^m z^n` of a point to every moment.
+    ///
+    /// A degree's list is the one before times x, then that one's last row times y, then its last entry times z.
+    pub(crate) fn add_point(&mut self, point: &Vector3<f64>, weight: f64) {
+        let mut terms = [0.0; plane_count(MAX_ORDER)];
+        terms[0] = weight;
+        self.values[0] += weight;
+        for k in 1..=self.order {
+            let count = plane_count(k - 1);
+            for i in count - k..count {
+                terms[i + k] = terms[i] * point.y;
+            }
+            terms[count + k] = terms[count - 1] * point.z;
+            for term in &mut terms[..count] {
+                *term *= point.x;
+            }
+            for (value, term) in self.values[sphere_count(k - 1)..sphere_count(k)].iter_mut().zip(&terms) {
+                *value += term;
+            }
+        }
+    }
+
+    /// Adds the moments of another region, of the same order.
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (value, more) in self.values.iter_mut().zip(&other.values) {
+            *value += more;
+        }
     }
 }

@@ -1,1 +1,144 @@
-//! (in work)
+//! Moments of a region of the plane from its boundary: exact sums over edges (paper section 2.2; no mesh).
+
+use nalgebra::Vector2;
+
+use super::lanes::{LANES, Lanes};
+use super::quadrature::{Node, gauss_legendre};
+use super::{PlaneMoments, plane_index};
+
+/// Moments `integral of x^i y^j dA`, `i + j <= order`, of the region bounded by closed `rings`.
+///
+/// Outer rings turn counter-clockwise, holes clockwise; a region turned the other way has negative moments. The
+/// integration runs about a point of the region and is then shifted, so that a region far from the origin keeps
+/// its digits: errors stay near rounding of the largest moment.
+///
+/// # Panics
+/// When `order` is above [`super::MAX_ORDER`].
+pub fn planar_moments<'a>(rings: impl IntoIterator<Item = &'a [Vector2<f64>]>, order: usize) -> PlaneMoments {
+    let mut about_center = PlaneMoments::zero(order);
+    let mut center = None;
+    for ring in rings.into_iter().filter(|ring| !ring.is_empty()) {
+        let origin = *center.get_or_insert_with(|| ring.iter().sum::<Vector2<f64>>() / ring.len() as f64);
+        let centered: Vec<_> = ring.iter().map(|vertex| vertex - origin).collect();
+        ring_moments(&centered, order, &mut about_center);
+    }
+    about_center.shifted(center.unwrap_or_default())
+}
+
+/// Adds the signed moments of one closed ring, whose last vertex joins the first, to `into`.
+///
+/// With `a x b` the cross product of an edge's ends, `k = i + j`:
+/// `M_ij = 1 / (k + 2) * sum over edges of (a x b) * integral_0^1 x(s)^i y(s)^j ds`, by the fewest Gauss-Legendre
+/// nodes that are exact. Meant for rings near the origin; [`planar_moments`] serves the others. `order` is at most
+/// that of `into`, whose higher moments stay as they are.
+pub fn ring_moments(ring: &[Vector2<f64>], order: usize, into: &mut PlaneMoments) {
+    let sums = into.values_mut();
+    match order {
+        0 => add_edges::<0, 1, 1>(ring, sums),
+        1 => add_edges::<1, 1, 3>(ring, sums),
+        2 => add_edges::<2, 2, 6>(ring, sums),
+        3 => add_edges::<3, 2, 10>(ring, sums),
+        4 => add_edges::<4, 3, 15>(ring, sums),
+        5 => add_edges::<5, 3, 21>(ring, sums),
+        6 => add_edges::<6, 4, 28>(ring, sums),
+        7 => add_edges::<7, 4, 36>(ring, sums),
+        _ => add_edges::<8, 5, 45>(ring, sums),
+    }
+}
+
+/// Adds the boundary sums of a ring for all `COUNT` monomials up to `ORDER`, exact with `NODES >= (ORDER + 1) / 2`.
+fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(ring: &[Vector2<f64>], into: &mut [f64]) {
+    let rule = const { gauss_legendre::<NODES>() };
+    let mut sums = [Lanes::ZERO; COUNT];
+    let mut start = 0;
+    while start < ring.len() {
+        add_edge_group::<ORDER, NODES, COUNT>(&edge_group(ring, start), &rule, &mut sums);
+        start += LANES;
+    }
+    for k in 0..=ORDER {
+        for j in 0..=k {
+            let index = plane_index(k - j, j);
+            if let Some(moment) = into.get_mut(index) {
+                *moment += sums[index].sum() / (k + 2) as f64;
+            }
+        }
+    }
+}
+
+/// Start and end coordinates of a group of edges.
+struct EdgeGroup {
+    ax: Lanes,
+    ay: Lanes,
+    bx: Lanes,
+    by: Lanes,
+}
+
+/// The edges from vertex `start` on; past the ring's last edge come edges of zeros, which add nothing.
+#[inline(always)]
+fn edge_group(ring: &[Vector2<f64>], start: usize) -> EdgeGroup {
+    let mut group = EdgeGroup { ax: Lanes::ZERO, ay: Lanes::ZERO, bx: Lanes::ZERO, by: Lanes::ZERO };
+    if let Some(vertices) = ring.get(start..start + LANES + 1) {
+        for i in 0..LANES {
+            (group.ax.0[i], group.ay.0[i]) = (vertices[i].x, vertices[i].y);
+            (group.bx.0[i], group.by.0[i]) = (vertices[i + 1].x, vertices[i + 1].y);
+        }
+        return group;
+    }
+    let ends = ring[start..].iter().skip(1).chain(ring.first());
+    for (i, (a, b)) in ring[start..].iter().zip(ends).enumerate() {
+        (group.ax.0[i], group.ay.0[i]) = (a.x, a.y);
+        (group.bx.0[i], group.by.0[i]) = (b.x, b.y);
+    }
+    group
+}
+
+#[inline(always)]
+fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
+    edges: &EdgeGroup,
+    rule: &[Node; NODES],
+    sums: &mut [Lanes; COUNT],
+) {
+    let EdgeGroup { ax, ay, bx, by } = *edges;
+    let cross = ax * by - ay * bx;
+    let (dx, dy) = (bx - ax, by - ay);
+    let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
+    let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
+    let mut row = rule.map(|(_, weight)| Lanes::splat(weight) * cross);
+    for j in 0..=ORDER {
+        let mut term = row;
+        for i in 0..=ORDER - j {
+            let mut sum = sums[plane_index(i, j)];
+            for g in 0..NODES {
+                sum += term[g];
+                term[g] = term[g] * x[g];
+            }
+            sums[plane_index(i, j)] = sum;
+        }
+        for g in 0..NODES {
+            row[g] = row[g] * y[g];
+        }
+    }
+}
+
+impl PlaneMoments {
+    /// The moments of the region moved by `by`: `M'_ij = integral of (x + by_x)^i (y + by_y)^j dA` (binomial theorem).
+    pub fn shifted(&self, by: Vector2<f64>) -> Self {
+        let mut moved = *self;
+        // One coordinate at a time, Horner's scheme of repeated synthetic shifts: x^i becomes (x + b)^i in place.
+        for j in 0..=self.order() {
+            for first in 1..=self.order() - j {
+                for i in (first..=self.order() - j).rev() {
+                    moved.values[plane_index(i, j)] += by.x * moved.values[plane_index(i - 1, j)];
+                }
+            }
+        }
+        for i in 0..=self.order() {
+            for first in 1..=self.order() - i {
+                for j in (first..=self.order() - i).rev() {
+                    moved.values[plane_index(i, j)] += by.y * moved.values[plane_index(i, j - 1)];
+                }
+            }
+        }
+        moved
+    }
+}

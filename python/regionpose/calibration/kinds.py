@@ -1,0 +1,55 @@
+"""Which tool wrote a calibration file, told from its content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from regionpose.calibration import colmap, kalibr, kitti, ocamcalib, opencv, ros
+from regionpose.calibration.text import CalibrationError, CalibrationText
+from regionpose.calibration.yaml_items import YamlMapping
+from regionpose.cameras import Camera
+
+NEEDED = "OpenCV YAML, ROS camera_info, a Kalibr camchain, COLMAP cameras.txt, OCamCalib results or a KITTI calibration"
+
+TEXT_KINDS = (
+    (ocamcalib.describes, ocamcalib.read_camera),
+    (kitti.describes, kitti.read_camera),
+    (colmap.describes, colmap.read_camera),
+)
+YAML_KINDS = (
+    (kalibr.describes, kalibr.read_camera),
+    (ros.describes, ros.read_camera),
+    (opencv.describes, opencv.read_camera),
+)
+
+
+def load_camera(path: str | Path, name: str | None = None) -> Camera:
+    """The camera that the calibration file at `path` describes, in OpenCV's pixels (integer = centre of a pixel).
+
+    The kind is told from the content. `name` selects among several cameras:
+
+    - OpenCV YAML: the key of the matrix (`camera_matrix`, `M1`, ...).
+    - ROS camera_info, as a message or as a file of camera_calibration: its `camera_name`.
+    - Kalibr camchain: `cam0`, `cam1`, ...
+    - COLMAP cameras.txt: the camera's id. Half a pixel is taken off the centre, which COLMAP counts from the corner.
+    - OCamCalib calib_results.txt: `ocam`. OcamCamera says how rows, columns and signs are converted.
+    - KITTI: `P0` to `P3` (`P2` without a name), `P_rect_00` to `P_rect_03` (`P_rect_02` without a name).
+
+    FileNotFoundError when the file is missing; CalibrationError, a ValueError, when it is of no known kind, is cut or
+    holds wrong counts, when `name` is not in it, or when it is needed to choose: the message lists the names.
+    """
+    source = CalibrationText.read(path)
+    for describes, read_camera in TEXT_KINDS:
+        if describes(source):
+            return read_camera(source, name)
+    return _read_yaml(source, name)
+
+
+def _read_yaml(source: CalibrationText, name: str | None) -> Camera:
+    """The camera in a file of one of the kinds written as YAML."""
+    document = YamlMapping.parse(source)
+    if document is not None:
+        for describes, read_camera in YAML_KINDS:
+            if describes(document):
+                return read_camera(document, name)
+    raise CalibrationError(f"{source.path}: found text that starts with {source.text.strip()[:40]!r}; needed {NEEDED}")

@@ -1,0 +1,148 @@
+"""Items of a YAML file with their lines.
+
+The file is parsed to nodes and numbers are read from their text, so that `1e-3`, which YAML 1.1 takes for a string,
+is a number, tags such as `!!opencv-matrix` build nothing, and errors can name the line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import yaml
+
+from regionpose.calibration.text import CalibrationError, CalibrationText
+
+DIRECTIVES = ("%YAML:1.0", "%YAML 1.0", "%YAML 1.1", "%YAML 1.2")
+"""First lines that OpenCV and others write; OpenCV's colon is not YAML."""
+
+
+@dataclass(frozen=True)
+class YamlItem:
+    """A node with its name, for values and for errors."""
+
+    source: CalibrationText
+    name: str
+    node: yaml.Node
+
+    @property
+    def line(self) -> int:
+        """The line of the value, from 1."""
+        return int(self.node.start_mark.line) + 1
+
+    def error(self, found: object, needed: str) -> CalibrationError:
+        """The error about this item."""
+        return self.source.error(self.name, found, needed, self.line)
+
+    def text(self) -> str:
+        """The value as a word."""
+        if not isinstance(self.node, yaml.ScalarNode):
+            raise self.error(self._kind(), "a single value")
+        return str(self.node.value)
+
+    def number(self) -> float:
+        """The value as a finite number."""
+        return self.source.number(self.name, self.text(), self.line)
+
+    def whole_number(self) -> int:
+        """The value as a whole number."""
+        return self.source.whole_number(self.name, self.text(), self.line)
+
+    def numbers(self) -> list[float]:
+        """The numbers of a sequence, of sequences row by row, or of a mapping with rows, cols and data."""
+        if isinstance(self.node, yaml.MappingNode):
+            return self.mapping()._matrix_numbers()
+        if not isinstance(self.node, yaml.SequenceNode):
+            raise self.error(self._kind(), "a sequence of numbers")
+        values: list[float] = []
+        for item in self._children():
+            nested = isinstance(item.node, yaml.SequenceNode)
+            values.extend([entry.number() for entry in item._children()] if nested else [item.number()])
+        return values
+
+    def _children(self) -> list[YamlItem]:
+        """The items of a sequence, numbered."""
+        return [YamlItem(self.source, f"{self.name}[{index}]", child) for index, child in enumerate(self.node.value)]
+
+    def counted(self, *counts: int) -> list[float]:
+        """The numbers, whose count must be one of `counts`."""
+        values = self.numbers()
+        if len(values) not in counts:
+            raise self.error(f"{len(values)} numbers", f"{' or '.join(str(count) for count in counts)} numbers")
+        return values
+
+    def mapping(self) -> YamlMapping:
+        """The item as a mapping."""
+        if not isinstance(self.node, yaml.MappingNode):
+            raise self.error(self._kind(), "a mapping")
+        return YamlMapping.of(self.source, self.name, self.node)
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether the item holds named items."""
+        return isinstance(self.node, yaml.MappingNode)
+
+    def _kind(self) -> str:
+        kinds = {yaml.ScalarNode: "a single value", yaml.SequenceNode: "a sequence", yaml.MappingNode: "a mapping"}
+        return kinds.get(type(self.node), "something else")
+
+
+@dataclass(frozen=True)
+class YamlMapping:
+    """Named items of a YAML mapping."""
+
+    source: CalibrationText
+    name: str
+    line: int
+    items: dict[str, YamlItem]
+
+    @classmethod
+    def parse(cls, source: CalibrationText) -> YamlMapping | None:
+        """The first document of the file, None when it is not a mapping; CalibrationError when it is not YAML."""
+        text = source.text
+        if text.startswith(DIRECTIVES):
+            text = text[text.find("\n") :] if "\n" in text else ""
+        try:
+            node = next(iter(yaml.compose_all(text, Loader=yaml.SafeLoader)), None)
+        except yaml.MarkedYAMLError as error:
+            line = None if error.problem_mark is None else error.problem_mark.line + 1
+            raise source.error("YAML", error.problem or "an error", "a complete calibration file", line) from error
+        except (yaml.YAMLError, RecursionError) as error:
+            raise source.error("YAML", type(error).__name__, "a complete calibration file") from error
+        return cls.of(source, "", node) if isinstance(node, yaml.MappingNode) else None
+
+    @classmethod
+    def of(cls, source: CalibrationText, name: str, node: yaml.MappingNode) -> YamlMapping:
+        """The items of `node`; CalibrationError when a name appears twice."""
+        items: dict[str, YamlItem] = {}
+        for key, value in node.value:
+            label = str(key.value) if isinstance(key, yaml.ScalarNode) else ""
+            full = f"{name}.{label}" if name else label
+            if label in items:
+                raise source.error(full, "a second item of this name", "one", key.start_mark.line + 1)
+            items[label] = YamlItem(source, full, value)
+        return cls(source, name, node.start_mark.line + 1, items)
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is an item called `name`."""
+        return name in self.items
+
+    def get(self, *names: str) -> YamlItem | None:
+        """The first item there is of `names`."""
+        return next((self.items[name] for name in names if name in self.items), None)
+
+    def need(self, *names: str) -> YamlItem:
+        """The first item there is of `names`; CalibrationError when there is none."""
+        item = self.get(*names)
+        if item is None:
+            raise self.source.error(self.name or "file", "no such item", f"an item {' or '.join(names)}", self.line)
+        return item
+
+    def size(self, width: tuple[str, ...], height: tuple[str, ...]) -> tuple[int | None, int | None]:
+        """Width and height under the first of the given names, None where there are none."""
+        items = self.get(*width), self.get(*height)
+        values = [None if item is None else item.whole_number() for item in items]
+        return values[0], values[1]
+
+    def _matrix_numbers(self) -> list[float]:
+        rows, columns = self.need("rows").whole_number(), self.need("cols").whole_number()
+        return self.need("data").counted(rows * columns)

@@ -1,0 +1,15 @@
+"""Central cameras: maps between pixels and bearings.
+
+Pixels are OpenCV's: the integer (0, 0) is the centre of the first pixel, x right, y down. Camera axes are x right,
+y down, z along the optical axis.
+"""
+
+from __future__ import annotations
+
+from regionpose.cameras.base import Camera
+from regionpose.cameras.fisheye import FisheyeCamera
+from regionpose.cameras.ocam import OcamCamera
+from regionpose.cameras.pinhole import PinholeCamera
+from regionpose.cameras.unified import UnifiedCamera
+
+__all__ = ["Camera", "FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"]

@@ -1,0 +1,155 @@
+"""What every central camera shares: array checks, parameter checks, the two public maps."""
+
+from __future__ import annotations
+
+import math
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from typing import SupportsFloat
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Components = tuple[Array, ...]
+
+BLOCK_ROWS = 16384
+"""Rows mapped at a time, so that the temporaries of a block stay in the processor's cache."""
+
+LIMIT_SLACK = 1e-12
+"""Relative slack of a projected point on the limit of a model: a few roundings of a bearing found there."""
+
+
+class Camera(ABC):
+    """A central camera: every pixel sees along one ray through the camera centre."""
+
+    width: int | None
+    height: int | None
+
+    def bearings(self, pixels: ArrayLike) -> Array:
+        """Unit vectors (n, 3) in the camera frame along which the pixels (n, 2) see.
+
+        A row is NaN where the pixel is not finite or where the model maps no direction to it, as beyond the fold of
+        a distortion. The image size does not limit the pixels. ValueError when the shape is not (n, 2).
+        """
+        return _map_rows(self._bearings, _rows(pixels, "pixels", 2), 3)
+
+    def project(self, points: ArrayLike) -> Array:
+        """Pixels (n, 2) of the points (n, 3) in the camera frame; only the direction of a point matters.
+
+        A row is NaN where the point is not finite, is the camera centre, or is not visible: behind the camera or
+        further off the axis than the model can tell apart (`max_angle`). Pixels are not cropped by the image size.
+        ValueError when the shape is not (n, 3).
+        """
+        return _map_rows(self._project, _rows(points, "points", 3), 2)
+
+    @property
+    @abstractmethod
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis, in radians, up to which the model is one-to-one."""
+
+    @property
+    @abstractmethod
+    def straight_lines(self) -> bool:
+        """Whether straight lines of the world are straight in the image."""
+
+    @abstractmethod
+    def _bearings(self, u: Array, v: Array) -> Components:
+        """Components of the bearings of pixels (u, v), NaN where there is none."""
+
+    @abstractmethod
+    def _project(self, x: Array, y: Array, z: Array) -> Components:
+        """Pixel coordinates of points, NaN where not visible."""
+
+
+def _rows(values: ArrayLike, name: str, columns: int) -> Array:
+    """`values` as a float array (n, columns)."""
+    try:
+        rows = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: found {_brief(values)}; needed numbers of shape (n, {columns})") from error
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise ValueError(f"{name}: found an array of shape {rows.shape}; needed (n, {columns})")
+    return rows
+
+
+def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> Array:
+    """`mapping` of the columns of `rows`, block by block; NaN rows where anything is not finite."""
+    mapped = np.empty((len(rows), columns))
+    for start in range(0, len(rows), BLOCK_ROWS):
+        block = rows[start : start + BLOCK_ROWS]
+        finite_input = np.isfinite(block).all(axis=1)
+        values = mapped[start : start + BLOCK_ROWS]
+        with np.errstate(all="ignore"):
+            for column, component in enumerate(mapping(*np.ascontiguousarray(block.T))):
+                values[:, column] = component
+        values[~(finite_input & np.isfinite(values).all(axis=1))] = np.nan
+    return mapped
+
+
+def finite_number(name: str, value: SupportsFloat) -> float:
+    """`value` as a finite float; ValueError that names it otherwise."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name}: found {_brief(value)}; needed a number") from error
+    if not math.isfinite(number):
+        raise ValueError(f"{name}: found {number}; needed a finite number")
+    return number
+
+
+def positive_number(name: str, value: SupportsFloat) -> float:
+    """`value` as a finite float above zero; ValueError that names it otherwise."""
+    number = finite_number(name, value)
+    if number <= 0.0:
+        raise ValueError(f"{name}: found {number}; needed a number above 0")
+    return number
+
+
+def finite_numbers(name: str, values: Iterable[SupportsFloat]) -> tuple[float, ...]:
+    """`values` as a tuple of finite floats; ValueError that names the one that is not."""
+    try:
+        items = list(values)
+    except TypeError as error:
+        raise ValueError(f"{name}: found {_brief(values)}; needed a sequence of numbers") from error
+    return tuple(finite_number(f"{name}[{index}]", value) for index, value in enumerate(items))
+
+
+def image_length(name: str, value: int | None) -> int | None:
+    """An image width or height in pixels, None when unknown; ValueError unless a whole number above zero."""
+    if value is None:
+        return None
+    try:
+        length = operator.index(value)
+    except TypeError as error:
+        raise ValueError(f"{name}: found {_brief(value)}; needed a whole number of pixels or None") from error
+    if length <= 0:
+        raise ValueError(f"{name}: found {length}; needed a whole number above 0")
+    return length
+
+
+def intrinsic_matrix(fx: float, fy: float, cx: float, cy: float) -> Array:
+    """The matrix K (3, 3) that takes a normalized point (x, y, 1) to a pixel (u, v, 1)."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def intrinsics_of(matrix: ArrayLike) -> tuple[float, float, float, float]:
+    """`(fx, fy, cx, cy)` of a matrix K (3, 3) without skew; ValueError otherwise."""
+    try:
+        k = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"matrix: found {_brief(matrix)}; needed numbers of shape (3, 3)") from error
+    if k.shape != (3, 3):
+        raise ValueError(f"matrix: found an array of shape {k.shape}; needed (3, 3)")
+    if k[0, 1] != 0.0 or k[1, 0] != 0.0:
+        raise ValueError(f"matrix: found a skew of {k[0, 1]} and {k[1, 0]}; needed 0 off the diagonal")
+    if tuple(k[2]) != (0.0, 0.0, 1.0):
+        raise ValueError(f"matrix: found the last row {k[2].tolist()}; needed [0, 0, 1]")
+    return float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])
+
+
+def _brief(value: object) -> str:
+    """`repr` cut to a length that fits in a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,118 @@
+"""The fisheye camera of Kannala and Brandt, as OpenCV's fisheye module has it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionpose.cameras.base import (
+    LIMIT_SLACK,
+    Array,
+    Camera,
+    Components,
+    finite_number,
+    finite_numbers,
+    image_length,
+    intrinsic_matrix,
+    intrinsics_of,
+    positive_number,
+)
+from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, first_positive_root, polynomial
+
+
+@dataclass(frozen=True)
+class FisheyeCamera(Camera):
+    """Fisheye camera: a ray at angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + ... + k4 t^8)`.
+
+    The distance is on the plane that focal lengths and centre, in pixels, map to the image (Kannala and Brandt 2006,
+    radially symmetric part, as in OpenCV's fisheye module). Angles reach beyond 90 degrees, to the fold of the
+    polynomial or to 180 degrees. ValueError on a focal length that is not positive, a number that is not finite,
+    other than four coefficients.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    width: int | None = None
+    height: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the parameters and store them as plain numbers."""
+        store = object.__setattr__
+        store(self, "fx", positive_number("fx", self.fx))
+        store(self, "fy", positive_number("fy", self.fy))
+        store(self, "cx", finite_number("cx", self.cx))
+        store(self, "cy", finite_number("cy", self.cy))
+        store(self, "width", image_length("width", self.width))
+        store(self, "height", image_length("height", self.height))
+        store(self, "k", finite_numbers("k", self.k))
+        if len(self.k) != 4:
+            raise ValueError(f"k: found {len(self.k)} coefficients; needed 4 (k1 k2 k3 k4)")
+
+    @classmethod
+    def from_matrix(
+        cls,
+        matrix: ArrayLike,
+        distortion: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        width: int | None = None,
+        height: int | None = None,
+    ) -> FisheyeCamera:
+        """The camera with the matrix K (3, 3), without skew, and OpenCV's four coefficients in any shape."""
+        return cls(*intrinsics_of(matrix), k=tuple(np.ravel(np.asarray(distortion))), width=width, height=height)
+
+    @property
+    def matrix(self) -> Array:
+        """The matrix K (3, 3)."""
+        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
+
+    @cached_property
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis, in radians: pi, or the fold of the polynomial."""
+        slope = np.asarray([1.0, *self.k]) * np.array([1.0, 3.0, 5.0, 7.0, 9.0])
+        return min(math.pi, math.sqrt(first_positive_root(slope)))
+
+    @property
+    def straight_lines(self) -> bool:
+        """False: a fisheye camera bends straight lines."""
+        return False
+
+    def _radius(self, angle: Array) -> tuple[Array, Array]:
+        """Distance from the centre before the focal lengths, and its derivative by the angle."""
+        factor = np.asarray([1.0, *self.k])
+        square = angle * angle
+        value = polynomial(factor, square)
+        return angle * value, value + 2.0 * square * polynomial(derivative(factor), square)
+
+    def _angles(self, radius: Array) -> Array:
+        """Angles off the axis seen at `radius`; NaN beyond the largest."""
+
+        def residual(angle: Array, rows: Rows) -> tuple[Array, Array]:
+            value, slope = self._radius(angle)
+            return value - reached[rows], slope
+
+        seen = radius <= self._radius(np.array(self.max_angle))[0]
+        reached = radius[seen]
+        angles = np.full_like(radius, np.nan)
+        angles[seen] = bracketed_roots(residual, reached, self.max_angle)
+        return angles
+
+    def _bearings(self, u: Array, v: Array) -> Components:
+        x, y = (u - self.cx) / self.fx, (v - self.cy) / self.fy
+        radius = np.hypot(x, y)
+        angle = self._angles(radius)
+        scale = np.where(radius > 0.0, np.sin(angle) / radius, 1.0)
+        return x * scale, y * scale, np.cos(angle)
+
+    def _project(self, x: Array, y: Array, z: Array) -> Components:
+        off_axis = np.hypot(x, y)
+        angle = np.arctan2(off_axis, z)
+        angle[(angle > self.max_angle * (1.0 + LIMIT_SLACK)) | ((off_axis == 0.0) & (z <= 0.0))] = np.nan
+        radius, _ = self._radius(angle)
+        scale = np.where(off_axis > 0.0, radius / off_axis, radius)
+        return self.fx * x * scale + self.cx, self.fy * y * scale + self.cy

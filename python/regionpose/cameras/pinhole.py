@@ -1,0 +1,88 @@
+"""The pinhole camera with OpenCV's radial and tangential distortion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionpose.cameras.base import (
+    Array,
+    Camera,
+    Components,
+    finite_number,
+    image_length,
+    intrinsic_matrix,
+    intrinsics_of,
+    positive_number,
+)
+from regionpose.cameras.distortion import RadialTangential, distortion_of
+
+
+@dataclass(frozen=True)
+class PinholeCamera(Camera):
+    """Perspective camera, `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
+
+    `distortion` holds 0, 4, 5 or 8 coefficients in OpenCV's order `(k1, k2, p1, p2, k3, k4, k5, k6)`; focal lengths
+    and centre are in pixels. ValueError on a focal length that is not positive, a number that is not finite, another
+    count of coefficients.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int | None = None
+    height: int | None = None
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the parameters and store them as plain numbers."""
+        store = object.__setattr__
+        store(self, "fx", positive_number("fx", self.fx))
+        store(self, "fy", positive_number("fy", self.fy))
+        store(self, "cx", finite_number("cx", self.cx))
+        store(self, "cy", finite_number("cy", self.cy))
+        store(self, "width", image_length("width", self.width))
+        store(self, "height", image_length("height", self.height))
+        store(self, "distortion", distortion_of(self.distortion).coefficients)
+
+    @classmethod
+    def from_matrix(
+        cls, matrix: ArrayLike, distortion: ArrayLike = (), width: int | None = None, height: int | None = None
+    ) -> PinholeCamera:
+        """The camera with the matrix K (3, 3), without skew, and OpenCV's distortion coefficients in any shape."""
+        coefficients = tuple(np.ravel(np.asarray(distortion)))
+        return cls(*intrinsics_of(matrix), width=width, height=height, distortion=coefficients)
+
+    @property
+    def matrix(self) -> Array:
+        """The matrix K (3, 3)."""
+        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
+
+    @property
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis, in radians: pi / 2, or the fold of the distortion."""
+        return math.atan(self._distortion.limit)
+
+    @property
+    def straight_lines(self) -> bool:
+        """Whether there is no distortion."""
+        return self._distortion.is_identity
+
+    @cached_property
+    def _distortion(self) -> RadialTangential:
+        return distortion_of(self.distortion)
+
+    def _bearings(self, u: Array, v: Array) -> Components:
+        x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
+        norm = np.hypot(np.hypot(x, y), 1.0)
+        return x / norm, y / norm, 1.0 / norm
+
+    def _project(self, x: Array, y: Array, z: Array) -> Components:
+        depth = np.where(z > 0.0, z, np.nan)
+        x_distorted, y_distorted = self._distortion.distort(x / depth, y / depth)
+        return self.fx * x_distorted + self.cx, self.fy * y_distorted + self.cy

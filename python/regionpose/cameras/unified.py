@@ -1,0 +1,118 @@
+"""The unified camera of Mei and Rives: a sphere seen by a perspective camera shifted off its centre."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionpose.cameras.base import (
+    LIMIT_SLACK,
+    Array,
+    Camera,
+    Components,
+    finite_number,
+    image_length,
+    intrinsic_matrix,
+    intrinsics_of,
+    positive_number,
+)
+from regionpose.cameras.distortion import RadialTangential, distortion_of
+
+
+@dataclass(frozen=True)
+class UnifiedCamera(Camera):
+    """Unified camera: the point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)`.
+
+    Mei and Rives 2007; Kalibr's omni and OpenCV's omnidir model. `distortion` and the intrinsics in pixels are those
+    of PinholeCamera; `xi = 0` is a pinhole camera. Directions are seen up to `z = -xi` when `xi <= 1`, up to
+    `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion. ValueError on a negative xi, a focal length that
+    is not positive, a number that is not finite, a wrong count of coefficients.
+    """
+
+    xi: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+    width: int | None = None
+    height: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the parameters and store them as plain numbers."""
+        store = object.__setattr__
+        store(self, "xi", finite_number("xi", self.xi))
+        if self.xi < 0.0:
+            raise ValueError(f"xi: found {self.xi}; needed a number of at least 0")
+        store(self, "fx", positive_number("fx", self.fx))
+        store(self, "fy", positive_number("fy", self.fy))
+        store(self, "cx", finite_number("cx", self.cx))
+        store(self, "cy", finite_number("cy", self.cy))
+        store(self, "width", image_length("width", self.width))
+        store(self, "height", image_length("height", self.height))
+        store(self, "distortion", distortion_of(self.distortion).coefficients)
+
+    @classmethod
+    def from_matrix(
+        cls,
+        matrix: ArrayLike,
+        distortion: ArrayLike = (),
+        width: int | None = None,
+        height: int | None = None,
+        *,
+        xi: float,
+    ) -> UnifiedCamera:
+        """The camera with xi, the matrix K (3, 3), without skew, and distortion coefficients in any shape."""
+        coefficients = tuple(np.ravel(np.asarray(distortion)))
+        return cls(xi, *intrinsics_of(matrix), distortion=coefficients, width=width, height=height)
+
+    @property
+    def matrix(self) -> Array:
+        """The matrix K (3, 3)."""
+        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
+
+    @cached_property
+    def max_angle(self) -> float:
+        """Largest angle off the optical axis, in radians: that of the sphere or that of the distortion's fold."""
+        limit = self._distortion.limit
+        if limit >= self._plane_limit:
+            return math.acos(-min(self.xi, 1.0 / self.xi)) if self.xi > 0.0 else math.pi / 2.0
+        lift = _lift(self.xi, limit)
+        return math.atan2(lift * limit, lift - self.xi)
+
+    @property
+    def straight_lines(self) -> bool:
+        """Whether the camera is a pinhole camera without distortion."""
+        return self.xi == 0.0 and self._distortion.is_identity
+
+    @cached_property
+    def _distortion(self) -> RadialTangential:
+        return distortion_of(self.distortion)
+
+    @property
+    def _plane_limit(self) -> float:
+        """Largest radius before the distortion: infinite, or the outline of the sphere when xi > 1."""
+        return 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else math.inf
+
+    def _bearings(self, u: Array, v: Array) -> Components:
+        x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
+        lift = _lift(self.xi, np.hypot(x, y))
+        return lift * x, lift * y, lift - self.xi
+
+    def _project(self, x: Array, y: Array, z: Array) -> Components:
+        off_axis = np.hypot(x, y)
+        seen = np.arctan2(off_axis, z) <= self.max_angle * (1.0 + LIMIT_SLACK)
+        depth = z + self.xi * np.hypot(off_axis, z)
+        depth = np.where(seen & (depth > 0.0), depth, np.nan)
+        x_distorted, y_distorted = self._distortion.distort(x / depth, y / depth)
+        return self.fx * x_distorted + self.cx, self.fy * y_distorted + self.cy
+
+
+def _lift(xi: float, radius: Array | float) -> Array:
+    """`z + xi` of the near point of the unit sphere seen at `radius` on the plane; NaN outside its outline."""
+    square = np.square(radius)
+    return np.asarray((xi + np.sqrt(1.0 + (1.0 - xi * xi) * square)) / (1.0 + square))

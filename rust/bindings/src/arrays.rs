@@ -1,0 +1,99 @@
+//! Arrays in and out: shapes checked with the item's name.
+
+use nalgebra::{Matrix3, SVector, Vector3};
+use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regionpose::error::Error;
+use regionpose::pose::Pose;
+
+/// A core error as Python's `ValueError`.
+pub fn value_error(error: Error) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+fn real_array<'py>(item: &str, object: &Bound<'py, PyAny>, needed: &str) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
+    object.extract().map_err(|_| {
+        let kind = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+        PyValueError::new_err(format!("{item} is a {kind} that is not an array of real numbers; it needs to be {needed}"))
+    })
+}
+
+/// Rows of an (n, D) array.
+pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<SVector<f64, D>>> {
+    let needed = format!("an (n, {D}) array");
+    let array = real_array(item, object, &needed)?;
+    if array.ndim() != 2 || array.shape()[1] != D {
+        let found = array.shape();
+        return Err(PyValueError::new_err(format!("{item} has shape {found:?}; it needs to be {needed}")));
+    }
+    let values: Vec<f64> = array.as_array().iter().copied().collect();
+    Ok(values.chunks_exact(D).map(SVector::from_column_slice).collect())
+}
+
+/// Each ring's rows.
+pub fn rings<const D: usize>(object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<SVector<f64, D>>>> {
+    let list = object.try_iter().map_err(|_| PyValueError::new_err("rings need to be a list of arrays"))?;
+    list.enumerate().map(|(k, ring)| points(&format!("ring {k}"), &ring?)).collect()
+}
+
+/// Rows of a (k, 3) array of indices.
+pub fn triangles(object: &Bound<'_, PyAny>) -> PyResult<Vec<[usize; 3]>> {
+    let rows = points::<3>("triangles", object)?;
+    let index = |value: f64| {
+        let whole = value >= 0.0 && value.fract() == 0.0 && value <= u32::MAX as f64;
+        whole.then_some(value as usize).ok_or_else(|| {
+            PyValueError::new_err(format!("triangles hold {value}; vertex indices need to be whole numbers from 0"))
+        })
+    };
+    rows.iter().map(|row| Ok([index(row[0])?, index(row[1])?, index(row[2])?])).collect()
+}
+
+/// A list of numbers.
+pub fn numbers(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let array = real_array(item, object, "an (n,) array")?;
+    if array.ndim() != 1 {
+        return Err(PyValueError::new_err(format!("{item} has shape {:?}; it needs to be (n,)", array.shape())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// A vector of three finite numbers.
+pub fn vector(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    let values = numbers(item, object)?;
+    if values.len() != 3 || values.iter().any(|value| !value.is_finite()) {
+        return Err(PyValueError::new_err(format!("{item} is {values:?}; it needs to be 3 finite numbers")));
+    }
+    Ok(Vector3::from_column_slice(&values))
+}
+
+/// A pose from a (3, 3) rotation and a (3,) translation.
+pub fn pose(rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    let rows = points::<3>("rotation", rotation)?;
+    if rows.len() != 3 {
+        return Err(PyValueError::new_err(format!("rotation has {} rows; it needs to be a (3, 3) array", rows.len())));
+    }
+    let matrix = Matrix3::from_columns(&rows).transpose();
+    Pose::from_matrix(&matrix, vector("translation", translation)?).map_err(value_error)
+}
+
+/// An (n, D) array.
+pub fn array<'py, const D: usize>(py: Python<'py>, rows: &[SVector<f64, D>]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let values: Vec<f64> = rows.iter().flat_map(|row| row.iter().copied()).collect();
+    PyArray1::from_vec(py, values).reshape([rows.len(), D])
+}
+
+/// An array of the given rows and columns from values row by row.
+pub fn matrix<'py>(py: Python<'py>, values: Vec<f64>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    PyArray1::from_vec(py, values).reshape(shape)
+}
+
+/// A (3, 3) array of a rotation.
+pub fn rotation<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    matrix(py, pose.rotation.matrix().transpose().iter().copied().collect(), [3, 3])
+}
+
+/// A (3,) array.
+pub fn translation<'py>(py: Python<'py>, pose: &Pose) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, pose.translation.as_slice())
+}

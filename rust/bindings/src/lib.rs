@@ -1,0 +1,28 @@
+//! `regionpose._core`: the core crate's kernels for Python.
+//!
+//! Each function checks shapes, copies what it needs, calls one core function without the interpreter, and converts.
+#![forbid(unsafe_code)]
+
+mod arrays;
+mod mesh;
+mod moments;
+mod regions;
+mod solve;
+
+/// Kernels of regionpose.
+#[pyo3::pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
+    #[pymodule_export]
+    use crate::moments::{
+        mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, spherical_moments,
+    };
+    #[pymodule_export]
+    use crate::regions::{ObservedRegion, WorldRegion};
+    #[pymodule_export]
+    use crate::solve::{Estimate, Minimum, Problem, Solution, estimate_batch};
+
+    #[pymodule_export]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

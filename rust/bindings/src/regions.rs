@@ -1,0 +1,115 @@
+//! The two sides of a region.
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regionpose::region::{self, PlaneFrame, Pixels};
+use regionpose::rings::PlaneRings;
+
+use crate::arrays::{array, numbers, points, rings, triangles, value_error};
+use crate::mesh::ring_arrays;
+
+/// A region as the camera sees it: rings of bearings, and its area in pixels.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[derive(Clone)]
+pub struct ObservedRegion(pub region::ObservedRegion);
+
+#[pymethods]
+impl ObservedRegion {
+    #[new]
+    #[pyo3(signature = (rings, pixel_area, *, pixel_bearings = None, pixel_solid_angles = None))]
+    fn new(
+        rings: &Bound<'_, PyAny>,
+        pixel_area: f64,
+        pixel_bearings: Option<&Bound<'_, PyAny>>,
+        pixel_solid_angles: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut observed = region::ObservedRegion::new(self::rings::<3>(rings)?, pixel_area);
+        if let (Some(bearings), Some(solid_angles)) = (pixel_bearings, pixel_solid_angles) {
+            let bearings = points::<3>("pixel_bearings", bearings)?;
+            let solid_angles = numbers("pixel_solid_angles", solid_angles)?;
+            if bearings.len() != solid_angles.len() {
+                return Err(PyValueError::new_err("pixel_bearings and pixel_solid_angles need to be as many"));
+            }
+            observed.pixels = Some(Pixels { bearings, solid_angles });
+        }
+        Ok(Self(observed))
+    }
+}
+
+/// A region of the 3D data: planar with holes, or a triangulated open surface.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[derive(Clone)]
+pub struct WorldRegion(pub region::WorldRegion);
+
+#[pymethods]
+impl WorldRegion {
+    /// The planar region inside the first ring and outside the others.
+    #[staticmethod]
+    fn from_rings(py: Python<'_>, rings: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let given = self::rings::<3>(rings)?;
+        py.detach(|| region::WorldRegion::from_rings(&given)).map(Self).map_err(value_error)
+    }
+
+    /// The planar region of rings in a plane's coordinates `origin + u axes[0] + v axes[1]`.
+    #[staticmethod]
+    fn from_outline(
+        py: Python<'_>,
+        origin: &Bound<'_, PyAny>,
+        axes: &Bound<'_, PyAny>,
+        rings: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let (origin, axes) = (crate::arrays::vector("origin", origin)?, points::<3>("axes", axes)?);
+        let [u, v] = axes[..] else {
+            return Err(PyValueError::new_err(format!("axes has {} rows; it needs to be (2, 3)", axes.len())));
+        };
+        let given = self::rings::<2>(rings)?;
+        let frame = PlaneFrame { origin, axes: [u, v, u.cross(&v)] };
+        py.detach(|| PlaneRings::new(given))
+            .map(|outline| Self(region::WorldRegion::from_outline(frame, outline)))
+            .map_err(value_error)
+    }
+
+    /// The region covered by a triangulated open surface.
+    #[staticmethod]
+    fn from_mesh(py: Python<'_>, vertices: &Bound<'_, PyAny>, triangles: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (vertices, triangles) = (points::<3>("vertices", vertices)?, self::triangles(triangles)?);
+        py.detach(|| region::WorldRegion::from_mesh(&vertices, &triangles)).map(Self).map_err(value_error)
+    }
+
+    /// Boundary rings, each (n, 3).
+    #[getter]
+    fn rings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        ring_arrays(py, &self.0.rings())
+    }
+
+    /// A point of the plane, (3,).
+    #[getter]
+    fn origin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.frame().origin.as_slice())
+    }
+
+    /// Rows: the plane's axes u and v and its normal, (3, 3).
+    #[getter]
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array(py, &self.0.frame().axes)
+    }
+
+    /// Rings in plane coordinates, each (n, 2), outer ones counter-clockwise.
+    #[getter]
+    fn outline<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        ring_arrays(py, self.0.outline().rings())
+    }
+
+    /// Area in plane coordinates.
+    #[getter]
+    fn area(&self) -> f64 {
+        self.0.outline().area()
+    }
+
+    /// Whether the region lies in one plane.
+    #[getter]
+    fn is_planar(&self) -> bool {
+        self.0.surface().is_none()
+    }
+}

@@ -1,0 +1,285 @@
+//! Problems and what comes of them.
+
+use nalgebra::Vector3;
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regionpose::batch::in_parallel;
+use regionpose::equations::System;
+use regionpose::estimate;
+use regionpose::facet::Integration;
+use regionpose::least_squares;
+use regionpose::residual::Weighting;
+use regionpose::solve::{self, Prior, Start};
+
+use crate::arrays::{matrix, pose, rotation, translation, value_error, vector};
+use crate::regions::{ObservedRegion, WorldRegion};
+
+fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
+    PyValueError::new_err(format!("{option} is {found:?}; it needs to be {needed}"))
+}
+
+fn parsed_system(name: &str) -> PyResult<System> {
+    match name {
+        "plane" => Ok(System::Plane),
+        "sphere" => Ok(System::Sphere),
+        other => Err(unknown("system", other, "\"plane\" or \"sphere\"")),
+    }
+}
+
+fn parsed_integration(name: &str) -> PyResult<Integration> {
+    match name {
+        "boundary" => Ok(Integration::Boundary),
+        "mesh" => Ok(Integration::Mesh),
+        "pixels" => Ok(Integration::Pixels),
+        other => Err(unknown("integration", other, "\"boundary\", \"mesh\" or \"pixels\"")),
+    }
+}
+
+fn parsed_start(name: &str) -> PyResult<Start> {
+    match name {
+        "global" => Ok(Start::Global),
+        "paper" => Ok(Start::Paper),
+        other => Err(unknown("start", other, "\"global\" or \"paper\"")),
+    }
+}
+
+type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+fn parsed_prior(initial: Option<PoseArrays<'_>>, up: Option<Bound<'_, PyAny>>) -> PyResult<Prior> {
+    let initial = initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?;
+    let up: Option<Vector3<f64>> = up.map(|up| vector("up", &up)).transpose()?;
+    if up.is_some_and(|up| up.norm() == 0.0) {
+        return Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"));
+    }
+    Ok(Prior { initial, up })
+}
+
+/// Where a least squares ended.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[derive(Clone)]
+pub struct Minimum(least_squares::Minimum);
+
+#[pymethods]
+impl Minimum {
+    #[new]
+    fn new(
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+        cost: f64,
+        converged: bool,
+        termination: String,
+        evaluations: usize,
+    ) -> PyResult<Self> {
+        let pose = pose(rotation, translation)?;
+        Ok(Self(least_squares::Minimum { pose, cost, converged, termination, evaluations }))
+    }
+
+    #[getter]
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        rotation(py, &self.0.pose)
+    }
+
+    #[getter]
+    fn translation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        translation(py, &self.0.pose)
+    }
+
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.0.cost
+    }
+
+    #[getter]
+    fn converged(&self) -> bool {
+        self.0.converged
+    }
+
+    #[getter]
+    fn termination(&self) -> &str {
+        &self.0.termination
+    }
+
+    #[getter]
+    fn evaluations(&self) -> usize {
+        self.0.evaluations
+    }
+}
+
+/// A minimum and its overlap errors.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[derive(Clone)]
+pub struct Solution(estimate::Solution);
+
+#[pymethods]
+impl Solution {
+    #[getter]
+    fn minimum(&self) -> Minimum {
+        Minimum(self.0.minimum.clone())
+    }
+
+    #[getter]
+    fn overlap_error(&self) -> f64 {
+        self.0.overlap_error
+    }
+
+    #[getter]
+    fn region_overlap_errors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.0.region_overlap_errors)
+    }
+}
+
+/// The pose of a camera, and what is known of it.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+#[derive(Clone)]
+pub struct Estimate(estimate::Estimate);
+
+#[pymethods]
+impl Estimate {
+    #[getter]
+    fn best(&self) -> Solution {
+        Solution(self.0.best.clone())
+    }
+
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.0.covariance.iter().copied().collect(), [6, 6])
+    }
+
+    #[getter]
+    fn boundary_noise(&self) -> f64 {
+        self.0.boundary_noise
+    }
+
+    #[getter]
+    fn alternatives(&self) -> Vec<Solution> {
+        self.0.alternatives.iter().cloned().map(Solution).collect()
+    }
+
+    /// (code, sentence) of each warning.
+    #[getter]
+    fn warnings(&self) -> Vec<(&'static str, String)> {
+        self.0.warnings.iter().map(|warning| (warning.code(), warning.to_string())).collect()
+    }
+
+    #[getter]
+    fn evaluations(&self) -> usize {
+        self.0.evaluations
+    }
+}
+
+/// Regions seen in one image and known in the world, ready to be solved.
+#[pyclass(frozen, skip_from_py_object, module = "regionpose._core")]
+pub struct Problem(solve::Problem);
+
+#[pymethods]
+impl Problem {
+    #[new]
+    #[pyo3(signature = (observed, worlds, *, system = "plane", integration = "boundary"))]
+    fn new(
+        py: Python<'_>,
+        observed: Vec<PyRef<'_, ObservedRegion>>,
+        worlds: Vec<PyRef<'_, WorldRegion>>,
+        system: &str,
+        integration: &str,
+    ) -> PyResult<Self> {
+        let sides = Sides::new(&observed, &worlds);
+        let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+        py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
+    }
+
+    /// Poses (rotation (3, 3), translation (3,)) from which to solve, best first.
+    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    fn candidates<'py>(
+        &self,
+        py: Python<'py>,
+        start: &str,
+        initial: Option<PoseArrays<'py>>,
+        up: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        let poses = py.detach(|| self.0.candidates(start, &prior));
+        poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
+    }
+
+    /// Residuals (m,) and derivatives (m, 6) by the left increment; None where a region is out of view.
+    #[pyo3(signature = (rotation, translation, *, whitened = true))]
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+        whitened: bool,
+    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+        let pose = pose(rotation, translation)?;
+        let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
+        let Some(evaluation) = py.detach(|| self.0.evaluate(&pose, weighting)) else { return Ok(None) };
+        let rows = evaluation.residual.len();
+        let jacobian = matrix(py, evaluation.jacobian.transpose().iter().copied().collect(), [rows, 6])?;
+        Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
+    }
+
+    /// The whitened minimum that the native solver reaches from a candidate.
+    fn solve_from(&self, py: Python<'_>, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<Minimum> {
+        let pose = pose(rotation, translation)?;
+        Ok(Minimum(py.detach(|| self.0.solve_from(&pose))))
+    }
+
+    /// The verdict on minima found by any driver; None without one.
+    #[pyo3(signature = (minima, *, initial = None, up = None))]
+    fn judged(
+        &self,
+        py: Python<'_>,
+        minima: Vec<PyRef<'_, Minimum>>,
+        initial: Option<PoseArrays<'_>>,
+        up: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<Option<Estimate>> {
+        let prior = parsed_prior(initial, up)?;
+        let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
+        Ok(py.detach(|| self.0.judged(minima, &prior)).map(Estimate))
+    }
+}
+
+/// The two sides of a problem, free of the interpreter.
+struct Sides {
+    observed: Vec<regionpose::region::ObservedRegion>,
+    worlds: Vec<regionpose::region::WorldRegion>,
+}
+
+impl Sides {
+    fn new(observed: &[PyRef<'_, ObservedRegion>], worlds: &[PyRef<'_, WorldRegion>]) -> Self {
+        Self {
+            observed: observed.iter().map(|region| region.0.clone()).collect(),
+            worlds: worlds.iter().map(|region| region.0.clone()).collect(),
+        }
+    }
+
+    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<solve::Problem> {
+        solve::Problem::new(&self.observed, self.worlds.clone(), system, integration)
+    }
+}
+
+type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
+
+/// Estimates of many problems by the native solver, in order; None for a problem without a pose in view.
+#[pyfunction]
+#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary"))]
+pub fn estimate_batch(
+    py: Python<'_>,
+    problems: Vec<PySides<'_>>,
+    threads: Option<usize>,
+    system: &str,
+    integration: &str,
+) -> PyResult<Vec<Option<Estimate>>> {
+    let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+    let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
+    let solve = |sides: &Sides| {
+        sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default()))
+    };
+    let results = py.detach(|| in_parallel(&sides, threads, solve)).map_err(value_error)?;
+    let named = |(index, result): (usize, regionpose::error::Result<_>)| match result {
+        Ok(estimate) => Ok(Option::map(estimate, Estimate)),
+        Err(error) => Err(PyValueError::new_err(format!("problem {index}: {error}"))),
+    };
+    results.into_iter().enumerate().map(named).collect()
+}

@@ -1,0 +1,118 @@
+//! Closed rings on the unit sphere, valid by construction.
+
+use nalgebra::{Rotation3, Vector2, Vector3};
+
+use crate::error::{Error, Result};
+use crate::region::check_finite;
+use crate::rings::PlaneRings;
+
+/// Unit vector along the ray of a pixel, in camera axes.
+pub type Bearing = Vector3<f64>;
+
+/// Smallest cosine to the view's axis: 89.9 degrees, so that any region inside an open half space has a view, while the
+/// projection keeps twelve digits.
+const MIN_COSINE: f64 = 1e-3;
+
+/// Below this cosine at some vertex, the mean direction gives way to the axis of the smallest enclosing cone.
+const MEAN_AXIS_MIN_COSINE: f64 = 0.3;
+
+/// Steps of the enclosing cone's iteration; its axis is then good to a fraction of a degree.
+const CONE_STEPS: usize = 2000;
+
+/// The rings of a region of the unit sphere that fits a half space: joined by great-circle arcs, never crossing, the region
+/// to their left seen from outside the sphere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BearingRings {
+    rings: Vec<Vec<Bearing>>,
+    view: Rotation3<f64>,
+    flat: PlaneRings,
+}
+
+impl BearingRings {
+    /// The region bounded by rings of bearings, in any order and turning either way: nesting decides which ones are holes.
+    ///
+    /// # Errors
+    /// Bearings that are zero or not finite, a region that does not fit a half space, and what [`PlaneRings::new`] refuses.
+    pub fn new(rings: &[Vec<Bearing>]) -> Result<Self> {
+        let directions = directions(rings)?;
+        let view = turn_onto_z(&first_axis(&directions)?);
+        let project = |r: &Bearing| {
+            let turned = view * r;
+            (turned.z > MIN_COSINE).then(|| Vector2::new(turned.x, turned.y) / turned.z)
+        };
+        let flat = directions.iter().map(|ring| ring.iter().map(project).collect()).collect::<Option<_>>();
+        let flat = PlaneRings::new(flat.ok_or_else(too_wide)?)?;
+        let lift = |p: &Vector2<f64>| (view.inverse() * Vector3::new(p.x, p.y, 1.0)).normalize();
+        let rings = flat.rings().iter().map(|ring| ring.iter().map(lift).collect()).collect();
+        Ok(Self { rings, view, flat })
+    }
+
+    /// The rings, oriented, as unit vectors.
+    pub fn rings(&self) -> &[Vec<Bearing>] {
+        &self.rings
+    }
+
+    /// A rotation of the axes that brings the region around z, and its rings projected onto `z = 1` there.
+    pub fn view(&self) -> (Rotation3<f64>, &PlaneRings) {
+        (self.view, &self.flat)
+    }
+}
+
+fn too_wide() -> Error {
+    Error::TooWide { limit: MIN_COSINE.acos().to_degrees() }
+}
+
+/// The bearings at unit length.
+fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
+    let mut directions = Vec::with_capacity(rings.len());
+    for (ring, bearings) in rings.iter().enumerate() {
+        let item = format!("ring {ring} bearing");
+        check_finite(&item, bearings)?;
+        let unit = |(index, bearing): (usize, &Bearing)| {
+            bearing.try_normalize(0.0).ok_or_else(|| Error::ZeroBearing { item: item.clone(), index })
+        };
+        directions.push(bearings.iter().enumerate().map(unit).collect::<Result<_>>()?);
+    }
+    Ok(directions)
+}
+
+/// Mean direction of the boundary, or for a wide region the axis of its enclosing cone.
+fn first_axis(rings: &[Vec<Bearing>]) -> Result<Bearing> {
+    let mean = mean_direction(rings).ok_or_else(too_wide)?;
+    let near = smallest_cosine(rings, &mean) > MEAN_AXIS_MIN_COSINE;
+    Ok(if near { mean } else { enclosing_cone_axis(rings, mean) })
+}
+
+/// Mean of the boundary's bearings, each edge weighted by its chord.
+fn mean_direction(rings: &[Vec<Bearing>]) -> Option<Bearing> {
+    let mut sum = Vector3::zeros();
+    for ring in rings {
+        for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
+            sum += (a + b) * (a - b).norm();
+        }
+    }
+    sum.try_normalize(0.0)
+}
+
+/// Axis of the narrowest cone around the bearings, by Badoiu and Clarkson's iteration towards the farthest one.
+fn enclosing_cone_axis(rings: &[Vec<Bearing>], start: Bearing) -> Bearing {
+    let mut centre = start;
+    for step in 1..=CONE_STEPS {
+        let cosine = |bearing: &Bearing| centre.dot(bearing);
+        let Some(farthest) = rings.iter().flatten().min_by(|a, b| cosine(a).total_cmp(&cosine(b))) else {
+            return start;
+        };
+        centre += (farthest - centre) / (step + 1) as f64;
+    }
+    centre.try_normalize(0.0).unwrap_or(start)
+}
+
+fn smallest_cosine(rings: &[Vec<Bearing>], axis: &Bearing) -> f64 {
+    rings.iter().flatten().map(|bearing| axis.dot(bearing)).fold(1.0, f64::min)
+}
+
+/// The shortest rotation that brings a unit vector onto the z axis; half a turn about x where it points to -z.
+pub(crate) fn turn_onto_z(axis: &Bearing) -> Rotation3<f64> {
+    Rotation3::rotation_between(axis, &Vector3::z())
+        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+}

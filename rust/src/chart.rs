@@ -1,0 +1,78 @@
+//! A region's own view: the camera turned so that the region lies around the axis, and its size made one.
+
+use nalgebra::{Rotation3, Vector2, Vector3};
+
+use crate::bearing_rings::{Bearing, BearingRings, turn_onto_z};
+use crate::error::{Error, Result};
+use crate::moments::plane::planar_moments;
+use crate::rings::PlaneRings;
+
+/// Smallest cosine between a chart's axis and a point in it: 87 degrees, where the gnomonic projection stretches 400 times.
+pub const MIN_COSINE: f64 = 0.05;
+
+/// Below this cosine at some vertex, the chart keeps the axis of the region's narrowest cone instead of its centroid's.
+const CENTROID_AXIS_MIN_COSINE: f64 = 0.3;
+
+/// Turns that bring the axis onto the centroid; each leaves the square of the region's angular size.
+const CENTROID_STEPS: usize = 3;
+
+/// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, section 6).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chart {
+    /// `chart_from_camera`.
+    pub rotation: Rotation3<f64>,
+    /// Chart units per unit of the plane `z = 1`, so that the observed area is one.
+    pub scale: f64,
+}
+
+impl Chart {
+    /// The chart of an observed region and its rings in the chart, oriented, with unit area.
+    ///
+    /// # Errors
+    /// Bearings that are zero or not finite, crossing rings, or a region that does not fit 87 degrees around any axis.
+    pub fn of(rings: &[Vec<Bearing>]) -> Result<(Self, PlaneRings)> {
+        let rings = BearingRings::new(rings)?;
+        let (rotation, flat) = rings.view();
+        let start = Self { rotation, scale: 1.0 };
+        let limit = |p: &Vector2<f64>| (1.0 > MIN_COSINE * (1.0 + p.norm_squared()).sqrt()).then_some(*p);
+        let rings = flat.mapped(limit).ok_or_else(too_wide)?;
+        let (chart, rings) = start.centred(rings);
+        let scale = 1.0 / rings.area().sqrt();
+        let scaled = rings.mapped(|p| Some(p * scale)).ok_or_else(too_wide)?;
+        Ok((Self { scale, ..chart }, scaled))
+    }
+
+    /// The unscaled chart about the region's centroid, unless the region reaches too far from it.
+    fn centred(self, rings: PlaneRings) -> (Self, PlaneRings) {
+        let mut best = (self, rings);
+        for _ in 0..CENTROID_STEPS {
+            let (chart, rings) = &best;
+            let moments = planar_moments(rings.rings().iter().map(Vec::as_slice), 1);
+            let centroid = Vector3::new(moments.get(1, 0), moments.get(0, 1), moments.get(0, 0));
+            let turn = turn_onto_z(&centroid.normalize());
+            let moved = rings.mapped(|p| {
+                let turned = turn * Vector3::new(p.x, p.y, 1.0);
+                let near = turned.z > CENTROID_AXIS_MIN_COSINE * turned.norm();
+                near.then(|| Vector2::new(turned.x, turned.y) / turned.z)
+            });
+            let Some(moved) = moved else { break };
+            best = (Self { rotation: turn * chart.rotation, scale: 1.0 }, moved);
+        }
+        best
+    }
+
+    /// Chart coordinates of a point in camera coordinates; `None` where it lies 87 degrees or more off the chart's axis.
+    pub fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
+        self.project_turned(&(self.rotation * point))
+    }
+
+    /// Chart coordinates of a point whose coordinates are along the chart's axes already.
+    pub fn project_turned(&self, p: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let inside = p.z > 0.0 && p.z * p.z > MIN_COSINE * MIN_COSINE * p.norm_squared();
+        inside.then(|| Vector2::new(p.x, p.y) * (self.scale / p.z))
+    }
+}
+
+fn too_wide() -> Error {
+    Error::TooWide { limit: MIN_COSINE.acos().to_degrees() }
+}

@@ -1,0 +1,74 @@
+//! Derivatives of moments with respect to the pose, as linear maps of moments one or two orders higher.
+//!
+//! For a region of the plane `nu . P = 1` in camera coordinates, `1 / P_z` and `1 / |P|` are linear in the projected point,
+//! so the boundary's velocity is polynomial and Reynolds' theorem turns each derivative into moments of the same region
+//! (`docs/math.md`, section 5).
+
+use nalgebra::Vector3;
+
+use crate::moments::{PlaneMoments, SphereMoments};
+
+/// A row of a Jacobian: derivatives by `[omega_x, omega_y, omega_z, tau_x, tau_y, tau_z]`.
+pub type Row = [f64; 6];
+
+/// How many orders above a planar moment its derivative reaches.
+pub const PLANE_REACH: usize = 1;
+
+/// How many orders above a spherical moment its derivative reaches.
+pub const SPHERE_REACH: usize = 2;
+
+/// Derivative of the planar moment of `x^i y^j` by a left increment of the pose (`docs/math.md`, eq. 5.2).
+///
+/// `moments` holds the region's moments to order `i + j + 1`; `nu` is the region's plane, `nu . P = 1`.
+pub fn plane_derivative(moments: &PlaneMoments, nu: &Vector3<f64>, i: usize, j: usize) -> Row {
+    let (p, q) = (i as f64, j as f64);
+    let k = p + q;
+    let m = |di: i32, dj: i32| moment_or_zero(moments, i as i32 + di, j as i32 + dj);
+    [
+        -(k + 3.0) * m(0, 1) - q * m(0, -1),
+        (k + 3.0) * m(1, 0) + p * m(-1, 0),
+        q * m(1, -1) - p * m(-1, 1),
+        (p + 1.0) * nu.x * m(0, 0) + p * (nu.y * m(-1, 1) + nu.z * m(-1, 0)),
+        (q + 1.0) * nu.y * m(0, 0) + q * (nu.x * m(1, -1) + nu.z * m(0, -1)),
+        -(k + 3.0) * (nu.x * m(1, 0) + nu.y * m(0, 1)) - (k + 2.0) * nu.z * m(0, 0),
+    ]
+}
+
+/// Derivative of the spherical moment of `r^e` by a left increment of the pose (`docs/math.md`, eq. 5.4).
+///
+/// `moments` holds the region's moments to order `|e| + 2`; `nu` is the region's plane, `nu . P = 1`.
+pub fn sphere_derivative(moments: &SphereMoments, nu: &Vector3<f64>, e: [usize; 3]) -> Row {
+    let e = e.map(|exponent| exponent as i32);
+    let k = e.iter().sum::<i32>() as f64;
+    let s = |e: [i32; 3]| spatial_moment_or_zero(moments, e);
+    let mut row = [0.0; 6];
+    for w in 0..3 {
+        let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+        row[w] = e[v] as f64 * s(raised(raised(e, v, -1), u, 1)) - e[u] as f64 * s(raised(raised(e, u, -1), v, 1));
+    }
+    for q in 0..3 {
+        row[3 + q] = (0..3)
+            .map(|c| {
+                let up = raised(e, c, 1);
+                nu[c] * (up[q] as f64 * s(raised(up, q, -1)) - (k + 3.0) * s(raised(up, q, 1)))
+            })
+            .sum();
+    }
+    row
+}
+
+fn moment_or_zero(moments: &PlaneMoments, i: i32, j: i32) -> f64 {
+    if i < 0 || j < 0 { 0.0 } else { moments.get(i as usize, j as usize) }
+}
+
+fn spatial_moment_or_zero(moments: &SphereMoments, e: [i32; 3]) -> f64 {
+    if e.iter().any(|&exponent| exponent < 0) {
+        return 0.0;
+    }
+    moments.get(e[0] as usize, e[1] as usize, e[2] as usize)
+}
+
+fn raised(mut e: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
+    e[axis] += by;
+    e
+}

@@ -1,0 +1,226 @@
+//! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
+
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use thiserror::Error as Message;
+
+use crate::chart::Chart;
+use crate::least_squares::Minimum;
+use crate::overlap::{OverlapAreas, overlap_areas};
+use crate::pose::Pose;
+use crate::residual::{RegionEquations, Weighting};
+use crate::rings::PlaneRings;
+use crate::solve::{Prior, Problem, Start};
+
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
+
+/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
+/// deviations.
+const AMBIGUITY_COST: f64 = 25.0;
+
+/// Overlap error above which a solution does not count as solved (paper section 3).
+const POOR_OVERLAP: f64 = 0.05;
+
+/// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
+/// paper's bound for solved).
+const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
+
+/// Standard deviation of the translation along its weakest axis above which the geometry is called weak, as a share of the
+/// distance to the regions.
+const WEAK_TRANSLATION: f64 = 0.02;
+
+/// What a user has to know before trusting a pose.
+#[derive(Debug, Clone, PartialEq, Message)]
+#[non_exhaustive]
+pub enum Warning {
+    /// Other poses fit as well.
+    #[error("{count} other pose(s) fit as well, the nearest {degrees:.1} deg away: the regions are symmetric or too few")]
+    Ambiguous {
+        /// How many.
+        count: usize,
+        /// Rotation to the nearest of them.
+        degrees: f64,
+    },
+    /// The least squares did not end at a minimum.
+    #[error("the least squares did not converge: {termination}")]
+    NotConverged {
+        /// Why it ended.
+        termination: String,
+    },
+    /// A projected region does not cover the observed one.
+    #[error("region {region} projected with this pose misses the observed one by {percent:.1} % of its area")]
+    PoorOverlap {
+        /// The region.
+        region: usize,
+        /// Overlap error in percent.
+        percent: f64,
+    },
+    /// The regions hold the pose only weakly.
+    #[error(
+        "weak geometry: {degrees:.2} deg about camera axis [{}] and {share:.1} % of the distance along [{}] (1 sigma)", shown(.axis), shown(.along)
+    )]
+    WeakGeometry {
+        /// Largest standard deviation of the rotation, degrees.
+        degrees: f64,
+        /// The camera axis it is about.
+        axis: Vector3<f64>,
+        /// Largest standard deviation of the translation, percent of the distance.
+        share: f64,
+        /// The camera direction it is along.
+        along: Vector3<f64>,
+    },
+}
+
+impl Warning {
+    /// A short name that stays the same from version to version.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Ambiguous { .. } => "ambiguous",
+            Self::NotConverged { .. } => "not-converged",
+            Self::PoorOverlap { .. } => "poor-overlap",
+            Self::WeakGeometry { .. } => "weak-geometry",
+        }
+    }
+}
+
+/// A minimum and how well its projected regions cover the observed ones.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// Pose, cost and termination.
+    pub minimum: Minimum,
+    /// Area of the symmetric difference over the observed area, all regions together (the paper's delta); NaN where a region
+    /// cannot be projected.
+    pub overlap_error: f64,
+    /// The same, region by region.
+    pub region_overlap_errors: Vec<f64>,
+}
+
+/// The pose of a camera, and what is known of it.
+#[derive(Debug, Clone)]
+pub struct Estimate {
+    /// The best pose.
+    pub best: Solution,
+    /// Covariance of the left increment `[omega (rad), tau (metres)]`.
+    pub covariance: Matrix6<f64>,
+    /// Noise of the boundary that the fit shows, in pixels along the normal.
+    pub boundary_noise: f64,
+    /// The other minima that fit as well, best first.
+    pub alternatives: Vec<Solution>,
+    /// What to be warned of.
+    pub warnings: Vec<Warning>,
+    /// Evaluations of the equations over all minima.
+    pub evaluations: usize,
+}
+
+impl Problem {
+    /// The pose from nothing but the regions and the prior, by the native solver.
+    ///
+    /// `None` where no pose shows every region in its chart.
+    pub fn estimate(&self, start: Start, prior: &Prior) -> Option<Estimate> {
+        self.judged(self.minima(&self.candidates(start, prior)), prior)
+    }
+
+    /// The verdict on minima found by any driver.
+    pub fn judged(&self, minima: Vec<Minimum>, prior: &Prior) -> Option<Estimate> {
+        let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
+        let minima = self.distinct(minima);
+        let least = minima.first()?.cost;
+        let noise = self.boundary_noise(least);
+        let limit = least + AMBIGUITY_COST * noise * noise;
+        let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
+        // The sort is stable: without a prior the order of cost stays.
+        fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
+        let mut solutions = fitting.into_iter().map(|minimum| self.solution(minimum));
+        let best = solutions.next()?;
+        let alternatives: Vec<Solution> = solutions.collect();
+        let covariance = self.covariance(&best.minimum.pose, noise);
+        let warnings = self.warnings(&best, &alternatives, &covariance);
+        Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
+    }
+
+    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
+    fn boundary_noise(&self, cost: f64) -> f64 {
+        let count: usize = self.regions().iter().map(RegionEquations::rank).sum();
+        let left = count.saturating_sub(6).max(1) as f64;
+        (cost / left).sqrt().max(NOISE_FLOOR)
+    }
+
+    /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
+    fn covariance(&self, pose: &Pose, noise: f64) -> Matrix6<f64> {
+        let free = Matrix6::from_element(f64::INFINITY);
+        let Some(evaluation) = self.evaluate(pose, Weighting::Whitened) else { return free };
+        let information = evaluation.jacobian.transpose() * &evaluation.jacobian;
+        let information = Matrix6::from_iterator(information.iter().copied());
+        information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
+    }
+
+    fn solution(&self, minimum: Minimum) -> Solution {
+        let areas: Vec<Option<OverlapAreas>> = (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
+        let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
+        let total = areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
+        Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
+    }
+
+    fn overlap(&self, region: usize, pose: &Pose) -> Option<OverlapAreas> {
+        let equations = &self.regions()[region];
+        let chart = Chart { scale: 1.0, ..*equations.chart() };
+        let project = |ring: &Vec<Vector3<f64>>| -> Option<Vec<Vector2<f64>>> {
+            ring.iter().map(|x| chart.project(&pose.transform(x))).collect()
+        };
+        let rings = self.worlds()[region].rings();
+        let predicted = PlaneRings::new(rings.iter().map(project).collect::<Option<_>>()?).ok()?;
+        let observed = equations.outline().mapped(|p| Some(p / equations.chart().scale))?;
+        overlap_areas(&observed, &predicted).ok()
+    }
+
+    fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        if !best.minimum.converged {
+            warnings.push(Warning::NotConverged { termination: best.minimum.termination.clone() });
+        }
+        let angles = alternatives.iter().map(|other| best.minimum.pose.angle_to(&other.minimum.pose).to_degrees());
+        if let Some(degrees) = angles.reduce(f64::min) {
+            warnings.push(Warning::Ambiguous { count: alternatives.len(), degrees });
+        }
+        for (region, &error) in best.region_overlap_errors.iter().enumerate() {
+            if error.partial_cmp(&POOR_OVERLAP) != Some(std::cmp::Ordering::Less) {
+                warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error });
+            }
+        }
+        warnings.extend(weak_geometry(covariance, self.distance(&best.minimum.pose)));
+        warnings
+    }
+}
+
+/// How far a pose is from what was known beforehand, in radians; 0 without a prior.
+fn disagreement(pose: &Pose, prior: &Prior) -> f64 {
+    let from_initial = prior.initial.map_or(0.0, |initial| initial.angle_to(pose));
+    let from_up = prior.up.map_or(0.0, |up| (pose.rotation * up).angle(&-Vector3::y()));
+    from_initial + from_up
+}
+
+fn weak_geometry(covariance: &Matrix6<f64>, distance: f64) -> Option<Warning> {
+    let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
+    let (translation, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
+    let weak = !(rotation < WEAK_ROTATION && translation < WEAK_TRANSLATION * distance);
+    weak.then(|| Warning::WeakGeometry {
+        degrees: rotation.to_degrees(),
+        axis,
+        share: 100.0 * translation / distance,
+        along,
+    })
+}
+
+/// Largest standard deviation and its direction.
+fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
+    let Some(eigen) = covariance.try_symmetric_eigen(f64::EPSILON, 1000) else {
+        return (f64::INFINITY, Vector3::zeros());
+    };
+    let largest = eigen.eigenvalues.imax();
+    (eigen.eigenvalues[largest].max(0.0).sqrt(), eigen.eigenvectors.column(largest).into_owned())
+}
+
+fn shown(direction: &Vector3<f64>) -> String {
+    format!("{:.2}, {:.2}, {:.2}", direction.x, direction.y, direction.z)
+}

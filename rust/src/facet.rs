@@ -1,0 +1,156 @@
+//! A piece of a world region that lies in one plane, and its moments as a camera sees it.
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::chart::Chart;
+use crate::error::Result;
+use crate::mesh::even_mesh::even_mesh;
+use crate::mesh::triangulation::{MeshOptions, PlaneMesh, triangulate};
+use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
+use crate::moments::plane::ring_moments;
+use crate::moments::sphere::spherical_moments;
+use crate::moments::{PlaneMoments, SphereMoments};
+use crate::equations::System;
+use crate::pose::Pose;
+use crate::region::{Surface, WorldRegion};
+use crate::rings::PlaneRings;
+
+/// How the integrals are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Integration {
+    /// Sums over the boundary's edges, exact (`docs/math.md`, sections 2 and 3).
+    Boundary,
+    /// Sums over the triangles of a mesh (paper section 2.1 and 2.2, eq. 16 to 24).
+    Mesh,
+    /// The observed side summed over the mask's pixels (paper eq. 6, 7), the predicted side from the boundary; sphere only.
+    Pixels,
+}
+
+/// Each triangle of a spherical mesh is split into the square of this number for its quadrature.
+pub const SUBDIVISION: usize = 2;
+
+/// Edges of the spherical quadrature's mesh along the side of a square of the region's area.
+const EDGES_ACROSS: f64 = 8.0;
+
+/// A plane that passes the camera nearer than this, as a share of the facet's distance, is seen edge-on.
+const EDGE_ON: f64 = 1e-9;
+
+/// A piece of a region in the plane `normal . X = offset`.
+#[derive(Debug, Clone)]
+pub struct Facet {
+    normal: Vector3<f64>,
+    offset: f64,
+    shape: Shape,
+}
+
+#[derive(Debug, Clone)]
+enum Shape {
+    Rings(Vec<Vec<Vector3<f64>>>),
+    Triangles { vertices: Vec<Vector3<f64>>, triangles: Vec<[usize; 3]> },
+}
+
+/// The facets of a region, its coordinates taken relative to `origin`: one for a plane, one a triangle for a surface.
+///
+/// # Errors
+/// When the region cannot be triangulated for `Integration::Mesh`.
+pub fn facets(
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    system: System,
+    integration: Integration,
+) -> Result<Vec<Facet>> {
+    match world.surface() {
+        Some(surface) => Ok(surface_facets(surface, origin, integration)),
+        None => Ok(vec![planar_facet(world, origin, system, integration)?]),
+    }
+}
+
+/// The even mesh on which spherical integrals of an outline are taken.
+///
+/// # Errors
+/// When the outline cannot be meshed.
+pub fn quadrature_mesh(outline: &PlaneRings) -> Result<PlaneMesh> {
+    even_mesh(outline, outline.area().sqrt() / EDGES_ACROSS)
+}
+
+fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {
+    let frame = world.frame();
+    let lift = |p: &Vector2<f64>| frame.lifted(p) - origin;
+    let shape = match (integration, system) {
+        (Integration::Mesh, system) => {
+            let mesh = match system {
+                System::Plane => triangulate(world.outline(), MeshOptions::default())?,
+                System::Sphere => quadrature_mesh(world.outline())?,
+            };
+            Shape::Triangles { vertices: mesh.vertices.iter().map(lift).collect(), triangles: mesh.triangles }
+        }
+        _ => Shape::Rings(world.outline().rings().iter().map(|ring| ring.iter().map(lift).collect()).collect()),
+    };
+    Ok(Facet { normal: frame.axes[2], offset: frame.axes[2].dot(&(frame.origin - origin)), shape })
+}
+
+fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integration) -> Vec<Facet> {
+    let corners = |t: &[usize; 3]| t.map(|v| surface.vertices[v] - origin);
+    let facet = |t: &[usize; 3]| {
+        let [a, b, c] = corners(t);
+        // A triangle without area has no plane and no part in any integral.
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+        let shape = match integration {
+            Integration::Mesh => Shape::Triangles { vertices: vec![a, b, c], triangles: vec![[0, 1, 2]] },
+            _ => Shape::Rings(vec![vec![a, b, c]]),
+        };
+        Some(Facet { normal, offset: normal.dot(&a), shape })
+    };
+    surface.triangles.iter().filter_map(facet).collect()
+}
+
+impl Facet {
+    /// The plane along the chart's axes as `nu . P = 1`; `None` where it passes through the camera.
+    pub fn nu(&self, chart_from_world: &Pose) -> Option<Vector3<f64>> {
+        let normal = chart_from_world.rotation * self.normal;
+        let offset = self.offset + normal.dot(&chart_from_world.translation);
+        let in_view = offset.abs() > EDGE_ON * chart_from_world.translation.norm();
+        in_view.then(|| normal / offset)
+    }
+
+    /// Signed moments in chart coordinates; `None` where a vertex lies outside the chart.
+    pub fn plane_moments(&self, chart_from_world: &Pose, chart: &Chart, order: usize) -> Option<PlaneMoments> {
+        let project = |x: &Vector3<f64>| chart.project_turned(&chart_from_world.transform(x));
+        let mut moments = PlaneMoments::zero(order);
+        match &self.shape {
+            Shape::Rings(rings) => {
+                let mut projected = Vec::new();
+                for ring in rings {
+                    projected.clear();
+                    for x in ring {
+                        projected.push(project(x)?);
+                    }
+                    ring_moments(&projected, order, &mut moments);
+                }
+            }
+            Shape::Triangles { vertices, triangles } => {
+                let projected: Vec<_> = vertices.iter().map(project).collect::<Option<_>>()?;
+                for t in triangles {
+                    moments += &triangle_plane_moments(&t.map(|v| projected[v]), order);
+                }
+            }
+        }
+        Some(moments)
+    }
+
+    /// Signed moments on the sphere along the chart's axes; `None` where a vertex lies at the camera.
+    pub fn sphere_moments(&self, chart_from_world: &Pose, order: usize) -> Option<SphereMoments> {
+        match &self.shape {
+            Shape::Rings(rings) => {
+                let bearing = |x: &Vector3<f64>| chart_from_world.transform(x).try_normalize(f64::MIN_POSITIVE);
+                let seen: Vec<Vec<_>> =
+                    rings.iter().map(|ring| ring.iter().map(bearing).collect()).collect::<Option<_>>()?;
+                Some(spherical_moments(seen.iter().map(Vec::as_slice), order))
+            }
+            Shape::Triangles { vertices, triangles } => {
+                let moved: Vec<_> = vertices.iter().map(|x| chart_from_world.transform(x)).collect();
+                Some(mesh_sphere_moments(&moved, triangles, order, SUBDIVISION))
+            }
+        }
+    }
+}

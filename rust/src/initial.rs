@@ -1,0 +1,241 @@
+//! Poses to start from: the closed form that needs no prior, and the paper's own start.
+
+use nalgebra::{Complex, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
+
+use crate::chart::Chart;
+use crate::moments::PlaneMoments;
+use crate::moments::plane::planar_moments;
+use crate::pose::Pose;
+use crate::region::{PlaneFrame, WorldRegion};
+use crate::rings::PlaneRings;
+
+/// Angles over a full turn at which the whitened shapes are compared: 5 degrees apart, a twelfth of the shortest period
+/// that moments of order 5 can have.
+const ANGLES: usize = 72;
+
+/// Orders of the moments that are compared once the second moments agree.
+const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=5;
+
+/// A shape whose second moments are the identity and whose centroid is the origin, and the affine map that made it so.
+#[derive(Debug, Clone)]
+struct WhitenedShape {
+    mean: Vector2<f64>,
+    /// `whitened = transform (x - mean)`.
+    transform: Matrix2<f64>,
+    /// Complex moments of orders 3 to 5, `integral of z^p conj(z)^q` with p >= q, per unit of area.
+    moments: Vec<ComplexMoment>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct ComplexMoment {
+    /// `p - q`: a turn by t multiplies the moment by `exp(i winding t)`.
+    winding: i32,
+    value: Complex<f64>,
+}
+
+/// Poses at which a planar region looks like what its chart shows, up to second order exactly (`docs/math.md`, section 7).
+///
+/// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
+/// 3 to 5 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
+/// which the poses take world coordinates. Symmetric shapes give one candidate a symmetry.
+pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
+    let (Some(seen), Some(model)) = (WhitenedShape::of(outline), WhitenedShape::of(world.outline())) else {
+        return Vec::new();
+    };
+    let mut poses = Vec::new();
+    for mirrored in [false, true] {
+        for angle in best_turns(&seen, &model, mirrored) {
+            let turn = in_plane(angle, mirrored);
+            let Some(back) = seen.transform.try_inverse() else { continue };
+            let affine = back * turn * model.transform / chart.scale;
+            let target = seen.mean / chart.scale;
+            poses.extend(two_fold(&affine).into_iter().map(|(rotation, depth)| {
+                let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
+                posed(chart, &chart_from_plane, world.frame(), &model.mean, origin)
+            }));
+        }
+    }
+    poses
+}
+
+/// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the distance
+/// at which both areas agree; `up` (world) is turned to the camera's -y as far as that leaves the ray alone.
+///
+/// Without `up` the plane's own axes are taken as they come.
+pub fn facing(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    up: Option<&Vector3<f64>>,
+) -> Vec<Pose> {
+    let frame = world.frame();
+    let depth = (world.outline().area() / outline.area()).sqrt() * chart.scale;
+    let mean = centroid(&planar_moments(slices(world.outline()), 1));
+    let camera_up = chart.rotation * -Vector3::y();
+    [1.0, -1.0]
+        .into_iter()
+        .map(|side| {
+            let normal = frame.axes[2] * side;
+            let first = up.map_or(frame.axes[1], |up| *up);
+            let world_axes = axes_from(&normal, &first, &frame.axes[0]);
+            let chart_axes = axes_from(&-Vector3::z(), &up.map_or(-Vector3::y(), |_| camera_up), &Vector3::x());
+            let rotation = Rotation3::from_matrix_unchecked(chart_axes * world_axes.transpose());
+            let centre = frame.lifted(&mean) - origin;
+            let translation = Vector3::z() * depth - rotation * centre;
+            let back = chart.rotation.inverse();
+            Pose::new(back * rotation, back * translation)
+        })
+        .collect()
+}
+
+/// Right-handed axes: the third along `normal`, the second as near to `up` as that allows, or to `spare` where `up` is normal.
+fn axes_from(normal: &Vector3<f64>, up: &Vector3<f64>, spare: &Vector3<f64>) -> Matrix3<f64> {
+    let across = |v: &Vector3<f64>| (v - normal * normal.dot(v)).try_normalize(1e-6 * v.norm());
+    let second = across(up).or_else(|| across(spare)).unwrap_or_else(Vector3::y);
+    Matrix3::from_columns(&[second.cross(normal), second, *normal])
+}
+
+/// `camera_from_world` of a chart pose whose plane coordinates are taken relative to `mean`.
+fn posed(
+    chart: &Chart,
+    chart_from_plane: &Pose,
+    frame: &PlaneFrame,
+    mean: &Vector2<f64>,
+    origin: &Vector3<f64>,
+) -> Pose {
+    let plane_from_world = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&frame.axes).transpose());
+    let rotation = chart_from_plane.rotation * plane_from_world;
+    let translation = chart_from_plane.translation - rotation * (frame.lifted(mean) - origin);
+    let back = chart.rotation.inverse();
+    Pose::new(back * rotation, back * translation)
+}
+
+/// The two rotations whose first-order view at the optical axis is `affine`, and the depth of both (after the planar
+/// decomposition of Collins and Bartoli 2014).
+///
+/// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`.
+fn two_fold(affine: &Matrix2<f64>) -> Vec<(Rotation3<f64>, f64)> {
+    let gram = affine.transpose() * affine;
+    let half = gram.trace() / 2.0;
+    let largest = half + (half * half - gram.determinant()).max(0.0).sqrt();
+    if largest <= 0.0 || !largest.is_finite() {
+        return Vec::new();
+    }
+    let depth = largest.sqrt().recip();
+    let block = affine * depth;
+    let rest = Matrix2::identity() - block.transpose() * block;
+    let third = if rest[(0, 0)] >= rest[(1, 1)] {
+        let first = rest[(0, 0)].max(0.0).sqrt();
+        Vector2::new(first, if first > 0.0 { rest[(0, 1)] / first } else { 0.0 })
+    } else {
+        let second = rest[(1, 1)].max(0.0).sqrt();
+        Vector2::new(rest[(0, 1)] / second, second)
+    };
+    let signs: &[f64] = if third.norm() > f64::EPSILON { &[1.0, -1.0] } else { &[1.0] };
+    signs.iter().map(|sign| (completed(&block, &(third * *sign)), depth)).collect()
+}
+
+/// The rotation whose first two columns are the block over the third row's entries.
+fn completed(block: &Matrix2<f64>, third: &Vector2<f64>) -> Rotation3<f64> {
+    let a = Vector3::new(block[(0, 0)], block[(1, 0)], third.x).normalize();
+    let b = Vector3::new(block[(0, 1)], block[(1, 1)], third.y);
+    let b = (b - a * a.dot(&b)).normalize();
+    Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[a, b, a.cross(&b)]))
+}
+
+fn in_plane(angle: f64, mirrored: bool) -> Matrix2<f64> {
+    let (sine, cosine) = angle.sin_cos();
+    let side = if mirrored { -1.0 } else { 1.0 };
+    Matrix2::new(cosine, -sine * side, sine, cosine * side)
+}
+
+/// The turns at which the model's moments of order 3 to 5 come nearest the observed ones: every local minimum.
+fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> Vec<f64> {
+    let step = std::f64::consts::TAU / ANGLES as f64;
+    let difference = |angle: f64| -> f64 {
+        let pairs = seen.moments.iter().zip(&model.moments);
+        pairs
+            .map(|(s, m)| {
+                let value = if mirrored { m.value.conj() } else { m.value };
+                let share = if s.winding == 0 { 1.0 } else { 2.0 };
+                share * (s.value - value * Complex::from_polar(1.0, s.winding as f64 * angle)).norm_sqr()
+            })
+            .sum()
+    };
+    let samples: Vec<f64> = (0..ANGLES).map(|k| difference(k as f64 * step)).collect();
+    let at = |k: usize| samples[k % ANGLES];
+    (0..ANGLES)
+        .filter(|&k| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1))
+        .map(|k| {
+            let (before, here, after) = (at(k + ANGLES - 1), at(k), at(k + 1));
+            let curvature = before - 2.0 * here + after;
+            let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
+            (k as f64 + shift) * step
+        })
+        .collect()
+}
+
+impl WhitenedShape {
+    fn of(outline: &PlaneRings) -> Option<Self> {
+        let first = planar_moments(slices(outline), 2);
+        let (area, mean) = (first.get(0, 0), centroid(&first));
+        let xy = first.get(1, 1) / area - mean.x * mean.y;
+        let covariance = Matrix2::new(
+            first.get(2, 0) / area - mean.x * mean.x,
+            xy,
+            xy,
+            first.get(0, 2) / area - mean.y * mean.y,
+        );
+        let transform = inverse_square_root(&covariance)?;
+        let rings = outline.mapped(|p| Some(transform * (p - mean)))?;
+        let moments = planar_moments(slices(&rings), *SHAPE_ORDERS.end());
+        Some(Self { mean, transform, moments: complex_moments(&moments) })
+    }
+}
+
+/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem.
+fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
+    let root = matrix.determinant();
+    if root.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        return None;
+    }
+    let root = root.sqrt();
+    let square_root = (matrix + Matrix2::identity() * root) / (matrix.trace() + 2.0 * root).sqrt();
+    square_root.try_inverse()
+}
+
+/// `integral of z^p conj(z)^q` per unit of area for p + q in 3..=5, p >= q, `z = x + i y`.
+fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
+    let mut list = Vec::new();
+    for order in SHAPE_ORDERS {
+        for q in 0..=order / 2 {
+            let value = complex_moment(moments, order - q, q) / moments.get(0, 0);
+            list.push(ComplexMoment { winding: (order - 2 * q) as i32, value });
+        }
+    }
+    list
+}
+
+/// Expansion of `(x + i y)^p (x - i y)^q` into monomials, by multiplying factor after factor.
+fn complex_moment(moments: &PlaneMoments, p: usize, q: usize) -> Complex<f64> {
+    let order = p + q;
+    let mut coefficients = vec![Complex::new(0.0, 0.0); order + 1];
+    coefficients[0] = Complex::new(1.0, 0.0);
+    for factor in 0..order {
+        let step = Complex::new(0.0, if factor < p { 1.0 } else { -1.0 });
+        for power in (1..=factor + 1).rev() {
+            let lower = coefficients[power - 1];
+            coefficients[power] += step * lower;
+        }
+    }
+    coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j)).sum()
+}
+
+fn centroid(moments: &PlaneMoments) -> Vector2<f64> {
+    Vector2::new(moments.get(1, 0), moments.get(0, 1)) / moments.get(0, 0)
+}
+
+fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {
+    outline.rings().iter().map(Vec::as_slice)
+}

@@ -1,0 +1,69 @@
+//! A few numbers of as many edges, worked on together so that the compiler uses vector instructions.
+
+use std::ops::{Add, AddAssign, Mul, Sub};
+
+/// Edges in a lane group.
+pub(crate) const LANES: usize = 4;
+
+/// One number of each edge of a lane group.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lanes(pub(crate) [f64; LANES]);
+
+impl Lanes {
+    /// Zero for every edge.
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    /// The same number for every edge.
+    #[inline(always)]
+    pub(crate) fn splat(value: f64) -> Self {
+        Self([value; LANES])
+    }
+
+    /// The number `f` gives for each edge.
+    #[inline(always)]
+    pub(crate) fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = self;
+        for value in &mut out.0 {
+            *value = f(*value);
+        }
+        out
+    }
+
+    /// The largest number.
+    #[inline(always)]
+    pub(crate) fn max(self) -> f64 {
+        self.0.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The sum over the edges.
+    #[inline(always)]
+    pub(crate) fn sum(self) -> f64 {
+        self.0.iter().sum()
+    }
+}
+
+macro_rules! lane_wise {
+    ($operator:ident, $method:ident, $symbol:tt) => {
+        impl $operator for Lanes {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(mut self, other: Self) -> Self {
+                for i in 0..LANES {
+                    self.0[i] $symbol other.0[i];
+                }
+                self
+            }
+        }
+    };
+}
+
+lane_wise!(Add, add, +=);
+lane_wise!(Sub, sub, -=);
+lane_wise!(Mul, mul, *=);
+
+impl AddAssign for Lanes {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = self.add(other);
+    }
+}

@@ -1,0 +1,314 @@
+//! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
+
+use std::collections::HashMap;
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use crate::error::{Error, Result};
+use crate::rings::PlaneRings;
+
+/// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
+/// good to a few millimetres in a metre, while a ring bent more than this is not one plane.
+const PLANARITY_TOLERANCE: f64 = 0.01;
+
+/// Smallest share of the extent that a region must have across, below which no plane can be told.
+const MIN_WIDTH: f64 = 1e-6;
+
+/// A region as the camera sees it: closed rings of bearings, joined by great-circle arcs.
+#[derive(Debug, Clone)]
+pub struct ObservedRegion {
+    /// Bearings of each ring's vertices, in camera axes; the rings may turn either way.
+    pub rings: Vec<Vec<Vector3<f64>>>,
+    /// The region's area in pixels: how fine the image saw its boundary.
+    pub pixel_area: f64,
+    /// The region's pixels, for sums over them.
+    pub pixels: Option<Pixels>,
+}
+
+/// The pixels of a mask: where each looks, and the solid angle of the part of it that belongs to the region.
+#[derive(Debug, Clone)]
+pub struct Pixels {
+    /// Unit bearings of the pixels' centres.
+    pub bearings: Vec<Vector3<f64>>,
+    /// Solid angles, in steradians.
+    pub solid_angles: Vec<f64>,
+}
+
+impl ObservedRegion {
+    /// The region inside rings of bearings that covers `pixel_area` pixels of the image.
+    pub fn new(rings: Vec<Vec<Vector3<f64>>>, pixel_area: f64) -> Self {
+        Self { rings, pixel_area, pixels: None }
+    }
+
+    /// The area in pixels.
+    ///
+    /// # Errors
+    /// When it is not a positive number.
+    pub fn checked_pixel_area(&self) -> Result<f64> {
+        if self.pixel_area > 0.0 && self.pixel_area.is_finite() {
+            return Ok(self.pixel_area);
+        }
+        Err(Error::OutOfRange {
+            item: "the observed region's area in pixels",
+            found: self.pixel_area.to_string(),
+            needed: "a positive number".into(),
+        })
+    }
+}
+
+/// A plane's own coordinates: `X = origin + u axes[0] + v axes[1]`, normal `axes[2]`, right-handed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneFrame {
+    /// A point of the plane, world.
+    pub origin: Vector3<f64>,
+    /// Unit axes u, v and the normal, world.
+    pub axes: [Vector3<f64>; 3],
+}
+
+impl PlaneFrame {
+    /// Least squares plane of points, with its origin at their mean.
+    ///
+    /// # Errors
+    /// When the points are identical or on one line.
+    pub fn fit(points: &[Vector3<f64>]) -> Result<Self> {
+        let origin = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
+        let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
+        let largest = spread.diagonal().max();
+        let degenerate = || Error::OutOfRange {
+            item: "the region's points",
+            found: format!("{} points that are identical or on one line", points.len()),
+            needed: "at least 3 points that span a plane".into(),
+        };
+        if points.len() < 3 || largest <= f64::MIN_POSITIVE {
+            return Err(degenerate());
+        }
+        // Scaling keeps the iteration's tolerance meaningful for any unit of length.
+        let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000).ok_or_else(degenerate)?;
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        if eigen.eigenvalues[order[1]].max(0.0).sqrt() < MIN_WIDTH * eigen.eigenvalues[order[0]].sqrt() {
+            return Err(degenerate());
+        }
+        let u = eigen.eigenvectors.column(order[0]).normalize();
+        let v = eigen.eigenvectors.column(order[1]).normalize();
+        Ok(Self { origin, axes: [u, v, u.cross(&v)] })
+    }
+
+    /// Plane coordinates of a world point, its height above the plane left out.
+    pub fn flat(&self, point: &Vector3<f64>) -> Vector2<f64> {
+        let offset = point - self.origin;
+        Vector2::new(self.axes[0].dot(&offset), self.axes[1].dot(&offset))
+    }
+
+    /// The world point at plane coordinates.
+    pub fn lifted(&self, point: &Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.axes[0] * point.x + self.axes[1] * point.y
+    }
+
+    /// Signed distance of a world point from the plane.
+    pub fn height(&self, point: &Vector3<f64>) -> f64 {
+        self.axes[2].dot(&(point - self.origin))
+    }
+}
+
+/// A region of the 3D data: its outline in a plane's coordinates, and its surface where that is not the plane itself.
+#[derive(Debug, Clone)]
+pub struct WorldRegion {
+    frame: PlaneFrame,
+    outline: PlaneRings,
+    surface: Option<Surface>,
+}
+
+/// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// World vertices.
+    pub vertices: Vec<Vector3<f64>>,
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[usize; 3]>,
+    /// The boundary rings, world.
+    pub rings: Vec<Vec<Vector3<f64>>>,
+}
+
+impl WorldRegion {
+    /// The planar region inside the first ring and outside the others.
+    ///
+    /// The vertices may turn either way and are moved onto their least squares plane.
+    ///
+    /// # Errors
+    /// A coordinate that is not finite, fewer than 3 vertices, a ring farther than 1 % of the region's extent from one
+    /// plane, crossing edges, zero area, or a hole that is not inside the first ring; the message names the ring.
+    pub fn from_rings(rings: &[Vec<Vector3<f64>>]) -> Result<Self> {
+        if rings.is_empty() {
+            return Err(Error::NoRings);
+        }
+        for (ring, vertices) in rings.iter().enumerate() {
+            check_finite(&format!("ring {ring} vertex"), vertices)?;
+            if vertices.len() < 3 {
+                return Err(Error::TooFewVertices { ring, found: vertices.len() });
+            }
+        }
+        let frame = PlaneFrame::fit(&rings.concat())?;
+        check_planar(rings, &frame)?;
+        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
+        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None })
+    }
+
+    /// The planar region of rings given in a plane's coordinates.
+    pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
+        Self { frame, outline, surface: None }
+    }
+
+    /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
+    ///
+    /// # Errors
+    /// Vertices that are not finite, indices out of range, an edge shared by more than two triangles or with
+    /// triangles turning against each other, a closed surface, or a boundary whose projection along the mean normal
+    /// crosses itself.
+    pub fn from_mesh(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<Self> {
+        check_finite("vertex", vertices)?;
+        check_indices(vertices, triangles)?;
+        let rings = boundary_rings(vertices, triangles)?;
+        let frame = PlaneFrame::fit(&rings.concat())?;
+        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
+        let outline = PlaneRings::polygon(largest_first(flat))?;
+        let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
+        let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
+        Ok(Self { frame, outline, surface })
+    }
+
+    /// The plane's coordinates in which [`WorldRegion::outline`] is given.
+    pub fn frame(&self) -> &PlaneFrame {
+        &self.frame
+    }
+
+    /// The outline in plane coordinates; of a surface, its projection along the mean normal.
+    pub fn outline(&self) -> &PlaneRings {
+        &self.outline
+    }
+
+    /// The surface, for a region that is not planar.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.surface.as_ref()
+    }
+
+    /// The boundary rings in the world.
+    pub fn rings(&self) -> Vec<Vec<Vector3<f64>>> {
+        match &self.surface {
+            Some(surface) => surface.rings.clone(),
+            None => {
+                self.outline.rings().iter().map(|ring| ring.iter().map(|p| self.frame.lifted(p)).collect()).collect()
+            }
+        }
+    }
+}
+
+/// Refuses coordinates that are not finite, naming the first.
+pub(crate) fn check_finite(item: &str, points: &[Vector3<f64>]) -> Result<()> {
+    for (index, point) in points.iter().enumerate() {
+        if let Some(&value) = point.iter().find(|value| !value.is_finite()) {
+            return Err(Error::NotFinite { item: item.into(), index, value });
+        }
+    }
+    Ok(())
+}
+
+fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {
+    let allowed = PLANARITY_TOLERANCE * extent(&rings.concat());
+    for (ring, vertices) in rings.iter().enumerate() {
+        let distance = vertices.iter().map(|x| frame.height(x).abs()).fold(0.0, f64::max);
+        if distance > allowed {
+            return Err(Error::NotPlanar { ring, distance, allowed });
+        }
+    }
+    Ok(())
+}
+
+fn check_indices(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<()> {
+    let worst = triangles.iter().flatten().max();
+    match worst {
+        None => Err(Error::OutOfRange {
+            item: "the number of triangles",
+            found: "0".into(),
+            needed: "at least 1".into(),
+        }),
+        Some(&index) if index >= vertices.len() => Err(Error::OutOfRange {
+            item: "a triangle's vertex index",
+            found: index.to_string(),
+            needed: format!("below the number of vertices, {}", vertices.len()),
+        }),
+        Some(_) => Ok(()),
+    }
+}
+
+/// Largest side of the bounding box.
+fn extent(points: &[Vector3<f64>]) -> f64 {
+    (0..3).map(|axis| span(points.iter().map(|p| p[axis]))).fold(0.0, f64::max)
+}
+
+fn height_range(points: &[Vector3<f64>], frame: &PlaneFrame) -> f64 {
+    span(points.iter().map(|p| frame.height(p)))
+}
+
+fn span(values: impl Iterator<Item = f64>) -> f64 {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    (high - low).max(0.0)
+}
+
+fn largest_first(mut rings: Vec<Vec<Vector2<f64>>>) -> Vec<Vec<Vector2<f64>>> {
+    let size = |ring: &Vec<Vector2<f64>>| {
+        (0..ring.len()).map(|a| ring[a].perp(&ring[(a + 1) % ring.len()])).sum::<f64>().abs()
+    };
+    rings.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    rings
+}
+
+/// The rings of edges that belong to one triangle only, in the triangles' own direction.
+fn boundary_rings(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<Vec<Vec<Vector3<f64>>>> {
+    let mut directed = HashMap::new();
+    for (index, t) in triangles.iter().enumerate() {
+        for side in 0..3 {
+            let edge = (t[side], t[(side + 1) % 3]);
+            if edge.0 == edge.1 || directed.insert(edge, index).is_some() {
+                return Err(Error::BadMesh {
+                    found: format!("edge {} to {} twice in the same direction", edge.0, edge.1),
+                    needed: "triangles with distinct corners that all turn the same way, at most two on an edge",
+                });
+            }
+        }
+    }
+    let mut next: HashMap<usize, usize> = HashMap::new();
+    for &(a, b) in directed.keys().filter(|&&(a, b)| !directed.contains_key(&(b, a))) {
+        if next.insert(a, b).is_some() {
+            return Err(Error::BadMesh {
+                found: format!("a boundary that passes vertex {a} twice"),
+                needed: "a boundary of simple rings",
+            });
+        }
+    }
+    trace(next).map(|rings| rings.iter().map(|ring| ring.iter().map(|&v| vertices[v]).collect()).collect())
+}
+
+fn trace(mut next: HashMap<usize, usize>) -> Result<Vec<Vec<usize>>> {
+    let mut starts: Vec<usize> = next.keys().copied().collect();
+    starts.sort_unstable();
+    let mut rings = Vec::new();
+    for start in starts {
+        let mut ring = Vec::new();
+        let mut at = start;
+        while let Some(to) = next.remove(&at) {
+            ring.push(at);
+            at = to;
+        }
+        if !ring.is_empty() {
+            rings.push(ring);
+        }
+    }
+    if rings.is_empty() {
+        return Err(Error::BadMesh {
+            found: "a closed surface".into(),
+            needed: "an open patch, one side of which the camera sees",
+        });
+    }
+    Ok(rings)
+}

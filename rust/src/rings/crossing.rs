@@ -1,0 +1,105 @@
+//! Search for edges that cross, overlap or touch where they must not: sweep and prune along one axis.
+
+use nalgebra::Vector2;
+
+use super::CleanRing;
+use super::predicates::{contact, is_left_of_corner, lies_on};
+use crate::error::{Contact, Error, Result};
+
+/// One edge of one ring with its box, `along` the sweep axis and `across` it.
+#[derive(Clone, Copy)]
+struct Edge {
+    ring: usize,
+    index: usize,
+    ends: [Vector2<f64>; 2],
+    along: [f64; 2],
+    across: [f64; 2],
+}
+
+/// Refuses rings with an edge that crosses or overlaps another, or touches another of the same ring.
+pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
+    let mut active: Vec<Edge> = Vec::new();
+    for edge in edges_along_sweep(rings) {
+        active.retain(|other| other.along[1] >= edge.along[0]);
+        for other in &active {
+            if other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
+                check_pair(rings, other, &edge)?;
+            }
+        }
+        active.push(edge);
+    }
+    Ok(())
+}
+
+/// All edges sorted by where they begin on the axis along which they are shorter, hence fewer at a time.
+fn edges_along_sweep(rings: &[CleanRing]) -> Vec<Edge> {
+    let vertices = || rings.iter().flat_map(|ring| ring.vertices.iter().copied());
+    let (lower, upper) = super::bounding_box(vertices());
+    let lengths = rings.iter().flat_map(|ring| super::ring_edges(&ring.vertices)).map(|(a, b)| (b - a).abs());
+    let share = lengths.sum::<Vector2<f64>>().component_div(&(upper - lower));
+    let axis = if share.x <= share.y { 0 } else { 1 };
+    let mut edges = Vec::with_capacity(vertices().count());
+    for (ring, clean) in rings.iter().enumerate() {
+        for (index, (a, b)) in super::ring_edges(&clean.vertices).enumerate() {
+            let interval = |k: usize| [a[k].min(b[k]), a[k].max(b[k])];
+            edges.push(Edge { ring, index, ends: [a, b], along: interval(axis), across: interval(1 - axis) });
+        }
+    }
+    edges.sort_by(|a, b| a.along[0].total_cmp(&b.along[0]));
+    edges
+}
+
+fn check_pair(rings: &[CleanRing], first: &Edge, second: &Edge) -> Result<()> {
+    let Some(contact) = contact(first.ends, second.ends) else { return Ok(()) };
+    let contact = match contact {
+        Contact::Touches if first.ring == second.ring => {
+            if are_neighbours(first, second, rings[first.ring].vertices.len()) {
+                return Ok(());
+            }
+            Contact::Touches
+        }
+        Contact::Touches if passes_through(rings, first, second) => Contact::Crosses,
+        Contact::Touches => return Ok(()),
+        found => found,
+    };
+    let (first, second) =
+        if (first.ring, first.index) <= (second.ring, second.index) { (first, second) } else { (second, first) };
+    Err(Error::Crossing {
+        first_ring: first.ring,
+        first_edge: rings[first.ring].given[first.index],
+        second_ring: second.ring,
+        second_edge: rings[second.ring].given[second.index],
+        contact,
+    })
+}
+
+fn are_neighbours(first: &Edge, second: &Edge, count: usize) -> bool {
+    (first.index + 1) % count == second.index || (second.index + 1) % count == first.index
+}
+
+/// Whether two rings that touch at a vertex change sides there, rather than only meet.
+fn passes_through(rings: &[CleanRing], first: &Edge, second: &Edge) -> bool {
+    let Some(corner) = touching_point(first, second) else { return false };
+    let path = path_through(&rings[first.ring].vertices, first, corner);
+    let [before, _, after] = path_through(&rings[second.ring].vertices, second, corner);
+    is_left_of_corner(path, before) != is_left_of_corner(path, after)
+}
+
+/// The one vertex that two touching segments share or that lies on the other.
+fn touching_point(first: &Edge, second: &Edge) -> Option<Vector2<f64>> {
+    let on_second = first.ends.into_iter().find(|&end| lies_on(end, second.ends));
+    on_second.or_else(|| second.ends.into_iter().find(|&end| lies_on(end, first.ends)))
+}
+
+/// The vertex before, the corner, and the vertex after it on the ring that runs through `corner` on `edge`.
+fn path_through(ring: &[Vector2<f64>], edge: &Edge, corner: Vector2<f64>) -> [Vector2<f64>; 3] {
+    let [a, b] = edge.ends;
+    let count = ring.len();
+    if corner == a {
+        [ring[(edge.index + count - 1) % count], corner, b]
+    } else if corner == b {
+        [a, corner, ring[(edge.index + 2) % count]]
+    } else {
+        [a, corner, b]
+    }
+}

@@ -1,0 +1,212 @@
+//! From region pairs to the minima of their equations.
+
+use nalgebra::Vector3;
+
+use crate::equations::System;
+use crate::error::{Error, Result};
+use crate::facet::Integration;
+use crate::initial::{closed_form, facing};
+use crate::least_squares::{Minimum, Stopping, minimize};
+use crate::pose::Pose;
+use crate::region::{ObservedRegion, WorldRegion};
+use crate::residual::{Evaluation, RegionEquations, Weighting, evaluate};
+
+/// A candidate of one region: enough to tell it from the others, not yet a solution.
+const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
+
+/// A candidate of all regions together.
+const JOINT: Stopping = Stopping { tolerance: 1e-5, evaluations: 28 };
+
+/// A final solution: both drivers end within 1e-7 of one another.
+const FINAL: Stopping = Stopping { tolerance: 1e-12, evaluations: 140 };
+
+/// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
+/// of the symmetric difference is then of the order of the region itself.
+const SINGLE_REGION_COST: f64 = 0.05;
+
+/// Candidates carried into the joint system at most.
+const MOST_CANDIDATES: usize = 12;
+
+/// Poses nearer than this are one candidate: radians, and a share of the distance to the regions.
+const SAME_CANDIDATE: f64 = 0.01;
+
+/// Poses nearer than this are one minimum.
+const SAME_MINIMUM: f64 = 1e-4;
+
+/// Where the search starts.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Start {
+    /// From the closed form of every region, without any prior (`docs/math.md`, section 7).
+    #[default]
+    Global,
+    /// From the paper's start for the first region, solved alone, then all together (paper section 2.1.1 and 2.2.1).
+    Paper,
+}
+
+/// What is known of the pose beforehand: it adds starts, and decides between poses that fit alike.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Prior {
+    /// A rough pose, `camera_from_world`.
+    pub initial: Option<Pose>,
+    /// The direction, in the world, that is up in the image.
+    pub up: Option<Vector3<f64>>,
+}
+
+/// Regions seen in one image and known in the world, ready to be solved.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// World coordinates are taken relative to this point, so that large ones lose no digits.
+    origin: Vector3<f64>,
+    regions: Vec<RegionEquations>,
+    worlds: Vec<WorldRegion>,
+}
+
+impl Problem {
+    /// The problem of these regions, the k-th observed one being the image of the k-th world one.
+    ///
+    /// # Errors
+    /// No regions, unequal numbers, or a region that is refused; the message names it.
+    pub fn new(
+        observed: &[ObservedRegion],
+        worlds: Vec<WorldRegion>,
+        system: System,
+        integration: Integration,
+    ) -> Result<Self> {
+        if observed.len() != worlds.len() || observed.is_empty() {
+            return Err(Error::Unpaired { observed: observed.len(), world: worlds.len() });
+        }
+        let origin = worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / worlds.len() as f64;
+        let pairs = observed.iter().zip(&worlds).enumerate();
+        let regions = pairs
+            .map(|(index, (observed, world))| {
+                RegionEquations::new(observed, world, &origin, system, integration).map_err(|e| e.in_region(index))
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { origin, regions, worlds })
+    }
+
+    /// The equations of each region.
+    pub fn regions(&self) -> &[RegionEquations] {
+        &self.regions
+    }
+
+    /// The world side of each region.
+    pub fn worlds(&self) -> &[WorldRegion] {
+        &self.worlds
+    }
+
+    /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.
+    pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
+        evaluate(&self.regions, &self.centred(pose), weighting)
+    }
+
+    /// Poses from which to solve, best first: distinct, and already minima of the unweighted equations.
+    pub fn candidates(&self, start: Start, prior: &Prior) -> Vec<Pose> {
+        let starts = match start {
+            Start::Global => self.global_starts(prior),
+            Start::Paper => self.paper_starts(prior),
+        };
+        let ranked = self.ranked(starts, SAME_CANDIDATE);
+        if self.regions.len() == 1 {
+            return ranked.into_iter().map(|(pose, _)| self.uncentred(&pose)).collect();
+        }
+        let solved = ranked
+            .into_iter()
+            .take(MOST_CANDIDATES)
+            .map(|(pose, _)| minimize(&self.regions, &pose, Weighting::Uniform, JOINT).pose)
+            .collect();
+        self.ranked(solved, SAME_CANDIDATE).into_iter().map(|(pose, _)| self.uncentred(&pose)).collect()
+    }
+
+    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`.
+    pub fn solve_from(&self, candidate: &Pose) -> Minimum {
+        let minimum = minimize(&self.regions, &self.centred(candidate), Weighting::Whitened, FINAL);
+        Minimum { pose: self.uncentred(&minimum.pose), ..minimum }
+    }
+
+    /// Distinct minima of the whitened equations, best first.
+    pub fn minima(&self, candidates: &[Pose]) -> Vec<Minimum> {
+        self.distinct(candidates.iter().map(|candidate| self.solve_from(candidate)).collect())
+    }
+
+    /// Minima sorted by cost, each pose once.
+    pub fn distinct(&self, mut minima: Vec<Minimum>) -> Vec<Minimum> {
+        minima.retain(|minimum| minimum.cost.is_finite());
+        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut kept: Vec<Minimum> = Vec::new();
+        for minimum in minima {
+            if kept.iter().all(|other| self.apart(&other.pose, &minimum.pose, SAME_MINIMUM)) {
+                kept.push(minimum);
+            }
+        }
+        kept
+    }
+
+    /// Distance from the camera to the middle of the regions.
+    pub fn distance(&self, pose: &Pose) -> f64 {
+        pose.transform(&self.origin).norm()
+    }
+
+    fn global_starts(&self, prior: &Prior) -> Vec<Pose> {
+        let mut starts: Vec<Pose> = prior.initial.iter().map(|pose| self.centred(pose)).collect();
+        for (region, world) in self.regions.iter().zip(&self.worlds) {
+            let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin);
+            if prior.up.is_some() {
+                poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
+            }
+            starts.extend(poses.iter().filter_map(|pose| single_region(region, pose)));
+        }
+        starts
+    }
+
+    fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {
+        if let Some(initial) = &prior.initial {
+            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, JOINT).pose];
+        }
+        let (first, world) = (&self.regions[..1], &self.worlds[0]);
+        facing(first[0].chart(), first[0].outline(), world, &self.origin, prior.up.as_ref())
+            .iter()
+            .map(|pose| minimize(first, pose, Weighting::Uniform, JOINT).pose)
+            .collect()
+    }
+
+    /// Distinct poses with their joint unweighted cost, best first; poses out of view are left out.
+    fn ranked(&self, poses: Vec<Pose>, apart: f64) -> Vec<(Pose, f64)> {
+        let cost = |pose: Pose| {
+            let evaluation = evaluate(&self.regions, &pose, Weighting::Uniform)?;
+            Some((pose, evaluation.residual.norm_squared()))
+        };
+        let mut costs: Vec<(Pose, f64)> = poses.into_iter().filter_map(cost).collect();
+        costs.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut kept: Vec<(Pose, f64)> = Vec::new();
+        for (pose, cost) in costs {
+            if kept.iter().all(|(other, _)| self.apart_centred(other, &pose, apart)) {
+                kept.push((pose, cost));
+            }
+        }
+        kept
+    }
+
+    fn apart(&self, a: &Pose, b: &Pose, limit: f64) -> bool {
+        self.apart_centred(&self.centred(a), &self.centred(b), limit)
+    }
+
+    fn apart_centred(&self, a: &Pose, b: &Pose, limit: f64) -> bool {
+        a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
+    }
+
+    fn centred(&self, pose: &Pose) -> Pose {
+        Pose::new(pose.rotation, pose.transform(&self.origin))
+    }
+
+    fn uncentred(&self, pose: &Pose) -> Pose {
+        Pose::new(pose.rotation, pose.translation - pose.rotation * self.origin)
+    }
+}
+
+/// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
+fn single_region(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
+    region.evaluate(pose, Weighting::Uniform)?;
+    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, SINGLE_REGION);
+    (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
+}
