@@ -37,7 +37,7 @@ def small_mask(seed: int) -> NDArray[np.bool_]:
 
 def tilted_region(seed: int) -> list[Array]:
     """A template turned and moved in space."""
-    turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    turn = scenes.any_rotation(np.random.default_rng(seed))
     return [ring @ turn.T + (1.0, 2.0, 3.0) for ring in all_templates()[seed % 25].region()]
 
 
@@ -192,7 +192,7 @@ def test_calibration_errors_have_the_stated_spread_and_stay_consistent() -> None
 
 def random_pose(rng: np.random.Generator) -> tuple[Array, Array]:
     """Any rotation and a translation of a few metres."""
-    return Rotation.random(rng=rng).as_matrix(), rng.normal(0.0, 3.0, 3)
+    return scenes.any_rotation(rng), rng.normal(0.0, 3.0, 3)
 
 
 @given(SEEDS, st.floats(1e-6, 179.0))
