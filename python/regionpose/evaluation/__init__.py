@@ -1,1 +1,76 @@
-"""Synthetic benchmark: templates, scenes with a known pose, exact masks, noise and error measures."""
+"""Synthetic benchmark: templates, scenes with a known pose, exact masks, noise and error measures.
+
+`scene = perspective_scene(seed, planes)` makes one problem; `scene.masks()` is what the camera sees of
+`scene.regions`, and `pose_errors` compares an estimate with `scene.rotation, scene.translation` at `scene.anchor`.
+"""
+
+from __future__ import annotations
+
+from regionpose.evaluation.masks import area_coverage, binary_mask, project_region
+from regionpose.evaluation.measures import (
+    PoseErrors,
+    Summary,
+    is_solved,
+    overlap_error,
+    pose_errors,
+    solved_share,
+    summarize,
+)
+from regionpose.evaluation.noise import (
+    MiscalibratedCamera,
+    SpinningLidar,
+    lidar_points,
+    miscalibrate,
+    occlude_mask,
+    occlude_region,
+    squares_on_mask,
+    squares_on_region,
+    truncate_masks,
+)
+from regionpose.evaluation.scenes import (
+    Layout,
+    PoseRange,
+    Scene,
+    ScenePlacementError,
+    draw_scene,
+    fisheye_scene,
+    omnidirectional_scene,
+    perspective_scene,
+    problem_generator,
+)
+from regionpose.evaluation.templates import Template, all_templates, load_templates, template_named
+
+__all__ = [
+    "Layout",
+    "MiscalibratedCamera",
+    "PoseErrors",
+    "PoseRange",
+    "Scene",
+    "ScenePlacementError",
+    "SpinningLidar",
+    "Summary",
+    "Template",
+    "all_templates",
+    "area_coverage",
+    "binary_mask",
+    "draw_scene",
+    "fisheye_scene",
+    "is_solved",
+    "lidar_points",
+    "load_templates",
+    "miscalibrate",
+    "occlude_mask",
+    "occlude_region",
+    "omnidirectional_scene",
+    "overlap_error",
+    "perspective_scene",
+    "pose_errors",
+    "problem_generator",
+    "project_region",
+    "solved_share",
+    "squares_on_mask",
+    "squares_on_region",
+    "summarize",
+    "template_named",
+    "truncate_masks",
+]

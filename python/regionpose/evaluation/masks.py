@@ -62,25 +62,25 @@ def project_ring(camera: Camera, ring: ArrayLike, tolerance: float = BOUNDARY_TO
     if start.ndim != 2 or start.shape[1] != 3 or len(start) < 3:
         raise ValueError(f"ring has shape {start.shape}; needed is (n, 3) with n >= 3")
     end = np.roll(start, -1, axis=0)
+    curved = np.ones(len(start), dtype=np.bool_)
     for _ in range(MAX_HALVINGS):
-        curved = chord_deviation(camera, start, end) > tolerance
+        curved[curved] = chord_deviation(camera, start[curved], end[curved]) > tolerance
         if not curved.any():
             break
         start, end = halve_edges(start, end, curved)
+        curved = np.repeat(curved, np.where(curved, 2, 1))
     return _visible_images(camera, start)
 
 
 def chord_deviation(camera: Camera, start: Array, end: Array) -> Array:
     """(n,) largest distance in px of the image of each 3D edge from the chord between its ends, at the probes."""
-    first, last = _visible_images(camera, start), _visible_images(camera, end)
+    points = np.concatenate([start + s * (end - start) for s in (0.0, *PROBES, 1.0)])
+    first, *probes, last = _visible_images(camera, points).reshape(-1, len(start), 2)
     chord = last - first
     length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), np.finfo(np.float64).tiny)
-    deviation = np.zeros(len(start))
-    for s in PROBES:
-        probe = _visible_images(camera, start + s * (end - start)) - first
-        distance = np.abs(probe[:, 0] * chord[:, 1] - probe[:, 1] * chord[:, 0]) / length
-        deviation = np.maximum(deviation, distance)
-    return deviation
+    offsets = np.array(probes) - first
+    across: Array = np.abs(offsets[..., 0] * chord[:, 1] - offsets[..., 1] * chord[:, 0]) / length
+    return np.asarray(across.max(axis=0), dtype=np.float64)
 
 
 def halve_edges(start: Array, end: Array, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -158,10 +158,9 @@ def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
     crossing = a[:, 0] + (row - a[:, 1]) * ((b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1]))
     columns, rows = window.right - window.left, window.bottom - window.top
     toggle = np.clip(np.ceil(crossing) - window.left, 0, columns).astype(np.int64)
-    cells = (row - window.top) * (columns + 1) + toggle
-    counts = np.bincount(cells, minlength=rows * (columns + 1)).reshape(rows, columns + 1)
-    parity = np.bitwise_xor.accumulate((counts[:, :columns] & 1).astype(np.uint8), axis=1)
-    return parity.astype(np.bool_)
+    toggles = np.zeros((rows, columns + 1), dtype=np.uint8)
+    np.bitwise_xor.at(toggles, (row - window.top, toggle), 1)
+    return np.bitwise_xor.accumulate(toggles[:, :columns], axis=1).view(np.bool_)
 
 
 def _crossed_lines(first: Array, last: Array, low: int, high: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -5,7 +5,7 @@ Each function returns a new object, changes none of its inputs, and draws only f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from skimage.measure import find_contours
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Array, Window
-from regionpose.evaluation.planar import PlaneFrame, as_multipolygon
+from regionpose.evaluation.planar import PlaneFrame, area_vector
 
 Mask = NDArray[np.bool_]
 
@@ -29,8 +29,11 @@ SQUARE_SIDE_SHARE = 0.1
 SQUARE_SIDE_GROWTH = 0.5
 # Squares are laid until their sides add up to so many boundary lengths; then the band beside it is full (1 - e^-12).
 MAX_BOUNDARY_COVER = 24.0
-# Relative precision to which a 3D region's changed or hidden share is met: rounding of polygon areas is 1e-14.
+# Relative precision in length to which the last square and the edge of an occlusion are placed.
 SHARE_PRECISION = 1e-9
+# Grid of polygon operations as a share of the square root of the region's area: snapping to it keeps the many
+# coinciding edges of squares and region from breaking an operation, and moves areas by about 1e-8.
+GRID_SHARE = 1e-9
 
 
 def _checked_share(share: float) -> float:
@@ -143,40 +146,67 @@ def squares_on_region(
 ) -> list[Array]:
     """(n, 3) rings of a planar region after squares were added or removed along its boundary, in its plane.
 
-    `share` of its area has changed, to 1e-9: the last square is shrunk to fit. Several outer rings are possible, each
-    followed by its holes; outer rings turn as in the input. `side`: metres, else `square_side`.
+    `share` of its area has changed, to 1e-6 of it: the last square is shrunk to fit. Several outer rings are possible,
+    each followed by its holes; outer rings turn as in the input. `side`: metres, else `square_side`.
     """
     frame = PlaneFrame.of_region(rings)
-    region = frame.polygon(rings)
+    grid = GRID_SHARE * np.sqrt(float(np.linalg.norm(area_vector(rings))))
+    region = shapely.set_precision(frame.polygon(rings), grid)
     target = _checked_share(share) * region.area
     length = square_side(share, region.area) if side is None else _checked_side(side)
-    changed = shapely.MultiPolygon()
     squares = squares_along([frame.flat(ring) for ring in rings], length, rng)
-    for centre, adds in zip(squares.centres, squares.adds, strict=True):
-        missing = target - changed.area
-        if missing <= SHARE_PRECISION * region.area:
-            break
-        piece = _fitting_piece(region, changed, centre, length, bool(adds), missing)
-        changed = as_multipolygon(changed.union(piece))
-    if target - changed.area > SHARE_PRECISION * region.area:
-        raise ValueError(_unreached(share, changed.area / target, length, "m"))
-    return frame.rings(region.symmetric_difference(changed))
+    count = _squares_needed(lambda n: disturbance(region, squares, n, length, grid).area, target, len(squares.adds))
+    if count is None:
+        reached = disturbance(region, squares, len(squares.adds), length, grid).area / target
+        raise ValueError(_unreached(share, reached, length, "m"))
+    if count == 0:
+        return frame.rings(region)
+    before = disturbance(region, squares, count - 1, length, grid)
+    last = _fitting_piece(region, before, squares, count - 1, length, target - before.area)
+    changed = before.union(last, grid_size=grid)
+    return frame.rings(region.symmetric_difference(changed, grid_size=grid))
+
+
+def disturbance(region: BaseGeometry, squares: Squares, count: int, side: float, grid: float) -> BaseGeometry:
+    """The part of the plane that the first `count` squares change: added outside the region, removed inside."""
+    corners = squares.centres[:count] - 0.5 * side
+    boxes = shapely.box(corners[:, 0], corners[:, 1], corners[:, 0] + side, corners[:, 1] + side)
+    adds = squares.adds[:count]
+    added = shapely.union_all(boxes[adds], grid_size=grid).difference(region, grid_size=grid)
+    removed = shapely.union_all(boxes[~adds], grid_size=grid).intersection(region, grid_size=grid)
+    return added.union(removed, grid_size=grid)
+
+
+def _squares_needed(changed_area: Callable[[int], float], target: float, most: int) -> int | None:
+    """The least count of squares that changes the target area; None when `most` do not."""
+    if target <= 0.0:
+        return 0
+    high = 1
+    while changed_area(high) < target:
+        if high == most:
+            return None
+        high = min(2 * high, most)
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if changed_area(middle) < target else (low, middle)
+    return high
 
 
 def _fitting_piece(
-    region: BaseGeometry, changed: BaseGeometry, centre: Array, side: float, adds: bool, most: float
+    region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float
 ) -> BaseGeometry:
-    """What a square newly changes; when that is over `most`, of the smaller square that changes just as much."""
+    """What a square shrunk about its centre adds to the disturbance before it: the missing area."""
+    centre, adds = squares.centres[index], squares.adds[index]
 
     def piece(size: float) -> BaseGeometry:
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
-        part = square.difference(region) if adds else square.intersection(region)
-        return part.difference(changed)
+        part: BaseGeometry = square.difference(region) if adds else square.intersection(region)
+        return part.difference(before)
 
-    whole = piece(side)
-    if whole.area <= most:
-        return whole
-    return piece(brentq(lambda size: piece(size).area - most, 0.0, side, xtol=SHARE_PRECISION * side))
+    if piece(side).area <= missing:
+        return piece(side)
+    return piece(brentq(lambda size: piece(size).area - missing, 0.0, side, xtol=SHARE_PRECISION * side))
 
 
 def occlude_mask(mask: ArrayLike, share: float, rng: np.random.Generator) -> Mask:
@@ -192,7 +222,7 @@ def occlude_mask(mask: ArrayLike, share: float, rng: np.random.Generator) -> Mas
 
 
 def occlude_region(rings: Sequence[Array], share: float, rng: np.random.Generator) -> list[Array]:
-    """(n, 3) rings of a planar region without the `share` of its area, to 1e-9, that a random half plane hides."""
+    """(n, 3) rings of a planar region without the `share` of its area, to 1e-6, that a random half plane hides."""
     frame = PlaneFrame.of_region(rings)
     region = frame.polygon(rings)
     kept_area = (1.0 - _checked_share(share)) * region.area

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ class PlaneFrame:
         """(n, 3) rings of a polygon in plane coordinates: outer rings as in `of_region`, each followed by its holes."""
         rings = []
         for part in as_multipolygon(polygon).geoms:
-            oriented = shapely.orient_polygons(part)
+            oriented = orient(part)
             rings += [self.lifted(np.asarray(ring.coords)[:-1]) for ring in (oriented.exterior, *oriented.interiors)]
         return rings
 

@@ -387,7 +387,7 @@ def _assembled(view: View, placed: list[Placed], shapes: list[tuple[Template, ..
 
 def in_arbitrary_world(scene: Scene, rng: np.random.Generator) -> Scene:
     """The same scene with its world frame changed by any rotation and an offset up to 5 m along each axis."""
-    turn = Rotation.random(rng=rng).as_matrix()
+    turn = any_rotation(rng)
     offset = rng.uniform(-WORLD_OFFSET_M, WORLD_OFFSET_M, size=3)
     rotation = scene.rotation @ turn.T
     return replace(
@@ -402,6 +402,12 @@ def turn_within(limit_deg: float, rng: np.random.Generator) -> Array:
     """(3, 3) rotation about x, then y, then z (fixed axes), each angle uniform within +- `limit_deg`."""
     angles = rng.uniform(-limit_deg, limit_deg, size=3)
     matrix: Array = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+    return matrix
+
+
+def any_rotation(rng: np.random.Generator) -> Array:
+    """(3, 3) rotation drawn uniformly from all: a normal vector of four numbers is the direction of its quaternion."""
+    matrix: Array = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     return matrix
 
 
