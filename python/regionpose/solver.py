@@ -26,6 +26,9 @@ Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
 TOLERANCE = 1e-12
 """Relative change of cost and increment at which the scipy driver stops, as the native one."""
 
+GRADIENT_TOLERANCE = 1e-15
+"""Cosine between residual and Jacobian at which the scipy driver stops: MINPACK refuses to be told never to."""
+
 MOST_EVALUATIONS = 140
 """Evaluations of the equations for one minimum, as of the native driver."""
 
@@ -211,7 +214,7 @@ def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) 
         x_scale="jac",
         ftol=TOLERANCE,
         xtol=TOLERANCE,
-        gtol=None,
+        gtol=GRADIENT_TOLERANCE,
         max_nfev=MOST_EVALUATIONS,
     )
     moved = _core.moved_pose(rotation, translation, result.x)
