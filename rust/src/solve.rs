@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
+use crate::fit::boundary_noise;
 use crate::initial::{closed_form, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
@@ -29,8 +30,8 @@ const WORTH_A_LOOK: f64 = 1e3;
 /// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
 const SMALL_COST: f64 = 1e-4;
 
-/// A final solution: both drivers end within 1e-7 of one another.
-const FINAL: Stopping = Stopping { tolerance: 1e-12, evaluations: 140 };
+/// A final solution: the last step is far shorter than the 1e-7 within which both drivers end.
+const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 140 };
 
 /// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
 /// of the symmetric difference is then of the order of the region itself.
@@ -62,6 +63,15 @@ pub struct Prior {
     pub initial: Option<Pose>,
     /// The direction, in the world, that is up in the image.
     pub up: Option<Vector3<f64>>,
+}
+
+/// What a search found: where to solve from, best first, and the problem on the scale of the noise that was found.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// The problem, whitened for the boundary noise of its best candidate.
+    pub problem: Problem,
+    /// Distinct poses near minima of the whitened equations, none so much worse than the best that it could not fit.
+    pub candidates: Vec<Pose>,
 }
 
 /// Regions seen in one image and known in the world, ready to be solved.
@@ -118,9 +128,8 @@ impl Problem {
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 
-    /// Poses from which to solve, best first: distinct, near minima of the whitened equations, and none so much worse than
-    /// the best that it could not fit.
-    pub fn candidates(&self, start: Start, prior: &Prior) -> Vec<Pose> {
+    /// The candidates for the pose, and this problem whitened for the boundary noise that the best of them shows.
+    pub fn search(mut self, start: Start, prior: &Prior) -> Search {
         let starts = match start {
             Start::Global => self.global_starts(prior),
             Start::Paper => self.paper_starts(prior),
@@ -130,6 +139,16 @@ impl Problem {
             let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
             poses = self.narrowed(poses.iter().map(joint).collect());
         }
+        let shown = poses.first().and_then(|pose| boundary_noise(&self.regions, &self.worlds, &self.uncentred(pose)));
+        if let Some(sigma) = shown {
+            self.regions = self.regions.into_iter().map(|region| region.whitened_for(sigma)).collect();
+        }
+        let candidates = self.fitting(&poses);
+        Search { problem: self, candidates }
+    }
+
+    /// The candidates that could fit as well as the best once the whitened equations are solved, best first.
+    fn fitting(&self, poses: &[Pose]) -> Vec<Pose> {
         let minima = poses.iter().map(|pose| minimize(&self.regions, pose, Weighting::Whitened, COARSE)).collect();
         let minima = distinct(minima, SAME_CANDIDATE);
         let least = minima.first().map_or(0.0, |minimum| minimum.cost);
