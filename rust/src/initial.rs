@@ -61,7 +61,7 @@ impl ComplexMoment {
     }
 }
 
-/// Poses at which a planar region looks like what its chart shows, up to second order exactly (`docs/math.md`, section 7).
+/// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
 ///
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
@@ -89,8 +89,9 @@ pub fn closed_form(
     poses
 }
 
-/// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the distance
-/// at which both areas agree; `up` (world) is turned to the camera's -y as far as that leaves the ray alone.
+/// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the
+/// distance at which both areas agree (`docs/math.md`, eq. 7.9); `up` (world) is turned to the camera's -y as far as
+/// that leaves the ray alone.
 ///
 /// Without `up` the plane's own axes are taken as they come.
 pub fn facing(
@@ -145,7 +146,8 @@ fn posed(
 /// The two rotations whose first-order view at the optical axis is `affine`, and the depth of both (after the planar
 /// decomposition of Collins and Bartoli 2014).
 ///
-/// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`.
+/// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`
+/// (`docs/math.md`, eq. 7.6 to 7.8).
 fn two_fold(affine: &Matrix2<f64>) -> Vec<(Rotation3<f64>, f64)> {
     let gram = affine.transpose() * affine;
     let half = gram.trace() / 2.0;
@@ -220,7 +222,8 @@ fn local_minima(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> 
         .collect()
 }
 
-/// Squared difference between the observed moments and the model's after a mirror and a turn.
+/// Squared difference between the observed moments and the model's after a mirror and a turn
+/// (`docs/math.md`, eq. 7.5).
 fn difference(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool, angle: f64) -> f64 {
     let turn = Complex::from_polar(1.0, angle);
     let pairs = seen.moments.iter().zip(&model.moments);
@@ -246,7 +249,7 @@ impl WhitenedShape {
     }
 }
 
-/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem.
+/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem (`docs/math.md`, eq. 7.2).
 fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     let root = matrix.determinant();
     if root.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
@@ -257,7 +260,8 @@ fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     square_root.try_inverse()
 }
 
-/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment.
+/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment
+/// (`docs/math.md`, eq. 7.4).
 fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
     let mut list = Vec::new();
     for order in SHAPE_ORDERS {
