@@ -27,7 +27,9 @@ class Pose:
     def __post_init__(self) -> None:
         """Check and copy the parts."""
         if not isinstance(self.rotation, Rotation) or not self.rotation.single:
-            raise ValueError(f"rotation is {type(self.rotation).__name__}; needed one scipy Rotation (or use from_matrix)")
+            raise ValueError(
+                f"rotation is {type(self.rotation).__name__}; needed one scipy Rotation (or use from_matrix)"
+            )
         translation = np.array(self.translation, dtype=np.float64)
         if translation.shape != (3,) or not np.isfinite(translation).all():
             raise ValueError(f"translation is {self.translation!r}; needed 3 finite numbers")
@@ -50,7 +52,9 @@ class Pose:
             raise ValueError(f"rotation has shape {given.shape}; needed (3, 3) finite numbers")
         defect = float(np.abs(given.T @ given - np.eye(3)).max())
         if defect > ORTHONORMAL_TOLERANCE or np.linalg.det(given) < 0.0:
-            raise ValueError(f"rotation has |R^T R - I| = {defect:.1e}, det = {np.linalg.det(given):.3f}; needed a rotation")
+            raise ValueError(
+                f"rotation has |R^T R - I| = {defect:.1e}, det = {np.linalg.det(given):.3f}; needed a rotation"
+            )
         return cls(Rotation.from_matrix(given), np.asarray(translation, dtype=np.float64))
 
     @property

@@ -37,6 +37,15 @@ pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult
     Ok(values.chunks_exact(D).map(SVector::from_column_slice).collect())
 }
 
+/// Rows of an (n, D) array, refused where one is not finite.
+pub fn finite_points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<SVector<f64, D>>> {
+    let rows = points::<D>(item, object)?;
+    match rows.iter().position(|row| row.iter().any(|value| !value.is_finite())) {
+        Some(index) => Err(PyValueError::new_err(format!("{item} row {index} is not finite; it needs finite numbers"))),
+        None => Ok(rows),
+    }
+}
+
 /// Each ring's rows.
 pub fn rings<const D: usize>(object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<SVector<f64, D>>>> {
     let list = object.try_iter().map_err(|_| PyValueError::new_err("rings need to be a list of arrays"))?;

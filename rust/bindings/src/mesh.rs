@@ -27,7 +27,10 @@ pub fn ring_arrays<'py, const D: usize>(
     rings.iter().map(|ring| array(py, ring)).collect()
 }
 
-/// Rings checked and oriented; with `polygon`, every ring after the first has to be a hole in it.
+/// Rings (n, 2) checked and oriented: outer ones counter-clockwise, holes clockwise, repeated vertices left out.
+///
+/// With `polygon` the first ring is the outline and every other one has to be a hole in it; without, nesting decides.
+/// ValueError as of `planar_moments`, and for a hole outside the outline or inside another hole.
 #[pyfunction]
 #[pyo3(signature = (rings, *, polygon = true))]
 pub fn plane_rings<'py>(
@@ -40,7 +43,15 @@ pub fn plane_rings<'py>(
     ring_arrays(py, valid.map_err(value_error)?.rings())
 }
 
-/// Constrained Delaunay triangulation of a region.
+/// Vertices (v, 2) and triangles (k, 3) of a mesh that covers a planar region: vertex indices, counter-clockwise.
+///
+/// The constrained Delaunay triangulation of the rings, whose vertices come first and in order; Delaunay refinement
+/// (Ruppert 1995) adds vertices until no triangle has more than `max_area`, in the rings' unit squared, or an angle
+/// under `min_angle`, in degrees up to 30. Corners of the rings that are sharper stay.
+///
+/// `rings`: list of (n, 2) arrays, in any order and turning either way, as of `planar_moments`.
+///
+/// ValueError for rings as of `planar_moments`, an option out of range, or a refinement that needs too many vertices.
 #[pyfunction]
 #[pyo3(signature = (rings, *, max_area = None, min_angle = None))]
 pub fn triangulate<'py>(
@@ -55,7 +66,10 @@ pub fn triangulate<'py>(
     mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
-/// Mesh of triangles of nearly one size and shape.
+/// Vertices (v, 2) and triangles (k, 3) of a mesh of a planar region, of nearly one size and shape.
+///
+/// `edge_length`: the length aimed at, in the rings' unit. ValueError for rings as of `planar_moments` or a length that
+/// is out of range.
 #[pyfunction]
 pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f64) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
@@ -63,7 +77,15 @@ pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f
     mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
-/// Outline of a point set.
+/// Rings of the outline of points (n, 2): a list of (m, 2) arrays, outer rings counter-clockwise, holes clockwise.
+///
+/// The boundary of the union of all Delaunay triangles whose circumradius is at most `radius`, in the points' unit: the
+/// alpha shape (Edelsbrunner, Kirkpatrick and Seidel 1983). Rings come by decreasing size, each from its leftmost
+/// vertex; where parts meet at one point they touch there. An infinite radius gives the convex hull; repeated points
+/// count once.
+///
+/// ValueError for points that are not finite, fewer than 3 distinct or on one line, a radius that is not positive, or
+/// one so small that no triangle is left; the message then says the smallest that leaves one.
 #[pyfunction]
 pub fn alpha_shape<'py>(
     py: Python<'py>,

@@ -202,8 +202,8 @@ impl Problem {
         poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
     }
 
-    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None where a
-    /// region is out of view.
+    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None
+    /// where a region is out of view.
     #[pyo3(signature = (rotation, translation, *, increment = None, whitened = true))]
     fn evaluate<'py>(
         &self,
