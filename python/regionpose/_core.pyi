@@ -220,8 +220,8 @@ class Problem:
         observed: Sequence[ObservedRegion],
         worlds: Sequence[WorldRegion],
         *,
-        system: Literal["plane", "sphere"] = "plane",
-        integration: Literal["boundary", "mesh", "pixels"] = "boundary",
+        system: Literal["plane", "sphere"],
+        integration: Literal["boundary", "mesh", "pixels"],
     ) -> Problem: ...
     def candidates(
         self,

@@ -164,7 +164,8 @@ class WorldRegion:
 
 def _ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
     """Rings as a list of arrays; one array of vertices is one ring."""
-    if not isinstance(rings, Iterable) or isinstance(rings, str | bytes | Mapping):
+    unlisted = isinstance(rings, str | bytes | Mapping) or (isinstance(rings, np.ndarray) and rings.ndim == 0)
+    if unlisted or not isinstance(rings, Iterable):
         raise ValueError(f"rings is a {type(rings).__name__}; needed a list of (n, {columns}) arrays")
     listed: list[object] = list(rings)
     if not listed:

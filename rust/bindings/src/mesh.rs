@@ -2,7 +2,6 @@
 
 use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
@@ -10,7 +9,7 @@ use regionpose::mesh::even_mesh as even;
 use regionpose::mesh::triangulation::{self, MeshOptions};
 use regionpose::rings::PlaneRings;
 
-use crate::arrays::{array, points, value_error};
+use crate::arrays::{array, optional, points, scalar, value_error};
 
 type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
 
@@ -57,11 +56,14 @@ pub fn plane_rings<'py>(
 pub fn triangulate<'py>(
     py: Python<'py>,
     rings: &Bound<'py, PyAny>,
-    max_area: Option<f64>,
-    min_angle: Option<f64>,
+    max_area: Option<&Bound<'py, PyAny>>,
+    min_angle: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let options = MeshOptions { max_area, min_angle };
+    let options = MeshOptions {
+        max_area: optional("max_area", max_area, "a number or None")?,
+        min_angle: optional("min_angle", min_angle, "a number or None")?,
+    };
     let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)));
     mesh_arrays(py, &mesh.map_err(value_error)?)
 }
@@ -90,12 +92,10 @@ pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f
 pub fn alpha_shape<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = self::points::<2>("points", points)?;
-    if radius.is_nan() {
-        return Err(PyValueError::new_err("radius is NaN; it needs to be a positive number"));
-    }
+    let radius = scalar("radius", radius, "a positive number")?;
     let rings = py.detach(|| outline::alpha_shape(&given, radius));
     ring_arrays(py, rings.map_err(value_error)?.rings())
 }

@@ -7,9 +7,10 @@ use regionpose::bearing_rings::BearingRings;
 use regionpose::moments::{self, MAX_ORDER, PlaneMoments, SphereMoments};
 use regionpose::rings::PlaneRings;
 
-use crate::arrays::{finite_points, numbers, value_error};
+use crate::arrays::{finite_points, numbers, scalar, value_error};
 
-fn checked_order(order: i64) -> PyResult<usize> {
+fn checked_order(order: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let order: i64 = scalar("order", order, &format!("a whole number from 0 to {MAX_ORDER}"))?;
     usize::try_from(order)
         .ok()
         .filter(|&order| order <= MAX_ORDER)
@@ -52,7 +53,7 @@ fn sphere_array<'py>(py: Python<'py>, moments: &SphereMoments) -> PyResult<Bound
 pub fn planar_moments<'py>(
     py: Python<'py>,
     rings: &Bound<'py, PyAny>,
-    order: i64,
+    order: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (given, order) = (crate::arrays::rings::<2>(rings)?, checked_order(order)?);
     let moments = py.detach(|| {
@@ -79,7 +80,7 @@ pub fn planar_moments<'py>(
 pub fn spherical_moments<'py>(
     py: Python<'py>,
     rings: &Bound<'py, PyAny>,
-    order: i64,
+    order: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (given, order) = (crate::arrays::rings::<3>(rings)?, checked_order(order)?);
     let moments = py.detach(|| {
@@ -99,7 +100,7 @@ pub fn mesh_planar_moments<'py>(
     py: Python<'py>,
     vertices: &Bound<'py, PyAny>,
     triangles: &Bound<'py, PyAny>,
-    order: i64,
+    order: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (vertices, triangles) = (finite_points::<2>("vertices", vertices)?, crate::arrays::triangles(triangles)?);
     let order = checked_order(order)?;
@@ -119,7 +120,7 @@ pub fn mesh_spherical_moments<'py>(
     py: Python<'py>,
     vertices: &Bound<'py, PyAny>,
     triangles: &Bound<'py, PyAny>,
-    order: i64,
+    order: &Bound<'py, PyAny>,
     subdivision: usize,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (vertices, triangles) = (finite_points::<3>("vertices", vertices)?, crate::arrays::triangles(triangles)?);
@@ -141,7 +142,7 @@ pub fn pixel_moments<'py>(
     py: Python<'py>,
     bearings: &Bound<'py, PyAny>,
     solid_angles: &Bound<'py, PyAny>,
-    order: i64,
+    order: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (bearings, solid_angles) = (finite_points::<3>("bearings", bearings)?, numbers("solid_angles", solid_angles)?);
     let order = checked_order(order)?;
