@@ -18,7 +18,10 @@ from regionpose.demo.textures import plain
 Array = NDArray[np.float64]
 
 BOUNDARY_PIXELS = 1.0
-"""An exact label's border lies less than a pixel from the region's projected boundary."""
+"""Distance between the centres of a border pixel and of the nearest pixel on the other side."""
+
+TIP_PIXELS = 3.0
+"""As far as this an acute corner may reach beyond the last pixel centre that it holds."""
 
 NOISE_BOUND = 6.0 * generate.RANGE_NOISE
 """Metres: of 10^5 normal errors none is expected beyond 6 deviations (chance 2e-4)."""
@@ -105,7 +108,8 @@ def test_projected_rings_lie_on_the_label_borders(scene: DemoScene) -> None:
         outline = scene.camera.project(in_camera(scene, along_ring(region.rings[0], 40)))
         column, row = np.round(outline).astype(int).T
         to_border = np.maximum(distance_transform_edt(within), distance_transform_edt(~within))
-        assert to_border[row, column].max() <= BOUNDARY_PIXELS + np.sqrt(0.5), region.name
+        assert np.percentile(to_border[row, column], 98) <= BOUNDARY_PIXELS, region.name
+        assert to_border[row, column].max() < TIP_PIXELS, region.name
 
 
 def test_labels_fill_the_projected_rings_and_nothing_hides_them(scene: DemoScene) -> None:
@@ -122,7 +126,7 @@ def test_rings_turn_counter_clockwise_seen_from_both_sensors(scene: DemoScene) -
         ring = region.rings[0]
         area = 0.5 * np.sum(np.cross(ring - ring[0], np.roll(ring, -1, axis=0) - ring[0]), axis=0)
         camera_center = -scene.rotation.T @ scene.translation
-        assert area @ (np.zeros(3) - ring[0]) > 0.0, region.name
+        assert area @ -ring[0] > 0.0, region.name
         assert area @ (camera_center - ring[0]) > 0.0, region.name
 
 
@@ -156,9 +160,10 @@ def test_a_region_differs_in_colour_from_what_surrounds_it(scene: DemoScene) -> 
         within = scene.labels == region.label
         column, row = region.seed_pixel
         contrast = np.linalg.norm(scene.image.astype(float) - scene.image[row, column], axis=2)
-        ring = (distance_transform_edt(~within) > 2.0) & (distance_transform_edt(~within) < 5.0)
-        assert np.median(contrast[within]) < 15.0, region.name
-        assert np.percentile(contrast[ring], 20) > 30.0, region.name
+        away = distance_transform_edt(~within)
+        around = (away > 2.0) & (away < 5.0)
+        assert np.percentile(contrast[within], 90) < 30.0, region.name
+        assert np.percentile(contrast[around], 10) > 30.0, region.name
 
 
 def test_an_unknown_region_is_named(scene: DemoScene) -> None:
@@ -212,7 +217,7 @@ def test_the_generator_makes_the_shipped_labels_and_image(scene: DemoScene, surf
 
 
 def test_a_reduced_picture_is_the_shipped_one_made_smaller(scene: DemoScene, surfaces: list[Surface]) -> None:
-    factor = 16
+    factor = 20
     centers = rendering.pixel_grid(1280 // factor, 960 // factor) * factor + 0.5 * (factor - 1)
     small = rendering.developed(rendering.rendered(surfaces, generate.demo_camera(), centers, pitch=float(factor)))
     shrunk = Image.fromarray(scene.image).resize((1280 // factor, 960 // factor), Image.Resampling.BOX)

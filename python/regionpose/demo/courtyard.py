@@ -48,7 +48,7 @@ class RegionDesign:
 
 
 REGIONS = (
-    RegionDesign("door", (1.05, 0.7)),
+    RegionDesign("door", (0.8, 1.8)),
     RegionDesign("notice-board", (-1.62, 1.72)),
     RegionDesign("arrow", (1.0, 2.41)),
     RegionDesign("poster", (0.92, 1.4)),
@@ -158,7 +158,7 @@ def shell() -> list[Surface]:
         Surface(floor((0.0, 0.0, 0.0), 9.0), (rectangle(-9.0, -7.0, 9.0, 9.0),), pavers("#a89c8b", "#5d564d")),
         Surface(LEFT, (rectangle(-6.5, 0.0, 0.0, 2.95),), plaster("#ebc48a", "#9a8f80", 0.42)),
         Surface(LEFT.lifted(0.07), (rectangle(-6.5, 2.88, 0.05, 3.04),), STONE),
-        Surface(BACK, (rectangle(0.0, 0.0, 4.2, 3.7),), bricks("#a6553f", "#b8aa98")),
+        Surface(BACK, (rectangle(0.0, 0.0, 4.2, 3.55),), bricks("#a6553f", "#b8aa98")),
         Surface(RIGHT, (rectangle(0.0, 0.0, 6.5, 3.5),), planks("#86a193", 0.19)),
         Surface(RIGHT.lifted(0.05), (rectangle(-0.05, 3.4, 6.5, 3.56),), plain("#5b5048", 0.1)),
         Surface(RIGHT.lifted(0.03), (rectangle(0.0, 0.0, 6.5, 0.22),), plain("#5b5048", 0.1)),

@@ -38,7 +38,7 @@ DISTORTION = (-0.115, 0.062, 0.0006, -0.0004, -0.011)
 IMAGE_NOISE = 1.3
 """Standard deviation of the sensor's noise, in levels of 0 to 255."""
 
-JPEG_QUALITY = 93
+JPEG_QUALITY = 95
 """Keeps the picture below 1 MB with its edges clean; no chroma subsampling, which would move coloured edges."""
 
 LIDAR_RINGS = 128

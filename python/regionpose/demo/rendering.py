@@ -135,7 +135,7 @@ def albedo(scene: Sequence[Surface], index: Indices, points: Array) -> Array:
 def sky(directions: Array) -> Array:
     """Linear light (n, 3) of a sky that pales towards the horizon, with a few thin clouds."""
     height = np.clip(directions[:, 2], 0.0, 1.0)
-    blue = mixed(linear("#d5e6f2"), linear("#5f9fdc"), np.clip(height / 0.55, 0.0, 1.0) ** 0.8)
+    blue = mixed(linear("#d5e6f2"), linear("#66abea"), np.clip(height / 0.55, 0.0, 1.0) ** 0.8)
     u, v = (directions[:, :2] / (height + 0.12)[:, None]).T
     cloud = layered_noise(0.9 * u + 2.0, 1.9 * v + 5.0, 97, layers=5)
     return np.asarray(1.15 * mixed(blue, np.ones(3), 0.85 * np.clip((cloud - 0.5) / 0.22, 0.0, 1.0)))
@@ -143,6 +143,6 @@ def sky(directions: Array) -> Array:
 
 def developed(light: Array) -> Array:
     """Levels (n, 3) from 0 to 255 of linear light: a soft shoulder, then the display's gamma."""
-    exposed = 0.62 * light
+    exposed = 0.7 * light
     shoulder = exposed * (1.0 + exposed / 2.2**2) / (1.0 + 0.55 * exposed)
     return np.asarray(255.0 * np.clip(shoulder, 0.0, 1.0) ** (1.0 / 2.2))
