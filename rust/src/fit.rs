@@ -22,16 +22,27 @@ pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Po
     Some(overlap_areas(&observed, &predicted))
 }
 
-/// Standard deviation, in pixels, of the distance between observed and projected boundaries that their overlap shows: the
-/// area between them over the boundary's length is the mean distance.
-///
-/// `None` where no region can be projected.
-pub fn boundary_noise(observed: &[RegionEquations], worlds: &[WorldRegion], pose: &Pose) -> Option<f64> {
-    let (mut area, mut length) = (0.0, 0.0);
-    for (region, world) in observed.iter().zip(worlds) {
-        area += region_overlap(region, world, pose)?.error() * region.pixel_area();
-        let perimeter: f64 = region.outline().edges().map(|(a, b)| (b - a).norm()).sum();
-        length += perimeter * region.pixel_area().sqrt();
+/// How well all regions fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// Area of the symmetric differences over the observed area, all regions together.
+    pub overlap_error: f64,
+    /// Standard deviation, in pixels, of the distance between observed and projected boundaries: the area between them over
+    /// the boundary's length is the mean distance.
+    pub boundary_noise: f64,
+}
+
+impl Fit {
+    /// The fit of a pose; `None` where a region cannot be projected.
+    pub fn of(observed: &[RegionEquations], worlds: &[WorldRegion], pose: &Pose) -> Option<Self> {
+        let (mut areas, mut pixels, mut length) = (OverlapAreas::default(), 0.0, 0.0);
+        for (region, world) in observed.iter().zip(worlds) {
+            let overlap = region_overlap(region, world, pose)?;
+            areas = areas + overlap;
+            pixels += overlap.error() * region.pixel_area();
+            let perimeter: f64 = region.outline().edges().map(|(a, b)| (b - a).norm()).sum();
+            length += perimeter * region.pixel_area().sqrt();
+        }
+        Some(Self { overlap_error: areas.error(), boundary_noise: SIGMA_OVER_MEAN * pixels / length })
     }
-    (length > 0.0).then(|| SIGMA_OVER_MEAN * area / length)
 }

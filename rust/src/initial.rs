@@ -13,8 +13,23 @@ use crate::rings::PlaneRings;
 /// that moments of order 8 can have.
 const ANGLES: usize = 72;
 
-/// Turns that leave a difference this many times the least are kept: perspective and noise disturb right and wrong alike.
-const LEAST_FACTOR: f64 = 4.0;
+/// Which turns are worth a candidate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turns {
+    /// Those that leave less than ten times the least difference: perspective and noise disturb right and wrong alike.
+    Likely,
+    /// Every local minimum.
+    All,
+}
+
+impl Turns {
+    fn factor(self) -> f64 {
+        match self {
+            Self::Likely => 10.0,
+            Self::All => f64::INFINITY,
+        }
+    }
+}
 
 /// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
 const POWER_SHARE: f64 = 0.05;
@@ -51,14 +66,20 @@ impl ComplexMoment {
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
 /// which the poses take world coordinates. Symmetric shapes give candidates for each symmetry.
-pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
+pub fn closed_form(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    turns: Turns,
+) -> Vec<Pose> {
     let (Some(seen), Some(model)) = (WhitenedShape::of(outline), WhitenedShape::of(world.outline())) else {
         return Vec::new();
     };
     let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
     let target = seen.mean / chart.scale;
     let mut poses = Vec::new();
-    for turn in best_turns(&seen, &model) {
+    for turn in best_turns(&seen, &model, turns) {
         let affine = back * turn.matrix() * model.transform / chart.scale;
         for (rotation, depth) in two_fold(&affine) {
             let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
@@ -175,12 +196,12 @@ impl Turn {
 
 /// The turns that bring the model's moments near the observed ones: local minima, with and without a mirror, that are not
 /// far worse than the best.
-fn best_turns(seen: &WhitenedShape, model: &WhitenedShape) -> Vec<Turn> {
+fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, wanted: Turns) -> Vec<Turn> {
     let mut turns = local_minima(seen, model, false);
     turns.extend(local_minima(seen, model, true));
     let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
     let power: f64 = seen.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum();
-    let limit = (LEAST_FACTOR * least).max(POWER_SHARE * power);
+    let limit = (wanted.factor() * least).max(POWER_SHARE * power);
     turns.retain(|turn| turn.difference <= limit);
     turns
 }

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
-use crate::fit::boundary_noise;
-use crate::initial::{closed_form, facing};
+use crate::fit::Fit;
+use crate::initial::{Turns, closed_form, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
@@ -36,6 +36,9 @@ const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 140 };
 /// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
 /// of the symmetric difference is then of the order of the region itself.
 const SINGLE_REGION_COST: f64 = 0.05;
+
+/// Overlap error above which the search takes a second look, from every turn.
+const SECOND_LOOK: f64 = 0.02;
 
 /// Candidates carried into the joint system at most.
 const MOST_CANDIDATES: usize = 32;
@@ -130,21 +133,34 @@ impl Problem {
 
     /// The candidates for the pose, and this problem whitened for the boundary noise that the best of them shows.
     pub fn search(mut self, start: Start, prior: &Prior) -> Search {
-        let starts = match start {
-            Start::Global => self.global_starts(prior),
-            Start::Paper => self.paper_starts(prior),
+        let mut poses = match start {
+            Start::Global => self.solved_together(self.global_starts(prior, Turns::Likely)),
+            Start::Paper => self.solved_together(self.paper_starts(prior)),
         };
-        let mut poses = self.narrowed(starts);
-        if self.regions.len() > 1 {
-            let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
-            poses = self.narrowed(poses.iter().map(joint).collect());
+        let mut fit = self.fit_of_best(&poses);
+        if start == Start::Global && fit.is_none_or(|fit| fit.overlap_error > SECOND_LOOK) {
+            poses = self.solved_together(self.global_starts(prior, Turns::All));
+            fit = self.fit_of_best(&poses);
         }
-        let shown = poses.first().and_then(|pose| boundary_noise(&self.regions, &self.worlds, &self.uncentred(pose)));
-        if let Some(sigma) = shown {
-            self.regions = self.regions.into_iter().map(|region| region.whitened_for(sigma)).collect();
+        if let Some(Fit { boundary_noise, .. }) = fit {
+            self.regions = self.regions.into_iter().map(|region| region.whitened_for(boundary_noise)).collect();
         }
         let candidates = self.fitting(&poses);
         Search { problem: self, candidates }
+    }
+
+    /// Minima of all regions' unweighted equations near the starts, best first.
+    fn solved_together(&self, starts: Vec<Pose>) -> Vec<Pose> {
+        let poses = self.narrowed(starts);
+        if self.regions.len() == 1 {
+            return poses;
+        }
+        let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
+        self.narrowed(poses.iter().map(joint).collect())
+    }
+
+    fn fit_of_best(&self, poses: &[Pose]) -> Option<Fit> {
+        Fit::of(&self.regions, &self.worlds, &self.uncentred(poses.first()?))
     }
 
     /// The candidates that could fit as well as the best once the whitened equations are solved, best first.
@@ -179,10 +195,10 @@ impl Problem {
         pose.transform(&self.origin).norm()
     }
 
-    fn global_starts(&self, prior: &Prior) -> Vec<Pose> {
+    fn global_starts(&self, prior: &Prior, turns: Turns) -> Vec<Pose> {
         let mut starts: Vec<Pose> = prior.initial.iter().map(|pose| self.centred(pose)).collect();
         for (region, world) in self.regions.iter().zip(&self.worlds) {
-            let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin);
+            let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin, turns);
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }

@@ -12,7 +12,7 @@ use regionpose::least_squares;
 use regionpose::pose::Tangent;
 use regionpose::solve::{self, Prior, Start};
 
-use crate::arrays::{matrix, numbers, pose, rotation, translation, value_error, vector};
+use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
@@ -177,16 +177,18 @@ pub struct Problem(solve::Problem);
 #[pymethods]
 impl Problem {
     #[new]
-    #[pyo3(signature = (observed, worlds, *, system = "plane", integration = "boundary"))]
+    #[pyo3(signature = (observed, worlds, *, system, integration))]
     fn new(
         py: Python<'_>,
         observed: Vec<PyRef<'_, ObservedRegion>>,
         worlds: Vec<PyRef<'_, WorldRegion>>,
-        system: &str,
-        integration: &str,
+        system: &Bound<'_, PyAny>,
+        integration: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let sides = Sides::new(&observed, &worlds);
-        let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+        let system: String = scalar("system", system, "\"plane\" or \"sphere\"")?;
+        let integration: String = scalar("integration", integration, "\"boundary\", \"mesh\" or \"pixels\"")?;
+        let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration)?);
         py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
     }
 
@@ -206,8 +208,8 @@ impl Problem {
         Ok((Problem(search.problem), poses.collect::<PyResult<_>>()?))
     }
 
-    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None where a
-    /// region is out of view.
+    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None
+    /// where a region is out of view.
     #[pyo3(signature = (rotation, translation, *, increment = None, whitened = true))]
     fn evaluate<'py>(
         &self,
@@ -306,11 +308,12 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 pub fn estimate_batch(
     py: Python<'_>,
     problems: Vec<PySides<'_>>,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     system: &str,
     integration: &str,
 ) -> PyResult<Vec<Option<Estimate>>> {
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+    let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
     let solve = |sides: &Sides| {
         sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default()))
