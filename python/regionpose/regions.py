@@ -274,7 +274,7 @@ def _visible(camera: Camera, pixels: Array, index: int) -> Array:
 
 
 def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
-    """Into how many parts each pixel edge has to be split: its sagitta falls with the square of their number (docs/math.md, eq. 9.11)."""
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
     following = np.roll(ring, -1, axis=0)
     ahead = np.roll(bearings, -1, axis=0)
     middle = _visible(camera, 0.5 * (ring + following), index)
