@@ -127,6 +127,10 @@ class WorldRegion:
         """Area in plane coordinates."""
 
     @property
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+        """Vertices (v, 3) and triangles (k, 3) of a region that is not planar, else None."""
+
+    @property
     def is_planar(self) -> bool:
         """Whether the region lies in one plane."""
 
@@ -241,6 +245,15 @@ class Problem:
         whitened: bool = True,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6); None out of view."""
+
+    def estimate(
+        self,
+        *,
+        start: Literal["global", "paper"] = "global",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> Estimate | None:
+        """The native solver's estimate, the same as of `estimate_batch`; None where no pose shows every region."""
 
     def solve_from(self, rotation: ArrayLike, translation: ArrayLike) -> Minimum:
         """The whitened minimum that the native solver reaches from a candidate."""

@@ -226,6 +226,19 @@ impl Problem {
         Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
     }
 
+    /// The native solver's estimate, the same as of `estimate_batch`; None where no pose shows every region.
+    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    fn estimate<'py>(
+        &self,
+        py: Python<'py>,
+        start: &str,
+        initial: Option<PoseArrays<'py>>,
+        up: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Estimate>> {
+        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        Ok(py.detach(|| self.0.estimate(start, &prior)).map(Estimate))
+    }
+
     /// The whitened minimum that the native solver reaches from a candidate.
     fn solve_from(
         &self,
