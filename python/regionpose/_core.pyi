@@ -227,14 +227,14 @@ class Problem:
         system: Literal["plane", "sphere"],
         integration: Literal["boundary", "mesh", "pixels"],
     ) -> Problem: ...
-    def candidates(
+    def search(
         self,
         *,
         start: Literal["global", "paper"] = "global",
         initial: tuple[ArrayLike, ArrayLike] | None = None,
         up: ArrayLike | None = None,
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Poses (rotation (3, 3), translation (3,)) from which to solve, best first."""
+    ) -> tuple[Problem, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+        """The problem whitened for its boundary noise, and poses (rotation, translation) to solve from, best first."""
 
     def evaluate(
         self,
@@ -246,14 +246,8 @@ class Problem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6); None out of view."""
 
-    def estimate(
-        self,
-        *,
-        start: Literal["global", "paper"] = "global",
-        initial: tuple[ArrayLike, ArrayLike] | None = None,
-        up: ArrayLike | None = None,
-    ) -> Estimate | None:
-        """The native solver's estimate, the same as of `estimate_batch`; None where no pose shows every region."""
+    def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
+        """Distance from the camera to the middle of the regions."""
 
     def solve_from(self, rotation: ArrayLike, translation: ArrayLike) -> Minimum:
         """The whitened minimum that the native solver reaches from a candidate."""

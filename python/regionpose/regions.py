@@ -295,7 +295,7 @@ def _visible(camera: Camera, pixels: Array, index: int) -> Array:
 
 
 def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
-    """Into how many parts each pixel edge has to be split: its sagitta falls with the square of their number."""
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
     following = np.roll(ring, -1, axis=0)
     ahead = np.roll(bearings, -1, axis=0)
     length = np.linalg.norm(following - ring, axis=1)

@@ -70,10 +70,9 @@ RINGS: list[tuple[Callable[[], object], str]] = [
         lambda: IMAGE_RING([SQUARE, SQUARE + 5.0]),
         "ring 1 is a hole outside every outer ring; a hole needs to lie inside",
     ),
-    (lambda: WORLD_RING([LIFTED, LIFTED + [5.0, 0.0, 0.0]]), "ring 1 is a hole outside"),
+    (lambda: WORLD_RING([LIFTED, LIFTED + np.array([5.0, 0.0, 0.0])]), "ring 1 is a hole outside"),
     (lambda: IMAGE_RING([SQUARE, SQUARE + 0.5]), r"edge \d of ring 0 crosses edge \d of ring 1"),
     (lambda: IMAGE_RING([SQUARE * 9, SQUARE * 5 + 1, SQUARE + 2]), "ring 2 lies inside the hole ring 1"),
-    (lambda: WORLD_RING([with_value(np.roll(LIFTED, 1, axis=1), 1.5)]), "ring 0 leaves the region's plane by|crosses"),
     (
         lambda: WORLD_RING([LIFTED * [1, 1, 0] + [[0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]]]),
         "ring 0 leaves the region's",
@@ -159,7 +158,7 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
     (lambda: solve(driver=None), "driver is None; needed"),
     (lambda: solve(initial="random"), "initial is 'random'; needed a Pose, \"paper\" or None"),
-    (lambda: solve(initial=np.eye(4)), r"initial is array\(.*; needed a Pose"),
+    (lambda: solve(initial=4.0), "initial is 4.0; needed a Pose"),
     (lambda: solve(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
     (lambda: solve(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
     (lambda: solve(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
@@ -184,6 +183,7 @@ CAMERAS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.PinholeCamera(-500.0, 500.0, 0.0, 0.0), "fx: found -500.0; needed a number above 0"),
     (lambda: rp.FisheyeCamera(500.0, 0.0, 0.0, 0.0), "fy: found 0.0; needed a number above 0"),
     (lambda: rp.UnifiedCamera(1.0, np.nan, 1.0, 0.0, 0.0), "fx: found nan; needed a finite number"),
+    (lambda: rp.PinholeCamera("500", 500.0, 0.0, 0.0), "fx: found '500'; needed a number"),  # type: ignore[arg-type]
     (lambda: rp.OcamCamera((0.0,), (0.0, 0.0)), "polynomial: found 0.0; needed a first coefficient a0 above 0"),
     (lambda: CAMERA.bearings(SQUARE * 1j), "pixels: found an array of type complex128; needed numbers"),
     (lambda: rp.load_camera(None), "path is a NoneType; needed the path"),  # type: ignore[arg-type]
@@ -313,7 +313,7 @@ def test_rings_are_refused_or_have_a_positive_area(rings: list[np.ndarray]) -> N
     assert areas.sum() == pytest.approx(moments[0, 0], rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.integers(0, 1000),
     st.floats(-1.0, 1.0),
@@ -329,7 +329,9 @@ def test_pairs_that_do_not_match_end_in_a_pose_or_a_pose_error(
     rng = np.random.default_rng(seed)
     angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 7))
     radii = rng.uniform(20.0, 200.0, 7)
-    ring = np.column_stack([radii * np.cos(angles), (1e-3 + abs(squeeze)) * radii * np.sin(angles)]) + [320.0, 240.0]
+    ring = np.column_stack([radii * np.cos(angles), (1e-3 + abs(squeeze)) * radii * np.sin(angles)]) + np.array(
+        [320.0, 240.0]
+    )
     templates = load_templates("all")
     world = [size * part for part in templates[seed % len(templates)].region()]
     try:

@@ -44,6 +44,10 @@ fn parsed_start(name: &str) -> PyResult<Start> {
     }
 }
 
+type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
 type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 fn parsed_prior(initial: Option<PoseArrays<'_>>, up: Option<Bound<'_, PyAny>>) -> PyResult<Prior> {
@@ -190,18 +194,20 @@ impl Problem {
         py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
     }
 
-    /// Poses (rotation (3, 3), translation (3,)) from which to solve, best first.
+    /// This problem whitened for the boundary noise that it shows, and poses (rotation (3, 3), translation (3,)) from which
+    /// to solve it, best first.
     #[pyo3(signature = (*, start = "global", initial = None, up = None))]
-    fn candidates<'py>(
+    fn search<'py>(
         &self,
         py: Python<'py>,
         start: &str,
         initial: Option<PoseArrays<'py>>,
         up: Option<Bound<'py, PyAny>>,
-    ) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+    ) -> PyResult<(Problem, Vec<RotationTranslation<'py>>)> {
         let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
-        let poses = py.detach(|| self.0.candidates(start, &prior));
-        poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
+        let search = py.detach(|| self.0.clone().search(start, &prior));
+        let poses = search.candidates.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose))));
+        Ok((Problem(search.problem), poses.collect::<PyResult<_>>()?))
     }
 
     /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None
@@ -214,7 +220,7 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
         increment: Option<&Bound<'py, PyAny>>,
         whitened: bool,
-    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+    ) -> PyResult<Option<ResidualJacobian<'py>>> {
         let pose = pose(rotation, translation)?;
         let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
         let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
@@ -226,17 +232,9 @@ impl Problem {
         Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
     }
 
-    /// The native solver's estimate, the same as of `estimate_batch`; None where no pose shows every region.
-    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
-    fn estimate<'py>(
-        &self,
-        py: Python<'py>,
-        start: &str,
-        initial: Option<PoseArrays<'py>>,
-        up: Option<Bound<'py, PyAny>>,
-    ) -> PyResult<Option<Estimate>> {
-        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
-        Ok(py.detach(|| self.0.estimate(start, &prior)).map(Estimate))
+    /// Distance from the camera to the middle of the regions.
+    fn distance(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.distance(&pose(rotation, translation)?))
     }
 
     /// The whitened minimum that the native solver reaches from a candidate.
@@ -272,7 +270,7 @@ pub fn moved_pose<'py>(
     rotation: &Bound<'py, PyAny>,
     translation: &Bound<'py, PyAny>,
     increment: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<RotationTranslation<'py>> {
     let moved = pose(rotation, translation)?.moved(&tangent(increment)?);
     Ok((self::rotation(py, &moved)?, self::translation(py, &moved)))
 }
