@@ -159,6 +159,16 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(driver=None), "driver is None; needed"),
     (lambda: solve(initial="random"), "initial is 'random'; needed a Pose, \"paper\" or None"),
     (lambda: solve(initial=4.0), "initial is 4.0; needed a Pose"),
+    (lambda: solve(initial=np.eye(4)), r"initial is array\(\[\[1"),
+    (lambda: solve(up={}), "up is a dict that is not an array|up is an array of type object; it needs"),
+    (lambda: solve(up="north"), "up is an array of type <U5; it needs to be an"),
+    (lambda: rp.estimate_pose(CAMERA, None, [WORLD]), "found a NoneType; needed a list of ImageRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_pose(CAMERA, [IMAGE], 7), "found a int; needed a list of WorldRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses(None), "found a NoneType; needed a list of problems"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses([5]), r"problem 0: found a int; needed \(camera, image_regions"),  # type: ignore[list-item]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE])]), "problem 0: found 2 items; needed"),  # type: ignore[list-item]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads="two"), "threads is a str"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads=-1), "threads is a int; it needs"),
     (lambda: solve(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
     (lambda: solve(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
     (lambda: solve(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
@@ -277,6 +287,16 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: rp.FisheyeCamera(1.0, 1.0, 0.0, 0.0, k=value),
     lambda value: rp.OcamCamera(value, (0.0, 0.0)),
     lambda value: rp.UnifiedCamera(value, 1.0, 1.0, 0.0, 0.0),
+    lambda value: rp.estimate_pose(value, [IMAGE], [WORLD]),
+    lambda value: rp.estimate_pose(CAMERA, value, [WORLD]),
+    lambda value: rp.estimate_pose(CAMERA, [IMAGE], value),
+    lambda value: rp.estimate_poses(value),
+    lambda value: rp.estimate_poses([value]),
+    lambda value: solve(initial=value),
+    lambda value: solve(up=value),
+    lambda value: solve(system=value),
+    lambda value: solve(integration=value),
+    lambda value: solve(driver=value),
     lambda value: _core.mesh_planar_moments(value, [[0, 1, 2]], 2),
     lambda value: _core.mesh_planar_moments(SQUARE, value, 2),
     lambda value: _core.mesh_spherical_moments(LIFTED, value, 2),
