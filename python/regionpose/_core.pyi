@@ -249,8 +249,14 @@ class Problem:
     def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
         """Distance from the camera to the middle of the regions."""
 
-    def solve_from(self, rotation: ArrayLike, translation: ArrayLike) -> Minimum:
-        """The whitened minimum that the native solver reaches from a candidate."""
+    def estimate(
+        self,
+        *,
+        start: Literal["global", "paper"] = "global",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> Estimate | None:
+        """The estimate by the native driver; None without a pose in view."""
 
     def judged(
         self,

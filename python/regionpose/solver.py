@@ -129,6 +129,8 @@ def estimate_pose(
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
     """
+    if driver not in ("scipy", "native"):
+        raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
     _check_camera(camera, image_regions)
     problem = _core.Problem(
         _observed_regions(camera, image_regions, integration),
@@ -137,8 +139,10 @@ def estimate_pose(
         integration=integration,
     )
     start, prior = _start_and_prior(initial, up)
+    if driver == "native":
+        return _pose_estimate(problem.estimate(start=start, **prior))
     problem, candidates = problem.search(start=start, **prior)
-    minima = [_minimum(problem, driver, rotation, translation) for rotation, translation in candidates]
+    minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
     return _pose_estimate(problem.judged(minima, **prior))
 
 
@@ -218,14 +222,6 @@ def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[
     if isinstance(initial, str) and initial == "paper":
         return "paper", {"initial": None, "up": up}
     raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
-
-
-def _minimum(problem: _core.Problem, driver: str, rotation: Array, translation: Array) -> _core.Minimum:
-    if driver == "native":
-        return problem.solve_from(rotation, translation)
-    if driver == "scipy":
-        return _scipy_minimum(problem, rotation, translation)
-    raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
 
 
 def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
