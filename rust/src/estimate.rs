@@ -1,16 +1,15 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
 
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use thiserror::Error as Message;
 
-use crate::chart::Chart;
 use crate::equations::Weighting;
+use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
-use crate::overlap::{OverlapAreas, overlap_areas};
+use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
 use crate::residual::RegionEquations;
-use crate::rings::PlaneRings;
-use crate::solve::{Prior, Problem, Start};
+use crate::solve::{Prior, Problem, Search, Start};
 
 /// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
 /// the quality of calibrations.
@@ -120,8 +119,9 @@ impl Problem {
     /// The pose from nothing but the regions and the prior, by the native solver.
     ///
     /// `None` where no pose shows every region in its chart.
-    pub fn estimate(&self, start: Start, prior: &Prior) -> Option<Estimate> {
-        self.judged(self.minima(&self.candidates(start, prior)), prior)
+    pub fn estimate(self, start: Start, prior: &Prior) -> Option<Estimate> {
+        let Search { problem, candidates } = self.search(start, prior);
+        problem.judged(problem.minima(&candidates), prior)
     }
 
     /// The verdict on minima found by any driver.
@@ -165,24 +165,13 @@ impl Problem {
     }
 
     fn solution(&self, minimum: Minimum) -> Solution {
+        let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
-            (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
+            pairs.map(|(region, world)| region_overlap(region, world, &minimum.pose)).collect();
         let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
         let total =
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
-    }
-
-    fn overlap(&self, region: usize, pose: &Pose) -> Option<OverlapAreas> {
-        let equations = &self.regions()[region];
-        let chart = Chart { scale: 1.0, ..*equations.chart() };
-        let project = |ring: &Vec<Vector3<f64>>| -> Option<Vec<Vector2<f64>>> {
-            ring.iter().map(|x| chart.project(&pose.transform(x))).collect()
-        };
-        let rings = self.worlds()[region].rings();
-        let predicted = PlaneRings::new(rings.iter().map(project).collect::<Option<_>>()?).ok()?;
-        let observed = equations.outline().mapped(|p| Some(p / equations.chart().scale))?;
-        Some(overlap_areas(&observed, &predicted))
     }
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {

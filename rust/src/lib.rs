@@ -9,6 +9,7 @@ pub mod equations;
 pub mod error;
 pub mod estimate;
 pub mod facet;
+pub mod fit;
 pub mod initial;
 pub mod least_squares;
 pub mod mesh;
