@@ -14,7 +14,9 @@ use regionpose::region::WorldRegion;
 use regionpose::rings::PlaneRings;
 use regionpose::solve::{Prior, Start};
 use support::random::Random;
-use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star};
+use support::scene::{
+    Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,
+};
 
 /// Error of the closed form on an affine view, rad and share of the distance: the turn comes from a parabola through
 /// samples 5 degrees apart (measured: median 3e-4, worst 8e-4).
@@ -107,7 +109,8 @@ fn exact_affine_views_give_the_truth_among_the_candidates() {
 
 /// Rotations of space that bring a shape of this symmetry onto itself: `turns` about z, each with a flip about an axis of it.
 fn symmetries(turns: usize) -> Vec<Rotation3<f64>> {
-    let turn = |k: usize| Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::TAU * k as f64 / turns as f64);
+    let turn =
+        |k: usize| Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::TAU * k as f64 / turns as f64);
     let flip = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     (0..turns).flat_map(|k| [turn(k), turn(k) * flip]).collect()
 }

@@ -121,7 +121,16 @@ pub struct Layout {
 
 impl Default for Layout {
     fn default() -> Self {
-        Self { regions: 1, vertices: 8, field: 0.5, unit: 1.0, offset: 5.0, front: true, axis: None, tilt: [0.35, 0.95] }
+        Self {
+            regions: 1,
+            vertices: 8,
+            field: 0.5,
+            unit: 1.0,
+            offset: 5.0,
+            front: true,
+            axis: None,
+            tilt: [0.35, 0.95],
+        }
     }
 }
 
@@ -144,7 +153,8 @@ impl Scene {
                 Rotation3::from_scaled_axis(axis * (start + TAU * k as f64 / count as f64)) * perpendicular(&axis);
             let away = if count > 1 { spoke } else { aside };
             let direction = Rotation3::from_scaled_axis(away * random.uniform(0.6, 1.0) * layout.field) * axis;
-            let (distance, tilt) = (random.uniform(3.0, 5.0) * layout.unit, random.uniform(layout.tilt[0], layout.tilt[1]));
+            let (distance, tilt) =
+                (random.uniform(3.0, 5.0) * layout.unit, random.uniform(layout.tilt[0], layout.tilt[1]));
             let camera_from_plane = seen_plane(random, &direction, distance, tilt, layout.front);
             let scaled: Vec<Ring> = shape.iter().map(|ring| ring.iter().map(|p| p * layout.unit).collect()).collect();
             placed(&scaled, &pose.inverse().after(&camera_from_plane))
