@@ -9,7 +9,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use nalgebra::{Rotation3, Vector3};
 use regionpose::equations::{System, Weighting};
 use regionpose::facet::Integration;
-use regionpose::initial::closed_form;
+use regionpose::initial::{Turns, closed_form};
 use regionpose::pose::Pose;
 use regionpose::region::{ObservedRegion, WorldRegion};
 use regionpose::solve::{Prior, Problem, Start};
@@ -80,7 +80,7 @@ fn search(criterion: &mut Criterion) {
     let region = &ready.regions()[0];
     let origin = Vector3::zeros();
     group.bench_function("closed form of one region", |bencher| {
-        bencher.iter(|| closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin));
+        bencher.iter(|| closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin, Turns::Likely));
     });
     group.bench_function("candidates", |bencher| bencher.iter(|| ready.clone().search(Start::Global, &prior)));
     group.bench_function("pose from nothing", |bencher| {

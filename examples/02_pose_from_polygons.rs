@@ -3,11 +3,7 @@
 //! `cargo run --example 02_pose_from_polygons`
 
 use nalgebra::Vector3;
-use regionpose::equations::System;
-use regionpose::error::Result;
-use regionpose::facet::Integration;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::solve::{Prior, Problem, Start};
+use regionpose::{Integration, ObservedRegion, Prior, Problem, Result, Start, System, WorldRegion};
 
 /// A pinhole camera: focal length and centre in pixels.
 const CAMERA: [f64; 3] = [1200.0, 960.0, 540.0];

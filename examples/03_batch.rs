@@ -6,13 +6,7 @@ use std::f64::consts::TAU;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use regionpose::batch::in_parallel;
-use regionpose::equations::System;
-use regionpose::error::Result;
-use regionpose::facet::Integration;
-use regionpose::pose::Pose;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::solve::{Prior, Problem, Start};
+use regionpose::{Integration, ObservedRegion, Pose, Prior, Problem, Result, Start, System, WorldRegion, in_parallel};
 
 /// Images around the plate.
 const IMAGES: usize = 200;

@@ -45,14 +45,15 @@ pub fn sphere_derivative(moments: &SphereMoments, nu: &Vector3<f64>, e: [usize; 
         let (u, v) = ((w + 1) % 3, (w + 2) % 3);
         e[v] as f64 * s(raised(raised(e, v, -1), u, 1)) - e[u] as f64 * s(raised(raised(e, u, -1), v, 1))
     };
-    let moved = |q: usize| {
-        let along = |c: usize| {
-            let up = raised(e, c, 1);
-            nu[c] * (up[q] as f64 * s(raised(up, q, -1)) - (k + 3.0) * s(raised(up, q, 1)))
-        };
-        (0..3).map(along).sum()
+    let shifted = |q: usize| -> f64 {
+        (0..3)
+            .map(|c| {
+                let up = raised(e, c, 1);
+                nu[c] * (up[q] as f64 * s(raised(up, q, -1)) - (k + 3.0) * s(raised(up, q, 1)))
+            })
+            .sum()
     };
-    [turned(0), turned(1), turned(2), moved(0), moved(1), moved(2)]
+    [turned(0), turned(1), turned(2), shifted(0), shifted(1), shifted(2)]
 }
 
 fn moment_or_zero(moments: &PlaneMoments, i: i32, j: i32) -> f64 {

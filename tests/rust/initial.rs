@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use regionpose::chart::Chart;
 use regionpose::equations::{System, Weighting};
 use regionpose::facet::Integration;
-use regionpose::initial::{closed_form, facing};
+use regionpose::initial::{Turns, closed_form, facing};
 use regionpose::least_squares::{Stopping, minimize};
 use regionpose::pose::Pose;
 use regionpose::region::WorldRegion;
@@ -74,7 +74,10 @@ impl AffineView {
     fn candidates(&self) -> Vec<Pose> {
         let origin = Vector3::new(1.0, -2.0, 3.0);
         let shift = Pose::new(Rotation3::identity(), -origin);
-        closed_form(&self.chart, &self.outline, &self.world, &origin).iter().map(|pose| pose.after(&shift)).collect()
+        closed_form(&self.chart, &self.outline, &self.world, &origin, Turns::Likely)
+            .iter()
+            .map(|pose| pose.after(&shift))
+            .collect()
     }
 
     /// Least error among the candidates of a pose after a motion of the plane onto itself.
