@@ -144,7 +144,7 @@ fn a_triangle_returns_the_poses_of_its_three_points() {
         let estimate = estimated(&scene, &NO_PRIOR);
         let found = all_poses(&estimate);
         // Three points in space have up to four poses for each of six labellings.
-        assert!(found.len() >= 6 && found.len() % 6 == 0, "{} poses", found.len());
+        assert!(found.len() >= 6 && found.len().is_multiple_of(6), "{} poses", found.len());
         assert!(poses.iter().all(|expected| found.iter().any(|pose| pose.angle_to(expected) < SYMMETRIC)));
         assert!(estimate.alternatives.iter().all(|solution| solution.overlap_error < 1e-6));
     }
