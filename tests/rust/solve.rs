@@ -24,6 +24,10 @@ const EXACT: f64 = 1e-9;
 
 const NO_PRIOR: Prior = Prior { initial: None, up: None };
 
+/// Error allowed of the sphere's equations, which are nearly dependent on a region of half a radian: whitening multiplies
+/// their rounding by 1e6 (measured: 1.2e-9).
+const NEARLY_DEPENDENT: f64 = 1e-8;
+
 /// Error allowed with the sphere's quadrature, whose moments are good to nine digits.
 const QUADRATURE: f64 = 1e-6;
 
@@ -75,7 +79,7 @@ fn exact_images_are_recovered_in_any_direction_unit_and_place() {
 fn both_systems_and_forms_recover_exact_images() {
     for (system, integration, allowed) in [
         (System::Plane, Integration::Mesh, EXACT),
-        (System::Sphere, Integration::Boundary, EXACT),
+        (System::Sphere, Integration::Boundary, NEARLY_DEPENDENT),
         (System::Sphere, Integration::Mesh, QUADRATURE),
     ] {
         let error = worst_error(Layout { regions: 2, ..Layout::default() }, system, integration, 5);
