@@ -23,8 +23,8 @@ Driver = Literal["scipy", "native"]
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
 
-TOLERANCE = 1e-12
-"""Relative change of cost and increment at which the scipy driver stops, as the native one."""
+TOLERANCE = 1e-11
+"""Relative change of cost and pose at which the scipy driver stops, as the native one."""
 
 GRADIENT_TOLERANCE = 1e-15
 """Cosine between residual and Jacobian at which the scipy driver stops: MINPACK refuses to be told never to."""
@@ -126,7 +126,7 @@ def estimate_pose(
         integration=integration,
     )
     start, prior = _start_and_prior(initial, up)
-    candidates = problem.candidates(start=start, **prior)
+    problem, candidates = problem.search(start=start, **prior)
     minima = [_minimum(problem, driver, rotation, translation) for rotation, translation in candidates]
     return _pose_estimate(problem.judged(minima, **prior))
 
@@ -208,7 +208,7 @@ def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) 
     increments = _Increments(problem, rotation, translation)
     result = least_squares(
         increments.residual,
-        np.zeros(6),
+        increments.unit,
         jac=increments.jacobian,
         method="lm",
         x_scale="jac",
@@ -217,34 +217,38 @@ def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) 
         gtol=GRADIENT_TOLERANCE,
         max_nfev=MOST_EVALUATIONS,
     )
-    moved = _core.moved_pose(rotation, translation, result.x)
+    moved = _core.moved_pose(rotation, translation, result.x - increments.unit)
     return _core.Minimum(*moved, 2.0 * result.cost, bool(result.success), str(result.message), int(result.nfev))
 
 
 class _Increments:
-    """The whitened equations as functions of one left increment (6,) of a pose."""
+    """The whitened equations as functions of one left increment (6,) of a pose, counted from `unit`.
+
+    The unit is a radian about each axis and the distance along each, so that the solver's relative tolerance means those.
+    """
 
     def __init__(self, problem: _core.Problem, rotation: Array, translation: Array) -> None:
         first = problem.evaluate(rotation, translation)
-        self._at = np.zeros(6)
-        self._evaluation = first
+        distance = problem.distance(rotation, translation)
+        self.unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
+        self._at, self._evaluation = self.unit, first
         self._problem, self._start = problem, (rotation, translation)
         self._count = 0 if first is None else len(first[0])
 
-    def residual(self, increment: Array) -> Array:
+    def residual(self, counted: Array) -> Array:
         """Residuals (m,), large where a region is out of view."""
-        evaluation = self._evaluated(increment)
+        evaluation = self._evaluated(counted)
         return np.full(self._count, OUT_OF_VIEW) if evaluation is None else evaluation[0]
 
-    def jacobian(self, increment: Array) -> Array:
+    def jacobian(self, counted: Array) -> Array:
         """Derivatives (m, 6) by the increment."""
-        evaluation = self._evaluated(increment)
+        evaluation = self._evaluated(counted)
         return np.zeros((self._count, 6)) if evaluation is None else evaluation[1]
 
-    def _evaluated(self, increment: Array) -> tuple[Array, Array] | None:
-        if not np.array_equal(increment, self._at):
-            self._at = increment.copy()
-            self._evaluation = self._problem.evaluate(*self._start, increment=increment)
+    def _evaluated(self, counted: Array) -> tuple[Array, Array] | None:
+        if not np.array_equal(counted, self._at):
+            self._at = counted.copy()
+            self._evaluation = self._problem.evaluate(*self._start, increment=counted - self.unit)
         return self._evaluation
 
 

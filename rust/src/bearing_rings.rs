@@ -1,6 +1,6 @@
 //! Closed rings on the unit sphere, valid by construction.
 
-use nalgebra::{Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::region::check_finite;
@@ -34,6 +34,9 @@ impl BearingRings {
     /// # Errors
     /// Bearings that are zero or not finite, a region that does not fit a half space, and what [`PlaneRings::new`] refuses.
     pub fn new(rings: &[Vec<Bearing>]) -> Result<Self> {
+        if rings.is_empty() {
+            return Err(Error::NoRings);
+        }
         let directions = directions(rings)?;
         let view = turn_onto_z(&first_axis(&directions)?);
         let project = |r: &Bearing| {
@@ -66,6 +69,9 @@ fn too_wide() -> Error {
 fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
     let mut directions = Vec::with_capacity(rings.len());
     for (ring, bearings) in rings.iter().enumerate() {
+        if bearings.len() < 3 {
+            return Err(Error::TooFewVertices { ring, found: bearings.len() });
+        }
         let item = format!("ring {ring} bearing");
         check_finite(&item, bearings)?;
         let unit = |(index, bearing): (usize, &Bearing)| {
@@ -112,7 +118,11 @@ fn smallest_cosine(rings: &[Vec<Bearing>], axis: &Bearing) -> f64 {
 }
 
 /// The shortest rotation that brings a unit vector onto the z axis; half a turn about x where it points to -z.
+///
+/// Rodrigues' formula with the sine and cosine as they come, since an angle from its cosine holds 1e-8 near zero.
 pub(crate) fn turn_onto_z(axis: &Bearing) -> Rotation3<f64> {
-    Rotation3::rotation_between(axis, &Vector3::z())
-        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+    let sine = axis.x.hypot(axis.y);
+    let about = if sine > 0.0 { Vector3::new(axis.y / sine, -axis.x / sine, 0.0) } else { Vector3::x() };
+    let cross = about.cross_matrix();
+    Rotation3::from_matrix_unchecked(Matrix3::identity() + cross * sine + cross * cross * (1.0 - axis.z))
 }

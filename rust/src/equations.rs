@@ -129,7 +129,7 @@ pub fn add_plane_rows(moments: &PlaneMoments, chart: &Chart, nu: &Vector3<f64>, 
     }
 }
 
-/// Adds the derivatives of [`add_sphere_values`] by the camera's left increment.
+/// Adds the derivatives of [`add_sphere_values`] by the camera's left increment (`docs/math.md`, eq. 5.4 and 6.2).
 pub fn add_sphere_rows(moments: &SphereMoments, chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
     for (row, [l, m, n]) in rows.iter_mut().zip(SPHERE_EXPONENTS) {
         let factor = chart.scale.powi((l + m + 2) as i32);

@@ -1,24 +1,14 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
 
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use thiserror::Error as Message;
 
-use crate::chart::Chart;
 use crate::equations::Weighting;
+use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
-use crate::overlap::{OverlapAreas, overlap_areas};
+use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
-use crate::residual::RegionEquations;
-use crate::rings::PlaneRings;
-use crate::solve::{Prior, Problem, Start};
-
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
-
-/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
-/// deviations.
-const AMBIGUITY_COST: f64 = 25.0;
+use crate::solve::{Prior, Problem, Search, Start};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -120,8 +110,9 @@ impl Problem {
     /// The pose from nothing but the regions and the prior, by the native solver.
     ///
     /// `None` where no pose shows every region in its chart.
-    pub fn estimate(&self, start: Start, prior: &Prior) -> Option<Estimate> {
-        self.judged(self.minima(&self.candidates(start, prior)), prior)
+    pub fn estimate(self, start: Start, prior: &Prior) -> Option<Estimate> {
+        let Search { problem, candidates } = self.search(start, prior);
+        problem.judged(problem.minima(&candidates), prior)
     }
 
     /// The verdict on minima found by any driver.
@@ -142,19 +133,6 @@ impl Problem {
         Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
     }
 
-    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
-    pub(crate) fn ambiguity_limit(&self, least: f64) -> f64 {
-        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
-    }
-
-    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
-    fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize =
-            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
-        let left = count.saturating_sub(6).max(1) as f64;
-        (cost / left).sqrt().max(NOISE_FLOOR)
-    }
-
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
     fn covariance(&self, pose: &Pose, noise: f64) -> Matrix6<f64> {
         let free = Matrix6::from_element(f64::INFINITY);
@@ -165,24 +143,13 @@ impl Problem {
     }
 
     fn solution(&self, minimum: Minimum) -> Solution {
+        let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
-            (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
+            pairs.map(|(region, world)| region_overlap(region, world, &minimum.pose)).collect();
         let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
         let total =
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
-    }
-
-    fn overlap(&self, region: usize, pose: &Pose) -> Option<OverlapAreas> {
-        let equations = &self.regions()[region];
-        let chart = Chart { scale: 1.0, ..*equations.chart() };
-        let project = |ring: &Vec<Vector3<f64>>| -> Option<Vec<Vector2<f64>>> {
-            ring.iter().map(|x| chart.project(&pose.transform(x))).collect()
-        };
-        let rings = self.worlds()[region].rings();
-        let predicted = PlaneRings::new(rings.iter().map(project).collect::<Option<_>>()?).ok()?;
-        let observed = equations.outline().mapped(|p| Some(p / equations.chart().scale))?;
-        Some(overlap_areas(&observed, &predicted))
     }
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {

@@ -36,7 +36,8 @@ class RadialTangential:
     the map is used. Without tangential terms it ends exactly at the fold, the first radius at which the distorted
     radius stops growing, or at a pole. With them it is a disc in which the symmetric Jacobian
     `(f + 2 q . m) 1 + 2 f' m m^T + 2 (q m^T + m q^T)` is positive definite in every direction: the field is convex
-    there, so the map is one-to-one. `distorted_limit` bounds the distorted radii of the disc.
+    there, so the map is one-to-one (docs/math.md, eq. 9.2 to 9.5). `distorted_limit` bounds the distorted radii of the
+    disc.
     """
 
     coefficients: tuple[float, ...]
