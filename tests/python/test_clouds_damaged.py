@@ -192,7 +192,7 @@ def test_cut_las(tmp_path: Path, compressed: bool, kept: float) -> None:
     whole = las(compressed)
     path = tmp_path / "cut.las"
     path.write_bytes(whole[: int(kept if kept > 1 else kept * len(whole))])
-    with pytest.raises(CloudError, match=r"cut\.las: points: found .*; needed"):
+    with pytest.raises(CloudError, match=r"cut\.las: [a-z ]+: found .*; needed"):
         read_cloud(path)
 
 
