@@ -169,15 +169,21 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the inliers' indices.
 
-    The start is the plane through three points with the least median distance (Rousseeuw 1984), then least squares over the
-    points within three standard deviations until they stay the same.
+    Least squares over the points within three standard deviations until they stay the same, from two starts: all points, and
+    the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with outliers, but may lie
+    askew along a single scan line; the better fit is the one under which the points are likelier, outliers being anywhere.
     """
-    origin, axes = _least_median_plane(points)
+    starts = (_least_squares_plane(points), _least_median_plane(points))
+    fits = [_refitted(points, *start) for start in starts]
+    return min(fits, key=lambda fit: _code_length(points, *fit))
+
+
+def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     inliers = np.arange(len(points))
+    extent = float(np.ptp(points, axis=0).max())
     for _ in range(REFITS):
         distances = np.abs((points - origin) @ axes[2])
         sigma = MAD_TO_SIGMA * np.median(distances)
-        extent = float(np.ptp(points, axis=0).max())
         kept = np.flatnonzero(distances <= max(INLIER_SIGMAS * sigma, np.finfo(float).eps * extent * 64))
         if len(kept) < 3:
             break
@@ -186,6 +192,13 @@ def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
             break
         inliers = kept
     return origin, axes, inliers
+
+
+def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp]) -> float:
+    """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
+    extent = float(np.ptp(points, axis=0).max())
+    sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
+    return len(inliers) * float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi * np.e)))
 
 
 def bridging_radius(points: Array) -> float:

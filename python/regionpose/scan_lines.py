@@ -47,11 +47,20 @@ LEAST_LINES = 3
 LEAST_ON_LINE = 3
 """Mean number of returns on a line below which lines are not told apart from chance."""
 
+LEAST_TELLING = 5
+"""Returns on a line from which its own step is taken; fewer may straddle a hole."""
+
+STRAY_GAPS = 0.6
+"""A single return nearer to a line than this many gaps is jitter, farther away it is a line's only return in a tip."""
+
 DROPOUT_STEPS = 4.0
 """Widest gap within a run, in steps along the line: returns are lost on dark or glossy spots of a solid surface."""
 
 DROPOUT_GAPS = 0.75
 """Widest gap within a run, in gaps across lines: a hole that is narrower is not seen by the neighbouring lines."""
+
+MOST_DROPOUTS = 0.5
+"""Gaps per line that neighbouring lines contradict, up to which the ends of runs are taken for the patch's edge."""
 
 END_STEPS = 24
 """Steps next to the end of a run from which the expected distance to the edge is taken; steps vary along a slanted line."""
@@ -131,7 +140,18 @@ def scan_lines(points: Array, radius: float | None = None) -> ScanLines | None:
         return None
     gap = float(np.median(np.diff(levels)))
     limit = None if radius is None else 2.0 * radius / scale
-    runs = [_runs(np.sort(local[found, 0]), gap, limit) for found in members]
+    sorted_along = [np.sort(local[found, 0]) for found in members]
+    usual = float(np.median(np.concatenate([np.diff(along) for along in sorted_along])))
+    runs = []
+    for along in sorted_along:
+        step = _typical_step(along, usual)
+        runs.append(_runs(along, step, max(DROPOUT_STEPS * step, DROPOUT_GAPS * gap) if limit is None else limit))
+    if limit is None:
+        dropouts = _dropouts(runs)
+        if len(dropouts) > MOST_DROPOUTS * len(runs):
+            return None
+        for line, index in reversed(dropouts):
+            runs[line][index : index + 2] = [_joined(*runs[line][index : index + 2])]
     return ScanLines(centre, scale, turn, slopes, levels, runs)
 
 
@@ -220,20 +240,40 @@ def _lines_of_levels(levels: Array) -> Indices | None:
 
 
 def _ordered_lines(levels: Array, line: Indices) -> tuple[Array, list[Indices]]:
-    """Mean levels and members of the lines that hold two returns at least."""
+    """Mean levels and members of the lines, without single returns that lie between lines."""
     members = [np.flatnonzero(line == index) for index in range(line.max() + 1)]
-    members = [found for found in members if len(found) > 1]
-    return np.array([levels[found].mean() for found in members]), members
+    means = np.array([levels[found].mean() for found in members])
+    gaps = np.diff(means)
+    around = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
+    stray = np.array([len(found) == 1 for found in members]) & (around < STRAY_GAPS * np.median(gaps))
+    return means[~stray], [found for found, out in zip(members, stray, strict=True) if not out]
 
 
-def _runs(along: Array, gap: float, limit: float | None) -> list[Run]:
-    """The runs of one line's sorted returns, broken where returns are missing over more than dropouts explain."""
-    steps = np.diff(along)
-    typical = float(np.median(steps))
-    widest = max(DROPOUT_STEPS * typical, DROPOUT_GAPS * gap) if limit is None else limit
-    breaks = np.flatnonzero(steps > widest)
+def _typical_step(along: Array, usual: float) -> float:
+    """The step along one line; the one usual on all lines where a line has too few returns to tell."""
+    return float(np.median(np.diff(along))) if len(along) >= LEAST_TELLING else usual
+
+
+def _runs(along: Array, typical: float, widest: float) -> list[Run]:
+    """The runs of one line's sorted returns, broken at the gaps that are wider."""
+    breaks = np.flatnonzero(np.diff(along) > widest)
     starts, ends = np.append(0, breaks + 1), np.append(breaks, len(along) - 1)
-    return [_run(along[first : last + 1], min(typical, widest)) for first, last in zip(starts, ends, strict=True)]
+    return [_run(along[first : last + 1], typical) for first, last in zip(starts, ends, strict=True)]
+
+
+def _dropouts(runs: list[list[Run]]) -> list[tuple[int, int]]:
+    """(line, index of the run before) of the gaps whose middle both neighbouring lines cover: no hole, lost returns."""
+    found = []
+    for line in range(1, len(runs) - 1):
+        for index, (before, after) in enumerate(zip(runs[line][:-1], runs[line][1:], strict=True)):
+            middle = 0.5 * (before.right + after.left)
+            if all(any(run.left < middle < run.right for run in runs[beside]) for beside in (line - 1, line + 1)):
+                found.append((line, index))
+    return found
+
+
+def _joined(before: Run, after: Run) -> Run:
+    return Run(before.left, after.right, min(before.step, after.step))
 
 
 def _run(along: Array, typical: float) -> Run:
