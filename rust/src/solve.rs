@@ -44,8 +44,8 @@ const SINGLE_REGION_COST: f64 = 0.05;
 /// Overlap error above which the search takes a second look, from every turn.
 const SECOND_LOOK: f64 = 0.02;
 
-/// Overlap error up to which outlines count as clean.
-const CLEAN: f64 = 0.005;
+/// Boundary noise, in pixels, up to which outlines count as clean: a binary mask's is uniform over a pixel, 0.29.
+const CLEAN: f64 = 0.5;
 
 /// Share of the overlap error to which all moments have to bring it down to be preferred to those of low order.
 const MUCH_BETTER: f64 = 0.8;
@@ -174,7 +174,7 @@ impl Problem {
         }
         let noise = fit.map_or(0.0, |fit| fit.boundary_noise);
         let all = self.clone().whitened(noise, Orders::All).searched(&poses);
-        if fit.is_none_or(|fit| fit.overlap_error < CLEAN) {
+        if fit.is_none_or(|fit| fit.boundary_noise < CLEAN) {
             return all;
         }
         let low = self.whitened(noise, Orders::Low).searched(&poses);
