@@ -18,7 +18,7 @@ from regionpose.scan_lines import scan_lines
 Array = NDArray[np.float64]
 
 PLANE_TRIALS = 200
-"""Planes through three random points that are tried: a share of 40 % outliers leaves a wrong best with odds of 1e-21."""
+"""Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -125,7 +125,9 @@ def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
     # The area that is missing at the largest growth would be that of a polygon thinner than a sample.
     if grown(MOST_GROWTH * spacing).area <= held * cell:
         return rings
-    distance = brentq(lambda d: grown(d).area - held * cell, 0.0, MOST_GROWTH * spacing, xtol=GROWTH_PRECISION * spacing)
+    distance = brentq(
+        lambda d: grown(d).area - held * cell, 0.0, MOST_GROWTH * spacing, xtol=GROWTH_PRECISION * spacing
+    )
     return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
 
 
@@ -170,7 +172,7 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
 
 
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the inliers' indices.
+    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
 
     Least squares over the points within three standard deviations until they stay the same, from two starts: all points, and
     the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with outliers, but may lie
@@ -220,7 +222,9 @@ def bridging_radius(points: Array) -> float:
     try:
         edges = _delaunay_edges(points)
     except QhullError as error:
-        raise ValueError(f"{len(points)} points are identical or on one line; needed points that span a plane") from error
+        raise ValueError(
+            f"{len(points)} points are identical or on one line; needed points that span a plane"
+        ) from error
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
     tree = minimum_spanning_tree(graph).tocoo()
@@ -254,7 +258,10 @@ def _delaunay_edges(points: Array) -> NDArray[np.int32]:
 
 def _main_part(rings: list[Array]) -> list[Array]:
     """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
-    areas = [0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1))) for ring in rings]
+    areas = [
+        0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)))
+        for ring in rings
+    ]
     outer = int(np.argmax(areas))
     low, high = rings[outer].min(axis=0), rings[outer].max(axis=0)
     holes = [ring for ring, area in zip(rings, areas, strict=True) if area < 0 and _within(ring, low, high)]
@@ -268,7 +275,9 @@ def _within(ring: Array, low: Array, high: Array) -> bool:
 def _checked_points(points: ArrayLike) -> Array:
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers")
+        raise ValueError(
+            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
+        )
     given = given.astype(np.float64)
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
@@ -279,7 +288,7 @@ def _checked_points(points: ArrayLike) -> Array:
 
 
 def _least_median_plane(points: Array) -> tuple[Array, Array]:
-    """The plane with the least median distance among those through three random points, and least squares over all points."""
+    """The plane with the least median distance among those through three random points and least squares over all."""
     generator = np.random.default_rng(0)
     triples = points[generator.integers(len(points), size=(PLANE_TRIALS, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])

@@ -219,7 +219,9 @@ def _level_slopes(local: Array, labels: Indices) -> Array:
     centred = columns - means[labels]
     # Few parameters as long as lines are short: a small weight on all of them keeps the solution finite.
     ridge = 1e-6 * np.sqrt(len(local)) * np.eye(4)
-    solution: Array = np.linalg.lstsq(np.vstack([centred[:, :4], ridge]), np.append(-centred[:, 4], np.zeros(4)), rcond=None)[0]
+    solution: Array = np.linalg.lstsq(
+        np.vstack([centred[:, :4], ridge]), np.append(-centred[:, 4], np.zeros(4)), rcond=None
+    )[0]
     return solution
 
 

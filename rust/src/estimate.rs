@@ -8,16 +8,13 @@ use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
 use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
-use crate::residual::RegionEquations;
 use crate::solve::{Prior, Problem, Search, Start};
 
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
+/// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
+const TIE_COST: f64 = 1e-3;
 
-/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
-/// deviations.
-const AMBIGUITY_COST: f64 = 25.0;
+/// Step, in radians, in which poses of equal cost are put in order.
+const TIE_STEP: f64 = 1e-3;
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -132,7 +129,9 @@ impl Problem {
         let noise = self.boundary_noise(least);
         let limit = self.ambiguity_limit(least);
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
-        // The sort is stable: without a prior the order of cost stays.
+        let tie = least + TIE_COST * noise * noise;
+        // Sorts are stable: what the prior does not decide, the cost does, and between equal costs the pose itself.
+        fitting.sort_by_key(|minimum| if minimum.cost <= tie { place(&minimum.pose) } else { [i64::MAX; 3] });
         fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
         let mut solutions = fitting.into_iter().map(|minimum| self.solution(minimum));
         let best = solutions.next()?;
@@ -140,19 +139,6 @@ impl Problem {
         let covariance = self.covariance(&best.minimum.pose, noise);
         let warnings = self.warnings(&best, &alternatives, &covariance);
         Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
-    }
-
-    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
-    pub(crate) fn ambiguity_limit(&self, least: f64) -> f64 {
-        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
-    }
-
-    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
-    fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize =
-            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
-        let left = count.saturating_sub(6).max(1) as f64;
-        (cost / left).sqrt().max(NOISE_FLOOR)
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
@@ -191,6 +177,12 @@ impl Problem {
         warnings.extend(weak_geometry(covariance, self.distance(&best.minimum.pose)));
         warnings
     }
+}
+
+/// Where a pose comes among those of equal cost: by its rotation vector, in steps that round-off does not cross but by chance.
+fn place(pose: &Pose) -> [i64; 3] {
+    let turn = pose.rotation.scaled_axis();
+    [turn.x, turn.y, turn.z].map(|component| (component / TIE_STEP).round() as i64)
 }
 
 /// How far a pose is from what was known beforehand, in radians; 0 without a prior.

@@ -18,6 +18,9 @@ const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
 /// A candidate of all regions together.
 const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
 
+/// The paper's start is followed all the way down, from wherever it lies.
+const PAPER: Stopping = Stopping { tolerance: 1e-6, evaluations: 210 };
+
 /// A candidate on the whitened scale, where it can be seen whether it fits.
 const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
 
@@ -48,6 +51,14 @@ const SAME_CANDIDATE: f64 = 0.01;
 
 /// Poses nearer than this are one minimum.
 const SAME_MINIMUM: f64 = 1e-4;
+
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
+
+/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
+/// deviations.
+const AMBIGUITY_COST: f64 = 25.0;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -190,6 +201,19 @@ impl Problem {
         kept.into_iter().map(|m| Minimum { pose: self.uncentred(&m.pose), ..m }).collect()
     }
 
+    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
+    pub fn ambiguity_limit(&self, least: f64) -> f64 {
+        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
+    }
+
+    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
+    pub fn boundary_noise(&self, cost: f64) -> f64 {
+        let count: usize =
+            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
+        let left = count.saturating_sub(6).max(1) as f64;
+        (cost / left).sqrt().max(NOISE_FLOOR)
+    }
+
     /// Distance from the camera to the middle of the regions.
     pub fn distance(&self, pose: &Pose) -> f64 {
         pose.transform(&self.origin).norm()
@@ -209,12 +233,12 @@ impl Problem {
 
     fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {
         if let Some(initial) = &prior.initial {
-            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, JOINT).pose];
+            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, PAPER).pose];
         }
         let (first, world) = (&self.regions[..1], &self.worlds[0]);
         facing(first[0].chart(), first[0].outline(), world, &self.origin, prior.up.as_ref())
             .iter()
-            .map(|pose| minimize(first, pose, Weighting::Uniform, JOINT).pose)
+            .map(|pose| minimize(first, pose, Weighting::Uniform, PAPER).pose)
             .collect()
     }
 
