@@ -29,6 +29,9 @@ INLIER_SIGMAS = 3.0
 REFITS = 10
 """Least squares fits to the inliers at the most; they settle in two or three."""
 
+LINE_WIDTH_SHARE = 0.05
+"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any error."""
+
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
 
@@ -183,9 +186,17 @@ def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with outliers, but may lie
     askew along a single scan line; the better fit is the one under which the points are likelier, outliers being anywhere.
     """
-    starts = (_least_squares_plane(points), _least_median_plane(points))
-    fits = [_refitted(points, *start) for start in starts]
-    return min(fits, key=lambda fit: _code_length(points, *fit))
+    everything = _refitted(points, *_least_squares_plane(points))
+    majority = _refitted(points, *_least_median_plane(points))
+    if _width_share(points[majority[2]]) < LINE_WIDTH_SHARE <= _width_share(points[everything[2]]):
+        return everything
+    return min(everything, majority, key=lambda fit: _code_length(points, *fit))
+
+
+def _width_share(points: Array) -> float:
+    """The points' second spread over their first: 0 on a line."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(spread[1] / max(spread[0], np.finfo(float).tiny))
 
 
 def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, NDArray[np.intp]]:

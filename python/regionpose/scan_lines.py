@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -267,7 +268,7 @@ def _dropouts(runs: list[list[Run]]) -> list[tuple[int, int]]:
     """(line, index of the run before) of the gaps whose middle both neighbouring lines cover: no hole, lost returns."""
     found = []
     for line in range(1, len(runs) - 1):
-        for index, (before, after) in enumerate(zip(runs[line][:-1], runs[line][1:], strict=True)):
+        for index, (before, after) in enumerate(pairwise(runs[line])):
             middle = 0.5 * (before.right + after.left)
             if all(any(run.left < middle < run.right for run in runs[beside]) for beside in (line - 1, line + 1)):
                 found.append((line, index))
@@ -303,6 +304,7 @@ class Strips:
     """The patch between and beyond scan lines, as polygons in (along, level)."""
 
     def __init__(self, lines: ScanLines) -> None:
+        """Take over the lines."""
         self.levels = lines.levels
         self.runs = lines.runs
         self.gap = float(np.median(np.diff(lines.levels)))
@@ -325,8 +327,8 @@ class Strips:
         left = self._side(line, lower[0].left, upper[0].left)
         right = self._side(line, lower[-1].right, upper[-1].right)
         strip: BaseGeometry = shapely.make_valid(shapely.Polygon(np.array(left + right[::-1])))
-        notches = [self._cap(line, 1, a.right, b.left) for a, b in zip(lower[:-1], lower[1:], strict=True)]
-        notches += [self._cap(line + 1, -1, a.right, b.left) for a, b in zip(upper[:-1], upper[1:], strict=True)]
+        notches = [self._cap(line, 1, a.right, b.left) for a, b in pairwise(lower)]
+        notches += [self._cap(line + 1, -1, a.right, b.left) for a, b in pairwise(upper)]
         return strip.difference(shapely.union_all(notches)) if notches else strip
 
     def _side(self, line: int, lower: float, upper: float) -> list[tuple[float, float]]:
