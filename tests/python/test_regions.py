@@ -36,7 +36,8 @@ BINARY_EDGE_PX = 0.51
 """Mean distance of a binary mask's contour from an edge: half a pixel along edges that follow the centres."""
 
 BINARY_CENTROID_PX = 0.62
-"""Of a binary mask's contour: half a pixel where all of the boundary follows the centres, and 0.6 where a hole of a tenth
+"""Of a binary mask's contour: half a pixel where all of the boundary follows the centres, and 0.6 where a hole of a
+tenth
 of the area does so the other way."""
 
 

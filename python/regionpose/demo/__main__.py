@@ -60,7 +60,7 @@ def main() -> int:
 
 
 def report(estimate: PoseEstimate, demo: scene.DemoScene) -> None:
-    """Print a pose, its uncertainty and its distance from the truth; angles about and lengths along the camera's axes."""
+    """Print a pose, its uncertainty and its error; angles about and lengths along the camera's axes."""
     turn = Rotation.from_matrix(estimate.pose.rotation.as_matrix() @ demo.rotation.T).as_rotvec(degrees=True)
     shift = 1e3 * (estimate.pose.translation - demo.translation)
     print(f"  rotation vector        {triple(estimate.pose.rotation.as_rotvec(degrees=True))} deg, camera_from_lidar")
