@@ -89,11 +89,19 @@ def outline_of_points(
     are identical or on one line, or a radius that is not positive.
     """
     given = _checked_points(points)
-    if radius is not None and not (np.isfinite(radius) and radius > 0.0):
-        raise ValueError(f"radius is {radius}; needed a positive number of metres")
+    checked = None if radius is None else checked_radius(radius)
     origin, axes, _ = robust_plane(given)
     flat = _flat_samples(given, origin, axes, sensor_origin)
-    return Outline(origin, axes[:2], flat_outline(flat, radius=radius, correct_sampling=correct_sampling))
+    return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
+
+
+def checked_radius(radius: object) -> float:
+    """`radius` as a positive number, infinite for the convex hull; ValueError that says what was found otherwise."""
+    if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
+        raise ValueError(f"radius is a {type(radius).__name__}; needed a positive number of metres")
+    if not radius > 0.0:
+        raise ValueError(f"radius is {radius}; needed a positive number of metres")
+    return float(radius)
 
 
 def flat_outline(points: Array, *, radius: float | None = None, correct_sampling: bool = True) -> list[Array]:

@@ -130,9 +130,9 @@ WORLDS: list[tuple[Callable[[], object], str]] = [
     (lambda: POINTS(SQUARE), r"points have shape \(4, 2\) and type float64; needed an \(n, 3\) array"),
     (lambda: POINTS(None), r"points have shape \(\) and type object"),
     (lambda: POINTS([["a", "b", "c"]]), "type <U1"),
-    (lambda: rp.WorldRegion.from_points(LIFTED, radius=-1.0), "radius is -1; it needs to be positive"),
-    (lambda: rp.WorldRegion.from_points(LIFTED, radius=np.nan), "radius is NaN; it needs to be positive"),
-    (lambda: rp.WorldRegion.from_points(LIFTED, radius="big"), "radius is a str; it needs"),  # type: ignore[arg-type]
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius=-1.0), "radius is -1.0; needed a positive number"),
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius=np.nan), "radius is nan; needed a positive number"),
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius="big"), "radius is a str; needed"),  # type: ignore[arg-type]
     (lambda: rp.WorldRegion.from_mesh(None), "mesh is a NoneType; needed one with vertices"),  # type: ignore[arg-type]
     (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, [[0, 1, 9]])), "vertex index is 9; it needs to be below .*, 4"),
     (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, [[0, 1, -1]])), "triangles hold -1; vertex indices need"),
