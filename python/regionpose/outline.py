@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
+from shapely.geometry.base import BaseGeometry
 
 from regionpose import _core
 from regionpose.scan_lines import scan_lines
@@ -33,7 +34,8 @@ REFITS = 10
 """Least squares fits to the inliers at the most; they settle in two or three."""
 
 LINE_WIDTH_SHARE = 0.05
-"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any error."""
+"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any
+error."""
 
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
@@ -43,8 +45,11 @@ RADIUS_FACTOR = 1.5
 
 
 REGION_THICKNESS = 0.02
-"""Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings of
-a face stand out from it, and the image shows them as part of it."""
+"""Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
+of a face stand out from it, and the image shows them as part of it."""
+
+LEAST_APPROACH = 0.1
+"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one carries them off."""
 
 INNER_SHARE = 0.2
 """Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
@@ -80,13 +85,13 @@ def outline_of_points(
 ) -> Outline:
     """The robust plane of points (n, 3) and the outline of the patch of it that they sample, holes kept.
 
-    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline there: on the scan
-    lines of a lidar half a step beyond the last return and half a gap beyond the last line (`scan_lines`), for other samples as
-    far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through the outermost samples.
-    `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay open; without it it is
-    chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are moved onto the plane along their
-    beams, which range noise doesn't move sideways. ValueError for values that are not finite, fewer than 3 points, points that
-    are identical or on one line, or a radius that is not positive.
+    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline there: on
+    the scan lines of a lidar half a step beyond the last return and half a gap beyond the last line (`scan_lines`), for
+    other samples as far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through
+    the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay
+    open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are
+    moved onto the plane along their beams, which range noise doesn't move sideways. ValueError for values that are not
+    finite, fewer than 3 points, points that are identical or on one line, or a radius that is not positive.
     """
     given = _checked_points(points)
     checked = None if radius is None else checked_radius(radius)
@@ -117,8 +122,8 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
 def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
     """The rings moved outwards until they hold the area that the samples (n, 2) stand for.
 
-    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many as
-    samples, whatever the lattice's spacing in either direction. The growth is even where the spacing is.
+    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many
+    as samples, whatever the lattice's spacing in either direction. The growth is even where the spacing is.
     """
     polygon = shapely.Polygon(rings[0], rings[1:])
     held = int(shapely.intersects_xy(polygon.buffer(1e-9 * np.sqrt(polygon.area)), points[:, 0], points[:, 1]).sum())
@@ -130,7 +135,7 @@ def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
     even = shapely.Polygon(rings[0] @ squared, [ring @ squared for ring in rings[1:]])
     spacing = np.sqrt(cell)
 
-    def grown(distance: float) -> shapely.Geometry:
+    def grown(distance: float) -> BaseGeometry:
         return even.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
 
     # The area that is missing at the largest growth would be that of a polygon thinner than a sample.
@@ -142,7 +147,7 @@ def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
     return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
 
 
-def oriented_rings(region: shapely.Geometry) -> list[Array]:
+def oriented_rings(region: BaseGeometry) -> list[Array]:
     """The largest polygon's rings (n, 2): the outer one counter-clockwise, then its holes the other way."""
     largest = max(shapely.get_parts(region), key=lambda part: part.area)
     turned = shapely.geometry.polygon.orient(largest)
@@ -150,7 +155,9 @@ def oriented_rings(region: shapely.Geometry) -> list[Array]:
 
 
 def _spacing_squared(points: Array) -> Array:
-    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on average."""
+    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on
+    average.
+    """
     edges = _delaunay_edges(points)
     steps = points[edges[:, 0]] - points[edges[:, 1]]
     lengths = np.linalg.norm(steps, axis=1)
@@ -176,8 +183,10 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
         if sensor.shape != (3,) or not np.isfinite(sensor).all():
             raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed 3 finite coordinates")
         beams = points[near] - sensor
+        beams /= np.maximum(np.linalg.norm(beams, axis=1, keepdims=True), np.finfo(float).tiny)
         approach = beams @ axes[2]
-        moved = moved - (heights[near] / np.where(approach == 0.0, np.inf, approach))[:, None] * beams
+        steep = np.abs(approach) >= LEAST_APPROACH
+        moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
     flat: Array = moved @ axes[:2].T
     return flat
 
@@ -185,9 +194,10 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
 
-    Least squares over the points within three standard deviations until they stay the same, from two starts: all points, and
-    the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with outliers, but may lie
-    askew along a single scan line; the better fit is the one under which the points are likelier, outliers being anywhere.
+    Least squares over the points within three standard deviations until they stay the same, from two starts: all
+    points, and the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with
+    outliers, but may lie askew along a single scan line; the better fit is the one under which the points are likelier,
+    outliers being anywhere.
     """
     everything = _refitted(points, *_least_squares_plane(points))
     majority = _refitted(points, *_least_median_plane(points))

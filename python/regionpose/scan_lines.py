@@ -1,9 +1,9 @@
 """From samples on scan lines to the outline of the patch that they sample, without the bias of sparse sampling.
 
-A spinning lidar samples a plane finely along its scan lines and coarsely across them. The patch ends between the last return
-and the one that is missing, so an outline through the returns is too small. Here each run of returns is prolonged by half a
-step along its line; the ends of neighbouring lines are joined; and beyond the first and the last line the sides go on in
-their own direction, to the point where they meet, or for half a gap.
+A spinning lidar samples a plane finely along its scan lines and coarsely across them. The patch ends between the last
+return and the one that is missing, so an outline through the returns is too small. Here each run of returns is
+prolonged by half a step along its line; the ends of neighbouring lines are joined; and beyond the first and the last
+line the sides go on in their own direction, to the point where they meet, or for half a gap.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ LINK_STEPS = 3.0
 """Longest link in median steps: bridges two missing returns, and no gap between lines."""
 
 LEAST_JUMP = 2.0
-"""Ratio of the narrowest gap between lines to the widest within one that tells lines apart from a cloud without lines."""
+"""Ratio of the narrowest gap between lines to the widest within one that tells lines apart from a cloud without
+lines."""
 
 RECTIFICATIONS = 4
 """Rounds of straightening lines and finding them anew; the grouping settles in two or three."""
@@ -64,7 +65,8 @@ MOST_DROPOUTS = 0.5
 """Gaps per line that neighbouring lines contradict, up to which the ends of runs are taken for the patch's edge."""
 
 END_STEPS = 24
-"""Steps next to the end of a run from which the expected distance to the edge is taken; steps vary along a slanted line."""
+"""Steps next to the end of a run from which the expected distance to the edge is taken; steps vary along a slanted
+line."""
 
 SIDE_LINES = 4
 """Lines whose ends give the direction of a side of the outline; more would cut off bends."""
@@ -92,8 +94,8 @@ class Run(NamedTuple):
 class ScanLines:
     """Lines of constant `level`, from the lowest, with the runs of each from left to right.
 
-    Along and across coordinates of a point are `(s, v) = turn @ point`; its level is `v + slopes . (s, s v, s^2, s^2 v)`, in
-    coordinates about `centre` and in units of `scale`.
+    Along and across coordinates of a point are `(s, v) = turn @ point`; its level is `v + slopes . (s, s v, s^2, s^2
+    v)`, in coordinates about `centre` and in units of `scale`.
     """
 
     centre: Array
@@ -151,16 +153,18 @@ def scan_lines(points: Array, radius: float | None = None) -> ScanLines | None:
         dropouts = _dropouts(runs)
         if len(dropouts) > MOST_DROPOUTS * len(runs):
             return None
-        for line, index in reversed(dropouts):
-            runs[line][index : index + 2] = [_joined(*runs[line][index : index + 2])]
+        for row, index in reversed(dropouts):
+            runs[row][index : index + 2] = [_joined(*runs[row][index : index + 2])]
     return ScanLines(centre, scale, turn, slopes, levels, runs)
 
 
 def _direction(points: Array) -> tuple[Array, Array] | None:
-    """The rotation (2, 2) that lays the lines along the first axis, and the rotated points; None without a direction."""
+    """The rotation (2, 2) that lays the lines along the first axis, and the rotated points; None without a
+    direction.
+    """
     if len(points) <= NEIGHBOURS:
         return None
-    neighbours = cKDTree(points).query(points, NEIGHBOURS + 1)[1][:, 1:]
+    neighbours = np.asarray(cKDTree(points).query(points, NEIGHBOURS + 1)[1])[:, 1:]
     steps = points[neighbours] - points[:, None, :]
     doubled = ((steps[..., 0] + 1j * steps[..., 1]) ** 2).sum(axis=0)
     lengths = (steps**2).sum(axis=(0, 2))
@@ -176,7 +180,7 @@ def _direction(points: Array) -> tuple[Array, Array] | None:
 
 def _fragments(local: Array) -> Indices:
     """The label of the chain of returns each point belongs to: links to the next return along the line."""
-    neighbours = cKDTree(local).query(local, NEIGHBOURS + 1)[1][:, 1:]
+    neighbours = np.asarray(cKDTree(local).query(local, NEIGHBOURS + 1)[1])[:, 1:]
     offsets = local[neighbours] - local[:, None, :]
     ahead = (offsets[..., 0] > 0.0) & (np.abs(offsets[..., 1]) <= LINK_SLOPE * offsets[..., 0])
     distance = np.where(ahead, np.linalg.norm(offsets, axis=2), np.inf)
@@ -185,7 +189,7 @@ def _fragments(local: Array) -> Indices:
     finite = np.isfinite(length)
     linked = np.flatnonzero(finite & (length <= LINK_STEPS * np.median(length[finite]) if finite.any() else finite))
     graph = coo_array((np.ones(len(linked)), (linked, neighbours[linked, best[linked]])), shape=(len(local),) * 2)
-    labels: Indices = connected_components(graph, directed=False)[1]
+    labels: Indices = connected_components(graph, directed=False)[1].astype(np.intp)
     return labels
 
 
@@ -288,7 +292,9 @@ def _run(along: Array, typical: float) -> Run:
 
 
 def _expected_rest(steps: Array) -> float:
-    """Mean distance from the last return to an edge that falls anywhere: E[step^2] / (2 E[step]), half a regular step."""
+    """Mean distance from the last return to an edge that falls anywhere: E[step^2] / (2 E[step]), half a regular
+    step.
+    """
     total = float(steps.sum())
     return 0.5 * float(steps @ steps) / total if total > 0.0 else 0.0
 
@@ -332,7 +338,9 @@ class Strips:
         return strip.difference(shapely.union_all(notches)) if notches else strip
 
     def _side(self, line: int, lower: float, upper: float) -> list[tuple[float, float]]:
-        """Vertices of the side between two lines, from below: with a corner where the sides before and after meet between."""
+        """Vertices of the side between two lines, from below: with a corner where the sides before and after meet
+        between.
+        """
         bottom, top = self.levels[line], self.levels[line + 1]
         slope_below, slope_above = self._slope(line, -1, lower), self._slope(line + 1, 1, upper)
         side = [(lower, bottom), (upper, top)]
@@ -366,7 +374,8 @@ class Strips:
         return float(min(abs(self.levels[following] - self.levels[line]), 2.0 * self.gap))
 
     def _slope(self, line: int, direction: int, end: float) -> float | None:
-        """The slope, along per level, of the side that ends at `end` and comes from lines in `direction`; None if unknown.
+        """The slope, along per level, of the side that ends at `end` and comes from lines in `direction`; None if
+        unknown.
 
         The ends of the lines before must lie on a straight side, to the steps along the lines.
         """
