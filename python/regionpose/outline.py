@@ -49,7 +49,7 @@ REGION_THICKNESS = 0.02
 of a face stand out from it, and the image shows them as part of it."""
 
 LEAST_APPROACH = 0.1
-"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one goes far."""
+"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one takes them far."""
 
 INNER_SHARE = 0.2
 """Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
