@@ -135,10 +135,10 @@ class WorldRegion:
     ) -> WorldRegion:
         """The planar region that points (n, 3) sample: their robust plane and the outline of the patch.
 
-        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch ends
-        between its last sample and the next, which missed it: `correct_sampling` grows the outline to there, and without
-        it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise moves the
-        points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points that are
+        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch
+        ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
+        without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
+        moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points that are
         identical or on one line, or a radius that is not positive.
         """
         outline = outline_of_points(
