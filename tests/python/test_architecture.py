@@ -39,12 +39,9 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("outline",),
     ("regions",),
     ("segmentation", "solver"),
-    ("matching",),
-    ("evaluation", "fusion", "overlay"),
-    ("scene",),
+    ("evaluation", "overlay"),
     ("__init__",),
-    ("demo", "picker"),
-    ("cli",),
+    ("demo",),
 )
 """Modules of the Python package, the compiled one first."""
 
