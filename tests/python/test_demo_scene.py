@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.demo import courtyard, generate, rendering
-from regionpose.demo.scene import DemoRegion, DemoScene, folder, load, read_cloud
+from regionpose.demo.scene import DemoRegion, DemoScene, folder, load
 from regionpose.demo.surfaces import Frame, Surface, are_blocked, first_hits, inside
 from regionpose.demo.textures import plain
 from scipy.ndimage import distance_transform_edt
@@ -169,13 +167,6 @@ def test_an_unknown_region_is_named(scene: DemoScene) -> None:
     assert scene.region("door").label == 1
     with pytest.raises(ValueError, match="no region 'gate'; it has door, "):
         scene.region("gate")
-
-
-def test_a_cut_off_cloud_is_refused(tmp_path: Path) -> None:
-    cut = tmp_path / "cloud.ply"
-    cut.write_bytes((folder() / "cloud.ply").read_bytes()[:-1])
-    with pytest.raises(ValueError, match=r"cloud\.ply has a body of \d+ bytes; points of 13 are needed"):
-        read_cloud(cut)
 
 
 def test_the_generator_makes_the_shipped_truth_and_camera(scene: DemoScene) -> None:

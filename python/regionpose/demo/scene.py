@@ -13,6 +13,7 @@ from PIL import Image
 
 from regionpose.calibration import load_camera
 from regionpose.cameras import PinholeCamera
+from regionpose.clouds import Cloud, read_cloud
 
 IMAGE_FILE = "image.jpg"
 LABELS_FILE = "labels.png"
@@ -90,8 +91,8 @@ def load(path: Path | None = None) -> DemoScene:
         image=colours,
         camera=camera,
         camera_path=held / CAMERA_FILE,
-        points=np.stack([cloud[axis] for axis in "xyz"], axis=1).astype(np.float64),
-        intensities=cloud["intensity"].copy(),
+        points=cloud.world_points,
+        intensities=_intensities(cloud),
         labels=numbers,
         regions=read_regions(held),
         rotation=np.array(truth["rotation"]),
@@ -99,12 +100,10 @@ def load(path: Path | None = None) -> DemoScene:
     )
 
 
-def read_cloud(path: Path) -> NDArray[np.void]:
-    """Records (n,) of type `CLOUD_POINT` from the binary PLY that the generator writes."""
-    _, mark, body = path.read_bytes().partition(b"end_header\n")
-    if not mark or len(body) % CLOUD_POINT.itemsize:
-        raise ValueError(f"{path.name} has a body of {len(body)} bytes; points of {CLOUD_POINT.itemsize} are needed")
-    return np.frombuffer(body, dtype=CLOUD_POINT)
+def _intensities(cloud: Cloud) -> NDArray[np.uint8]:
+    if cloud.intensity is None:
+        raise ValueError(f"{CLOUD_FILE} holds no intensity; the demo scene needs one a point")
+    return cloud.intensity.astype(np.uint8)
 
 
 def read_regions(path: Path) -> tuple[DemoRegion, ...]:
