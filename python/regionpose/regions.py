@@ -27,6 +27,12 @@ SIMPLIFY_TOLERANCE_PX = 0.01
 BEND_TOLERANCE_PX = 0.01
 """A straight pixel edge is split until the great-circle arcs between its parts are within this distance (pixels)."""
 
+BEND_MARGIN = 1.5
+"""Bends counted for each one that is seen at the probes: the edge may bend more between them."""
+
+PROBES = (0.25, 0.5, 0.75)
+"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
+
 MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
 
@@ -242,7 +248,8 @@ def _contours(coverage: Mask) -> list[Array]:
 
 def _simplified(ring: Array) -> Array:
     """A closed contour without its redundant vertices and its repeated end."""
-    kept = shapely.get_coordinates(shapely.simplify(shapely.LinearRing(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
+    # As a line, not as a ring: of a ring the start may go too, which adds up to more than the tolerance.
+    kept = shapely.get_coordinates(shapely.simplify(shapely.LineString(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
     return kept if len(kept) >= 3 else ring[:-1]
 
 
@@ -274,14 +281,16 @@ def _visible(camera: Camera, pixels: Array, index: int) -> Array:
 
 
 def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
-    """Into how many parts each pixel edge has to be split: its sagitta falls with the square of their number (docs/math.md, eq. 9.11)."""
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
     following = np.roll(ring, -1, axis=0)
     ahead = np.roll(bearings, -1, axis=0)
-    middle = _visible(camera, 0.5 * (ring + following), index)
-    arc_middle = bearings + ahead
-    arc_middle /= np.linalg.norm(arc_middle, axis=1, keepdims=True)
-    chord = np.linalg.norm(ahead - bearings, axis=1)
-    pixels_per_radian = np.linalg.norm(following - ring, axis=1) / np.maximum(chord, np.finfo(float).tiny)
-    sagitta = np.linalg.norm(middle - arc_middle, axis=1) * pixels_per_radian
-    parts: Array = np.clip(np.ceil(np.sqrt(sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS)
+    length = np.linalg.norm(following - ring, axis=1)
+    normal = np.cross(bearings, ahead)
+    sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    sagitta = np.zeros(len(ring))
+    for share in PROBES:
+        between = _visible(camera, ring + share * (following - ring), index)
+        off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
+        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * share * (1.0 - share)))
+    parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS)
     return parts.astype(np.int64)

@@ -118,7 +118,7 @@ fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
     let largest = rest.diagonal().max();
     for _ in 0..count {
         let (pivot, value) = rest.diagonal().argmax();
-        if !(value > PIVOT_CUT * largest) {
+        if value <= PIVOT_CUT * largest || value.is_nan() {
             break;
         }
         let column = rest.column(pivot) / value.sqrt();

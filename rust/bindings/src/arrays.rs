@@ -24,7 +24,7 @@ fn real_array<'py>(item: &str, object: &Bound<'py, PyAny>, needed: &str) -> PyRe
     if !matches!(dtype.getattr("kind")?.extract()?, 'i' | 'u' | 'f') {
         return Err(refused(&format!("an array of type {dtype}")));
     }
-    Ok(array.call_method1("astype", ("float64",))?.extract::<PyReadonlyArrayDyn<'py, f64>>()?)
+    array.call_method1("astype", ("float64",))?.extract()
 }
 
 fn kind_of(object: &Bound<'_, PyAny>) -> String {

@@ -44,6 +44,8 @@ fn parsed_start(name: &str) -> PyResult<Start> {
     }
 }
 
+type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
@@ -218,7 +220,7 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
         increment: Option<&Bound<'py, PyAny>>,
         whitened: bool,
-    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+    ) -> PyResult<Option<ResidualJacobian<'py>>> {
         let pose = pose(rotation, translation)?;
         let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
         let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
