@@ -8,16 +8,7 @@ use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
 use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
-use crate::residual::RegionEquations;
 use crate::solve::{Prior, Problem, Search, Start};
-
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
-
-/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
-/// deviations.
-const AMBIGUITY_COST: f64 = 25.0;
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -140,19 +131,6 @@ impl Problem {
         let covariance = self.covariance(&best.minimum.pose, noise);
         let warnings = self.warnings(&best, &alternatives, &covariance);
         Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
-    }
-
-    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
-    pub(crate) fn ambiguity_limit(&self, least: f64) -> f64 {
-        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
-    }
-
-    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
-    fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize =
-            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
-        let left = count.saturating_sub(6).max(1) as f64;
-        (cost / left).sqrt().max(NOISE_FLOOR)
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.

@@ -49,6 +49,14 @@ const SAME_CANDIDATE: f64 = 0.01;
 /// Poses nearer than this are one minimum.
 const SAME_MINIMUM: f64 = 1e-4;
 
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
+
+/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
+/// deviations.
+const AMBIGUITY_COST: f64 = 25.0;
+
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Start {
@@ -188,6 +196,19 @@ impl Problem {
         let centred = minima.into_iter().map(|m| Minimum { pose: self.centred(&m.pose), ..m }).collect();
         let kept = distinct(centred, SAME_MINIMUM);
         kept.into_iter().map(|m| Minimum { pose: self.uncentred(&m.pose), ..m }).collect()
+    }
+
+    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
+    pub fn ambiguity_limit(&self, least: f64) -> f64 {
+        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
+    }
+
+    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
+    pub fn boundary_noise(&self, cost: f64) -> f64 {
+        let count: usize =
+            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
+        let left = count.saturating_sub(6).max(1) as f64;
+        (cost / left).sqrt().max(NOISE_FLOOR)
     }
 
     /// Distance from the camera to the middle of the regions.

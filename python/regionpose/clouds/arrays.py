@@ -113,7 +113,8 @@ def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
         raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
     table = values.reshape(-1, len(names))
     cloud = cloud_of_table(path, table, names)
-    farthest = float(np.abs(cloud.world_points).max())
+    points = cloud.world_points
+    farthest = float(max(points.max(), -points.min()))
     if farthest > FARTHEST_RETURN:
         raise cloud_error(
             path, "coordinates", f"{farthest:.3g}", f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"

@@ -120,29 +120,23 @@ class Cloud:
             raise cloud_error(source, "points", f"{world.dtype} of shape {world.shape}", "numbers of shape (n, 3)")
         world = np.asarray(world, dtype=np.float64)
         finite = np.isfinite(world[:, 0]) & np.isfinite(world[:, 1]) & np.isfinite(world[:, 2])
-        kept = int(np.count_nonzero(finite))
-        if not kept:
+        if not finite.any():
             found = f"{len(world)} points, none with finite coordinates" if len(world) else "no points"
             raise cloud_error(source, "points", found, "at least 1 with finite coordinates")
-        every = kept == len(world)
-
-        def rows(name: str, values: ArrayLike) -> Scalars:
-            array = np.asarray(values)
-            if len(array) != len(world):
-                raise cloud_error(source, name, f"{len(array)} rows", f"{len(world)}, one a point")
-            return array if every else array[finite]
-
-        world = rows("points", world)
-        origin = _origin(world)
+        shades = None if colours is None else _kept_rows("colours", colours, finite, source)
+        points = _kept_rows("points", world, finite, source)
+        origin = _origin(points)
         return cls(
-            points=world - origin if origin.any() else world,
-            colours=None if colours is None else _bytes_of_colours(rows("colours", colours), source),
-            intensity=None if intensity is None else rows("intensity", intensity),
-            fields={name: rows(name, values) for name, values in (fields or {}).items()},
+            points=points - origin if origin.any() else points,
+            colours=None if shades is None else _bytes_of_colours(shades, source),
+            intensity=None if intensity is None else _kept_rows("intensity", intensity, finite, source),
+            fields={
+                name: _kept_rows(f"field {name}", values, finite, source) for name, values in (fields or {}).items()
+            },
             triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), finite, source),
             origin=origin,
             source=source,
-            dropped=len(finite) - kept,
+            dropped=len(world) - len(points),
         )
 
     @property
@@ -173,6 +167,14 @@ def _typed(array: Scalars, kind: type[np.generic]) -> Scalars | None:
         return array
     fits = array.dtype.kind in "iu" and np.can_cast(array.dtype, kind, "same_kind") and kind is not np.uint8
     return np.asarray(array, dtype=kind) if fits else None
+
+
+def _kept_rows(name: str, values: ArrayLike, finite: NDArray[np.bool_], source: Path | None) -> Scalars:
+    """The rows of `values` whose points are finite."""
+    array = np.asarray(values)
+    if array.shape[:1] != finite.shape:
+        raise cloud_error(source, name, f"shape {array.shape}", f"{len(finite)} rows, one a point")
+    return array if finite.all() else array[finite]
 
 
 def _origin(world: Array) -> Array:

@@ -27,7 +27,7 @@ def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: Arra
     lower = {name.lower(): name for name in reversed(list(columns))}
     missing = [name for name in COORDINATES if name not in lower]
     if missing:
-        raise cloud_error(path, "columns", ", ".join(columns) or "none", f"x, y and z; {', '.join(missing)} missing")
+        raise cloud_error(path, "columns", ", ".join(columns) or "none", f"x, y and z (missing: {', '.join(missing)})")
     colour_names = next(([lower[n] for n in names] for names in COLOUR_NAMES if set(names) <= set(lower)), [])
     intensity_name = next((lower[name] for name in INTENSITY_NAMES if name in lower), None)
     taken = {SKIPPED, *(lower[name] for name in COORDINATES), *colour_names, intensity_name}
@@ -86,8 +86,10 @@ def _are_colours(values: Scalars) -> bool:
 def _stacked(columns: Sequence[Scalars], kind: np.dtype[np.float64] | None = None) -> Scalars:
     """Columns (n,) side by side, (n, 3), as `kind` or their own type."""
     stacked = np.empty((len(columns[0]), len(columns)), dtype=kind or np.result_type(*columns))
-    for index, column in enumerate(columns):
-        stacked[:, index] = column
+    # Bytes that are no floats may look like signalling NaNs.
+    with np.errstate(invalid="ignore"):
+        for index, column in enumerate(columns):
+            stacked[:, index] = column
     return stacked
 
 

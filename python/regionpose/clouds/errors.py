@@ -20,7 +20,7 @@ class MissingExtraError(ImportError):
 
 def cloud_error(place: Path | str | None, item: str, found: object, needed: str) -> CloudError:
     """The error about `item` of the file `place` (None: of a cloud that comes from no file)."""
-    text = str(found)
+    text = " ".join(str(found).split())
     if len(text) > LONGEST_FOUND:
         text = f"{text[:LONGEST_FOUND]}..."
     return CloudError(f"{place or 'cloud'}: {item}: found {text}; needed {needed}")

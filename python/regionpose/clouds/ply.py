@@ -226,9 +226,8 @@ def _list_length(body: Body, element: Element, given: Property, at: int) -> int:
         raise body.short(element, at, kind.itemsize)
     length = struct.unpack_from(f"{body.order}{kind.char}", body.data.data, at)[0]
     if not 0 <= length <= LONGEST_LIST or length != int(length):
-        raise cloud_error(
-            body.path, f"element {element.name}", f"{length} in the list {given.name}", "a count that fits the file"
-        )
+        item = f"element {element.name}, list {given.name}"
+        raise cloud_error(body.path, item, f"a count of {length}", f"a whole number up to {LONGEST_LIST}")
     return int(length)
 
 
