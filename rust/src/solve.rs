@@ -18,6 +18,9 @@ const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
 /// A candidate of all regions together.
 const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
 
+/// The paper's start is followed all the way down, from wherever it lies.
+const PAPER: Stopping = Stopping { tolerance: 1e-6, evaluations: 210 };
+
 /// A candidate on the whitened scale, where it can be seen whether it fits.
 const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
 
@@ -230,12 +233,12 @@ impl Problem {
 
     fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {
         if let Some(initial) = &prior.initial {
-            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, JOINT).pose];
+            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, PAPER).pose];
         }
         let (first, world) = (&self.regions[..1], &self.worlds[0]);
         facing(first[0].chart(), first[0].outline(), world, &self.origin, prior.up.as_ref())
             .iter()
-            .map(|pose| minimize(first, pose, Weighting::Uniform, JOINT).pose)
+            .map(|pose| minimize(first, pose, Weighting::Uniform, PAPER).pose)
             .collect()
     }
 

@@ -157,11 +157,14 @@ fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (
     let r = point / depth;
     let dr = (step - r * r.dot(&step)) / depth;
     let element = depth.powi(-3);
+    // The element falls with the distance from the axis: its relative slope.
+    let fall = -3.0 * r.dot(&step) / depth;
     let (x, y, z) = (powers(r.x * chart.scale), powers(r.y * chart.scale), powers(r.z));
     let value = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| element * x[l] * y[m] * z[n]);
     let slope = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| {
         let (dx, dy) = (dr.x * chart.scale * lowered(l, &x), dr.y * chart.scale * lowered(m, &y));
-        element * (dx * y[m] * z[n] + x[l] * dy * z[n] + x[l] * y[m] * dr.z * lowered(n, &z))
+        let of_element = fall * x[l] * y[m] * z[n];
+        element * (of_element + dx * y[m] * z[n] + x[l] * dy * z[n] + x[l] * y[m] * dr.z * lowered(n, &z))
     });
     (DVector::from_iterator(SPHERE_EXPONENTS.len(), value), DVector::from_iterator(SPHERE_EXPONENTS.len(), slope))
 }

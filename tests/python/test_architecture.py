@@ -47,7 +47,17 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
 )
 """Modules of the Python package, the compiled one first."""
 
-KNOWS_NO_POSE = {"bearing_rings", "chart", "derivatives", "equations", "mesh", "moments", "overlap", "rings", "whitening"}
+KNOWS_NO_POSE = {
+    "bearing_rings",
+    "chart",
+    "derivatives",
+    "equations",
+    "mesh",
+    "moments",
+    "overlap",
+    "rings",
+    "whitening",
+}
 """Modules of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {

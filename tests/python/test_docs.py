@@ -14,7 +14,7 @@ DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 CODE_FOLDERS = ("rust", "python", "tests", "benches", "benchmarks", "examples")
 
 NUMBER = r"\d+(?:\.\d+)?"
-MENTION = re.compile(r"docs/math\.md")
+MENTION = re.compile(r"docs/math\.md`?,")
 CITATION = re.compile(rf"docs/math\.md`?,? (?:eqs?\.|sections?) ({NUMBER}(?:(?:, | and | to ){NUMBER})*)")
 COMMENT_BREAK = re.compile(r"\s*\n[ \t]*(?:///|//!|//|#)?[ \t]*")
 NOT_RUN = re.compile(r"<!-- not run: \S.* -->")
@@ -33,10 +33,13 @@ def equations_and_sections(text: str) -> set[str]:
 
 
 def cited_numbers(code: str) -> list[str]:
-    """What a source file cites of `docs/math.md`; AssertionError for a mention that names no equation or section."""
+    """What a source file cites of `docs/math.md`; AssertionError for a citation in another form.
+
+    A mention without a comma points at the whole document and cites nothing.
+    """
     joined = COMMENT_BREAK.sub(" ", code)
     citations = CITATION.findall(joined)
-    assert len(citations) == len(MENTION.findall(joined)), "a mention of docs/math.md without a section or an equation"
+    assert len(citations) == len(MENTION.findall(joined)), "a citation of docs/math.md without a section or an equation"
     return [number for citation in citations for number in re.findall(NUMBER, citation)]
 
 
@@ -140,9 +143,10 @@ def test_a_citation_may_run_over_a_comment_line_and_name_several_equations() -> 
     assert cited_numbers(code) == ["2", "3", "9.2", "9.5"]
 
 
-def test_a_mention_that_names_nothing_is_refused() -> None:
+def test_a_citation_that_names_no_section_or_equation_is_refused() -> None:
     with pytest.raises(AssertionError, match="without a section"):
-        cited_numbers("// as in docs/math.md")
+        cited_numbers("// as in `docs/math.md`, formula five")
+    assert cited_numbers("//! The formulas are derived in docs/math.md.") == []
 
 
 def test_blocks_marked_as_not_run_and_other_languages_are_left_out() -> None:
