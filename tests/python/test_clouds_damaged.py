@@ -13,7 +13,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-
 from regionpose.cameras import PinholeCamera
 from regionpose.clouds import CloudError, cloud_from_depth, read_cloud
 
@@ -61,7 +60,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("count.ply", GOOD_PLY.replace(b"vertex 2", b"vertex -2"), "header: found 'element vertex -2'"),
     ("twice.ply", GOOD_PLY.replace(b"property float y", b"property float x"), "property: found x twice"),
     ("type.ply", GOOD_PLY.replace(b"float z", b"quad z"), "property: found 'quad z'"),
-    ("no_z.ply", GOOD_PLY.replace(b"float z", b"float w"), "columns: found x, y, w; needed .* missing: z"),
+    ("no_z.ply", GOOD_PLY.replace(b"float z", b"float w"), "columns: found x, y, w; needed .*missing: z"),
     ("short.ply", GOOD_PLY[:-1], "element vertex: found 23 bytes; needed 24"),
     ("huge.ply", GOOD_PLY.replace(b"vertex 2", b"vertex 999999999999999"), "element vertex: found 24 bytes"),
     ("none.ply", GOOD_PLY.replace(b"vertex 2", b"vertex 0")[:-24], "columns: found none"),

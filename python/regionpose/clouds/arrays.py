@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.clouds.cloud import Cloud, Scalars
-from regionpose.clouds.columns import checked_names, cloud_of_columns, cloud_of_table
+from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
 from regionpose.clouds.errors import cloud_error
 
 KITTI_COLUMNS = ("x", "y", "z", "intensity")
@@ -61,7 +61,7 @@ def read_npz(path: Path, columns: Sequence[str] | None) -> Cloud:
 def _archive(path: Path) -> dict[str, Scalars]:
     """The arrays of an archive by name."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: np.asarray(archive[name]) for name in archive.files}
     # Damaged archives fail in zipfile, zlib, struct and numpy alike.
     except Exception as error:
@@ -101,22 +101,29 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
 
 
 def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
-    """The cloud of bare little-endian float32 rows: x, y, z, intensity, as KITTI's, unless `columns` says otherwise.
+    """The cloud of bare little-endian float32 rows: x, y, z, intensity as KITTI's, with a ring as nuScenes' own.
 
-    Where the name ends in .pcd.bin, as nuScenes' do, a ring follows.
+    Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255.
     """
-    default = NUSCENES_COLUMNS if path.name.lower().endswith(NUSCENES_ENDING) else KITTI_COLUMNS
-    names = checked_names(path, default if columns is None else columns)
     values = np.fromfile(path, dtype="<f4")
-    size, row = path.stat().st_size, 4 * len(names)
+    names = checked_names(path, _bin_columns(path, values) if columns is None else columns)
+    size, row = path.stat().st_size, values.itemsize * len(names)
     if size % row:
         raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
-    table = values.reshape(-1, len(names))
-    cloud = cloud_of_table(path, table, names)
+    cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)
     points = cloud.world_points
     farthest = float(max(points.max(), -points.min()))
     if farthest > FARTHEST_RETURN:
-        raise cloud_error(
-            path, "coordinates", f"{farthest:.3g}", f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"
-        )
+        needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"
+        raise cloud_error(path, "coordinates", f"{farthest:.3g}", needed)
     return cloud
+
+
+def _bin_columns(path: Path, values: Scalars) -> tuple[str, ...]:
+    """The columns of bare rows, by the name's ending and the values."""
+    width = len(NUSCENES_COLUMNS)
+    rings = values[width - 1 :: width]
+    named = path.name.lower().endswith(NUSCENES_ENDING)
+    if named or (len(values) % width == 0 and len(rings) and are_bytes(rings)):
+        return NUSCENES_COLUMNS
+    return KITTI_COLUMNS

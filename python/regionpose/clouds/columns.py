@@ -71,14 +71,14 @@ def guessed_names(table: Scalars) -> list[str]:
     if width == 4:
         names[3] = "intensity"
     colour_starts = {6: (3,), 7: (4, 3)}.get(width, ())
-    start = next((start for start in colour_starts if _are_colours(table[:, start : start + 3])), None)
+    start = next((start for start in colour_starts if are_bytes(table[:, start : start + 3])), None)
     if start is not None:
         names[start : start + 3] = COLOUR_NAMES[0]
         names[3:] = [name if name in COLOUR_NAMES[0] else "intensity" for name in names[3:]]
     return names
 
 
-def _are_colours(values: Scalars) -> bool:
+def are_bytes(values: Scalars) -> bool:
     """Whether all are whole numbers from 0 to 255."""
     return bool(np.all((values >= 0) & (values <= BYTE_LIMIT)) and np.all(values == np.floor(values)))
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from regionpose.cameras import Camera
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.errors import cloud_error
 
@@ -19,9 +18,24 @@ DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 Distance = Literal["z", "range"]
 
 
+class DepthCamera(Protocol):
+    """What is asked of a depth image's camera; every camera of `regionpose.cameras` is one."""
+
+    @property
+    def width(self) -> int | None:
+        """Image width in pixels, None when unknown."""
+
+    @property
+    def height(self) -> int | None:
+        """Image height in pixels, None when unknown."""
+
+    def bearings(self, pixels: ArrayLike) -> Array:
+        """Unit vectors (n, 3) of the pixels (n, 2), NaN where there is none."""
+
+
 def cloud_from_depth(
     depth: ArrayLike | str | Path,
-    camera: Camera,
+    camera: DepthCamera,
     *,
     scale: float | None = None,
     distance: Distance = "z",
