@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
 
 from regionpose import _core
+from regionpose.scan_lines import scan_lines
 
 Array = NDArray[np.float64]
 
@@ -33,6 +36,27 @@ RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
 
 
+REGION_THICKNESS = 0.02
+"""Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings of
+a face stand out from it, and the image shows them as part of it."""
+
+INNER_SHARE = 0.2
+"""Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
+
+MITRE_LIMIT = 2.0
+"""Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
+
+MOST_GROWTH = 2.0
+"""Bound of the growth in spacings; half a spacing is expected."""
+
+
+GROWTH_PRECISION = 1e-6
+"""Precision of the growth in spacings; the spacing itself is known far less well."""
+
+LONG_EDGE = 4.0
+"""Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
+
+
 class Outline(NamedTuple):
     """A plane `origin + u axes[0] + v axes[1]`, axes (2, 3), and rings (n, 2) in its coordinates."""
 
@@ -41,17 +65,105 @@ class Outline(NamedTuple):
     rings: list[Array]
 
 
-def outline_of_points(points: ArrayLike, *, radius: float | None = None) -> Outline:
-    """The robust plane of points (n, 3) and the outline of those on it, by an alpha shape.
+def outline_of_points(
+    points: ArrayLike,
+    *,
+    radius: float | None = None,
+    correct_sampling: bool = True,
+    sensor_origin: ArrayLike | None = None,
+) -> Outline:
+    """The robust plane of points (n, 3) and the outline of the patch of it that they sample, holes kept.
 
-    ValueError for values that are not finite, fewer than 3 points, points that are identical or on one line, or a radius
-    that is not positive.
+    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline there: on the scan
+    lines of a lidar half a step beyond the last return and half a gap beyond the last line (`scan_lines`), for other samples as
+    far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through the outermost samples.
+    `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay open; without it it is
+    chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are moved onto the plane along their
+    beams, which range noise doesn't move sideways. ValueError for values that are not finite, fewer than 3 points, points that
+    are identical or on one line, or a radius that is not positive.
     """
     given = _checked_points(points)
-    origin, axes, inliers = robust_plane(given)
-    flat = (given[inliers] - origin) @ axes[:2].T
-    chosen = bridging_radius(flat) if radius is None else radius
-    return Outline(origin, axes[:2], _main_part(_core.alpha_shape(flat, chosen)))
+    if radius is not None and not (np.isfinite(radius) and radius > 0.0):
+        raise ValueError(f"radius is {radius}; needed a positive number of metres")
+    origin, axes, _ = robust_plane(given)
+    flat = _flat_samples(given, origin, axes, sensor_origin)
+    return Outline(origin, axes[:2], flat_outline(flat, radius=radius, correct_sampling=correct_sampling))
+
+
+def flat_outline(points: Array, *, radius: float | None = None, correct_sampling: bool = True) -> list[Array]:
+    """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes."""
+    if correct_sampling:
+        lines = scan_lines(points, radius)
+        if lines is not None:
+            return lines.rings()
+    rings = _main_part(_core.alpha_shape(points, bridging_radius(points) if radius is None else radius))
+    return grown_rings(points, rings) if correct_sampling else rings
+
+
+def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
+    """The rings moved outwards until they hold the area that the samples (n, 2) stand for.
+
+    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many as
+    samples, whatever the lattice's spacing in either direction. The growth is even where the spacing is.
+    """
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    held = int(shapely.intersects_xy(polygon.buffer(1e-9 * np.sqrt(polygon.area)), points[:, 0], points[:, 1]).sum())
+    boundary = sum(map(len, rings))
+    if held - boundary < INNER_SHARE * held:
+        return rings
+    cell = polygon.area / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
+    squared = _spacing_squared(points)
+    even = shapely.Polygon(rings[0] @ squared, [ring @ squared for ring in rings[1:]])
+    spacing = np.sqrt(cell)
+
+    def grown(distance: float) -> shapely.Geometry:
+        return even.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+    # The area that is missing at the largest growth would be that of a polygon thinner than a sample.
+    if grown(MOST_GROWTH * spacing).area <= held * cell:
+        return rings
+    distance = brentq(lambda d: grown(d).area - held * cell, 0.0, MOST_GROWTH * spacing, xtol=GROWTH_PRECISION * spacing)
+    return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
+
+
+def oriented_rings(region: shapely.Geometry) -> list[Array]:
+    """The largest polygon's rings (n, 2): the outer one counter-clockwise, then its holes the other way."""
+    largest = max(shapely.get_parts(region), key=lambda part: part.area)
+    turned = shapely.geometry.polygon.orient(largest)
+    return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
+
+
+def _spacing_squared(points: Array) -> Array:
+    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on average."""
+    edges = _delaunay_edges(points)
+    steps = points[edges[:, 0]] - points[edges[:, 1]]
+    lengths = np.linalg.norm(steps, axis=1)
+    # Along the hull edges are longer than any spacing.
+    steps = steps[lengths <= LONG_EDGE * np.median(lengths)]
+    spread, directions = np.linalg.eigh(steps.T @ steps / len(steps))
+    if spread[0] <= 0.0:
+        return np.eye(2)
+    stretch = (spread[0] * spread[1]) ** 0.25 / np.sqrt(spread)
+    matrix: Array = (directions * stretch) @ directions.T
+    return matrix
+
+
+def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> Array:
+    """The samples (n, 2) of the region near the plane, moved onto it along the normal or the beams."""
+    heights = (points - origin) @ axes[2]
+    sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
+    extent = float(np.ptp(points, axis=0).max())
+    near = np.abs(heights) <= max(INLIER_SIGMAS * sigma, REGION_THICKNESS * extent)
+    moved = points[near] - origin
+    if sensor_origin is not None:
+        sensor = np.asarray(sensor_origin, dtype=np.float64)
+        if sensor.shape != (3,) or not np.isfinite(sensor).all():
+            raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed 3 finite coordinates")
+        beams = points[near] - sensor
+        approach = beams @ axes[2]
+        moved = moved - (heights[near] / np.where(approach == 0.0, np.inf, approach))[:, None] * beams
+    flat: Array = moved @ axes[:2].T
+    return flat
 
 
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
