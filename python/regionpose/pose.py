@@ -70,7 +70,7 @@ class Pose:
     @property
     def camera_center(self) -> Array:
         """The camera's centre in the world, (3,)."""
-        return np.asarray(-self.rotation.inv().apply(self.translation))
+        return np.asarray(-self.rotation.as_matrix().T @ self.translation)
 
     def inverse(self) -> Pose:
         """`world_from_camera`."""

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from typing import Annotated
 
-import click
 import typer
 
 from regionpose import __version__
 from regionpose.cli import demo, estimate, fuse, info, project, schema, segment
 
-FINE, WARNED, BAD_INPUT, NO_POSE, INTERRUPTED = 0, 1, 2, 3, 130
+FINE, BAD_INPUT, NO_POSE = 0, 2, 3
 
 HELP = """Absolute pose of a central camera from planar regions, without correspondences.
 
@@ -64,23 +61,12 @@ def _options(
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code of the command line `arguments` (those of the process when None); errors are one line on standard error."""
     try:
-        code = app(args=None if arguments is None else list(arguments), prog_name="regionpose", standalone_mode=False)
-        sys.stdout.flush()
-        return code if isinstance(code, int) else FINE
-    except click.exceptions.NoArgsIsHelpError as error:
-        typer.echo(error.format_message())
-        return FINE
-    except click.UsageError as error:
-        command = error.ctx.command_path if error.ctx is not None else "regionpose"
-        return _failed(f"{error.format_message()} (see {command} --help)", BAD_INPUT)
-    except (click.Abort, KeyboardInterrupt):
-        return _failed("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # The reader has what it wanted; Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FINE
+        app(args=None if arguments is None else list(arguments), prog_name="regionpose")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else FINE
     except (ValueError, OSError, ImportError, MemoryError) as error:
         return _failed(_one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
+    return FINE
 
 
 def _is_pose_error(error: BaseException) -> bool:

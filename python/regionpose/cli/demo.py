@@ -30,7 +30,7 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
-) -> int:
+) -> None:
     """Run everything on the scene that ships with the package and compare the pose with the truth.
 
     Segmentation, pose, fusion, pictures and report; takes some seconds.
@@ -46,4 +46,4 @@ def demo(
 
     files = folder()
     truth = read_truth(files / "truth.json")
-    return run_scene(files / SCENES[source], out, force=force, as_json=as_json, quiet=quiet, truth=truth)
+    run_scene(files / SCENES[source], out, force=force, as_json=as_json, quiet=quiet, truth=truth)

@@ -28,7 +28,7 @@ def estimate(
     as_json: AsJson = False,
     strict: Annotated[bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")] = False,
     quiet: Quiet = False,
-) -> int:
+) -> None:
     """Estimate the pose of a scene's camera.
 
     Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png and cloud.ply (coloured).
@@ -40,13 +40,13 @@ def estimate(
       regionpose estimate scene.yaml --json --quiet | jq .camera_from_world.matrix
       regionpose estimate scene.yaml --strict && echo "no warnings"
     """
-    return run_scene(scene, out or Path(f"{scene.stem}-result"), force=force, as_json=as_json, strict=strict, quiet=quiet)
+    run_scene(scene, out or Path(f"{scene.stem}-result"), force=force, as_json=as_json, strict=strict, quiet=quiet)
 
 
 def run_scene(
     path: Path, out: Path, *, force: bool, as_json: bool, quiet: bool, strict: bool = False, truth: Truth | None = None
-) -> int:
-    """The exit code of a scene estimated, written to the folder `out` and said."""
+) -> None:
+    """Estimate a scene, write its files to the folder `out`, and say the result."""
     from regionpose.scene import Stages, estimate_scene, load_scene
     from regionpose.scene.bundle import bundle, file_names
 
@@ -61,7 +61,8 @@ def run_scene(
         say_json(files.result)
     else:
         _say(run, files.result, written)
-    return WARNED if strict and run.estimate.warnings else 0
+    if strict and run.estimate.warnings:
+        raise typer.Exit(WARNED)
 
 
 def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> None:

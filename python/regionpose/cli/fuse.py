@@ -28,7 +28,7 @@ def fuse(
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
-) -> int:
+) -> None:
     """Colour a cloud with an image and a known pose.
 
     Points that the camera doesn't see, or that others hide, keep their colour, or are black; the field `visible` tells.
@@ -53,7 +53,6 @@ def fuse(
         say_json({"out": str(out), "points": total, "visible_points": seen})
     else:
         typer.echo(f"{seen} of {total} points coloured; written: {out}")
-    return 0
 
 
 def read_sensors(
@@ -74,5 +73,5 @@ def read_sensors(
         raise ValueError(f"{image}: found {found} pixels; needed {size[0]} x {size[1]}, as in {camera}")
     points = read_cloud(cloud)
     world = read_pose(pose, camera_name)
-    return points, picture, known_camera, Pose(world.rotation, world.translation + world.rotation.apply(points.origin))
+    return points, picture, known_camera, Pose(world.rotation, world.translation + world.rotation.as_matrix() @ points.origin)
 

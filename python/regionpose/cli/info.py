@@ -23,7 +23,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
     camera_name: CameraName = None,
     as_json: AsJson = False,
-) -> int:
+) -> None:
     """Say what is in a cloud, a calibration, an image, a scene file or a result.
 
     \b
@@ -38,7 +38,6 @@ def info(
     else:
         typer.echo(f"{file}: {facts.pop('kind')}")
         say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
-    return 0
 
 
 def file_facts(path: Path, camera_name: str | None = None) -> Facts:

@@ -31,7 +31,7 @@ def project(
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
-) -> int:
+) -> None:
     """Project a cloud into an image with a known pose.
 
     A PNG shows the points over the image, coloured by depth. A CSV lists, for each point inside the image, its index in the
@@ -56,7 +56,6 @@ def project(
         say_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
     else:
         typer.echo(f"{len(rows)} of {len(points)} points inside the image; written: {out}")
-    return 0
 
 
 def _rows_inside(cloud: Cloud, picture: Picture, camera: Camera, pose: Pose) -> list[tuple[int, float, float, float]]:

@@ -33,7 +33,7 @@ def segment(
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
-) -> int:
+) -> None:
     """Grow regions from seeds without estimating a pose.
 
     For a scene file, writes a folder with the mask and the cloud indices of each region and a scene.yaml that names them, so
@@ -57,7 +57,6 @@ def segment(
     else:
         say_rows([(key.replace("_", " "), str(value)) for key, value in facts.items() if key != "regions"], indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
-    return 0
 
 
 def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
