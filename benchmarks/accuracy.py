@@ -1,7 +1,7 @@
 """Accuracy on synthetic scenes without noise and without a prior: a row for each camera and number of planes.
 
-Translation errors are taken at the first region's centroid. A symmetric shape fits from several poses: the nearest of the
-pose and its alternatives counts, and a scene whose answers do not hold the true pose within 1 deg is not solved.
+Translation errors are taken at the first region's centroid. A symmetric shape fits from several poses: the nearest of
+the pose and its alternatives counts, and a scene whose answers do not hold the true pose within 1 deg is not solved.
 
     python benchmarks/accuracy.py [--scenes 200] [--masks binary coverage] [--templates all] [--driver scipy]
 """
@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
-
 import regionpose as rp
 from regionpose.evaluation import Scene, fisheye_scene, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error

@@ -1,6 +1,7 @@
-"""Errors on real scenes with ground truth, one line a scene: the nearest answer to the truth, and which answer that was.
+"""Errors on real scenes with ground truth, one line a scene: the nearest answer to the truth, and which one that was.
 
-The scenes are folders with calib.json, regions.json and points.npy or points.bin; where there are none this says so and ends.
+The scenes are folders with calib.json, regions.json and points.npy or points.bin; where there are none this says so
+and ends.
 A single rectangle fits from several poses, so the truth may be any of the answers.
 
     python benchmarks/real_scenes.py [--data ../shared/data] [--points]
@@ -15,11 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
 import regionpose as rp
+from numpy.typing import NDArray
 from regionpose.cameras import Camera
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 DEFAULT_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"

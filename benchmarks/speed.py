@@ -1,7 +1,7 @@
 """Time of a pose from nothing against OpenCV's iterative PnP on the same points, in one run.
 
-Three regions of 100 vertices each; regionpose sees contours without correspondences or a start, one thread, by the batch;
-OpenCV sees the 300 vertices with their exact correspondences.
+Three regions of 100 vertices each; regionpose sees contours without correspondences or a start, one thread, by the
+batch; OpenCV sees the 300 vertices with their exact correspondences.
 
     python benchmarks/speed.py [--scenes 40] [--rounds 15]
 """
@@ -15,9 +15,8 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-
 import regionpose as rp
+from numpy.typing import NDArray
 from regionpose.evaluation import perspective_scene
 
 Array = NDArray[np.float64]

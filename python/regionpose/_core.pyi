@@ -127,6 +127,10 @@ class WorldRegion:
         """Area in plane coordinates."""
 
     @property
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+        """Vertices (v, 3) and triangles (k, 3) of a region that is not planar, else None."""
+
+    @property
     def is_planar(self) -> bool:
         """Whether the region lies in one plane."""
 
@@ -223,14 +227,14 @@ class Problem:
         system: Literal["plane", "sphere"],
         integration: Literal["boundary", "mesh", "pixels"],
     ) -> Problem: ...
-    def candidates(
+    def search(
         self,
         *,
         start: Literal["global", "paper"] = "global",
         initial: tuple[ArrayLike, ArrayLike] | None = None,
         up: ArrayLike | None = None,
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Poses (rotation (3, 3), translation (3,)) from which to solve, best first."""
+    ) -> tuple[Problem, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+        """The problem whitened for its boundary noise, and poses (rotation, translation) to solve from, best first."""
 
     def evaluate(
         self,
@@ -242,8 +246,17 @@ class Problem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6); None out of view."""
 
-    def solve_from(self, rotation: ArrayLike, translation: ArrayLike) -> Minimum:
-        """The whitened minimum that the native solver reaches from a candidate."""
+    def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
+        """Distance from the camera to the middle of the regions."""
+
+    def estimate(
+        self,
+        *,
+        start: Literal["global", "paper"] = "global",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> Estimate | None:
+        """The estimate by the native driver; None without a pose in view."""
 
     def judged(
         self,

@@ -33,7 +33,6 @@ class Pose:
         translation = _real_numbers("translation", self.translation).copy()
         if translation.shape != (3,) or not np.isfinite(translation).all():
             raise ValueError(f"translation is {self.translation!r}; needed 3 finite numbers")
-        translation.setflags(write=False)
         object.__setattr__(self, "translation", translation)
 
     @classmethod
@@ -70,7 +69,7 @@ class Pose:
     @property
     def camera_center(self) -> Array:
         """The camera's centre in the world, (3,)."""
-        return np.asarray(-self.rotation.as_matrix().T @ self.translation)
+        return -self.rotation.as_matrix().T @ self.translation
 
     def inverse(self) -> Pose:
         """`world_from_camera`."""

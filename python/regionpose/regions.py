@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -166,6 +166,20 @@ class WorldRegion:
     def is_planar(self) -> bool:
         """Whether the region lies in one plane."""
         return self.core.is_planar
+
+    def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
+        """What pickling keeps: the plane and the outline, or the surface."""
+        if self.core.surface is not None:
+            return _surface_region, self.core.surface
+        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline)
+
+
+def _planar_region(origin: Array, axes: Array, outline: list[Array]) -> WorldRegion:
+    return WorldRegion(_core.WorldRegion.from_outline(origin, axes, outline))
+
+
+def _surface_region(vertices: Array, triangles: NDArray[np.int64]) -> WorldRegion:
+    return WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
 
 
 def _ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:

@@ -1,15 +1,16 @@
 """From samples on scan lines to the outline of the patch that they sample, without the bias of sparse sampling.
 
-A spinning lidar samples a plane finely along its scan lines and coarsely across them. The patch ends between the last return
-and the one that is missing, so an outline through the returns is too small. Here each run of returns is prolonged by half a
-step along its line; the ends of neighbouring lines are joined; and beyond the first and the last line the sides go on in
-their own direction, to the point where they meet, or for half a gap.
+A spinning lidar samples a plane finely along its scan lines and coarsely across them. The patch ends between the last
+return and the one that is missing, so an outline through the returns is too small. Here each run of returns is
+prolonged by half a step along its line; the ends of neighbouring lines are joined; and beyond the first and the last
+line the sides go on in their own direction, to the point where they meet, or for half a gap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ LINK_STEPS = 3.0
 """Longest link in median steps: bridges two missing returns, and no gap between lines."""
 
 LEAST_JUMP = 2.0
-"""Ratio of the narrowest gap between lines to the widest within one that tells lines apart from a cloud without lines."""
+"""Ratio of the narrowest gap between lines to the widest within one that tells lines from a cloud without any."""
 
 RECTIFICATIONS = 4
 """Rounds of straightening lines and finding them anew; the grouping settles in two or three."""
@@ -47,14 +48,23 @@ LEAST_LINES = 3
 LEAST_ON_LINE = 3
 """Mean number of returns on a line below which lines are not told apart from chance."""
 
+LEAST_TELLING = 5
+"""Returns on a line from which its own step is taken; fewer may straddle a hole."""
+
+STRAY_GAPS = 0.6
+"""A single return nearer to a line than this many gaps is jitter, farther away it is a line's only return in a tip."""
+
 DROPOUT_STEPS = 4.0
 """Widest gap within a run, in steps along the line: returns are lost on dark or glossy spots of a solid surface."""
 
 DROPOUT_GAPS = 0.75
 """Widest gap within a run, in gaps across lines: a hole that is narrower is not seen by the neighbouring lines."""
 
+MOST_DROPOUTS = 0.5
+"""Gaps per line that neighbouring lines contradict, up to which the ends of runs are taken for the patch's edge."""
+
 END_STEPS = 24
-"""Steps next to the end of a run from which the expected distance to the edge is taken; steps vary along a slanted line."""
+"""Steps next to the end of a run that tell the expected distance to the edge; steps vary along a slanted line."""
 
 SIDE_LINES = 4
 """Lines whose ends give the direction of a side of the outline; more would cut off bends."""
@@ -82,8 +92,8 @@ class Run(NamedTuple):
 class ScanLines:
     """Lines of constant `level`, from the lowest, with the runs of each from left to right.
 
-    Along and across coordinates of a point are `(s, v) = turn @ point`; its level is `v + slopes . (s, s v, s^2, s^2 v)`, in
-    coordinates about `centre` and in units of `scale`.
+    Along and across coordinates of a point are `(s, v) = turn @ point`, its level `v + slopes . (s, s v, s^2, s^2 v)`,
+    both in coordinates about `centre` and in units of `scale`.
     """
 
     centre: Array
@@ -131,15 +141,26 @@ def scan_lines(points: Array, radius: float | None = None) -> ScanLines | None:
         return None
     gap = float(np.median(np.diff(levels)))
     limit = None if radius is None else 2.0 * radius / scale
-    runs = [_runs(np.sort(local[found, 0]), gap, limit) for found in members]
+    sorted_along = [np.sort(local[found, 0]) for found in members]
+    usual = float(np.median(np.concatenate([np.diff(along) for along in sorted_along])))
+    runs = []
+    for along in sorted_along:
+        step = _typical_step(along, usual)
+        runs.append(_runs(along, step, max(DROPOUT_STEPS * step, DROPOUT_GAPS * gap) if limit is None else limit))
+    if limit is None:
+        dropouts = _dropouts(runs)
+        if len(dropouts) > MOST_DROPOUTS * len(runs):
+            return None
+        for broken, index in reversed(dropouts):
+            runs[broken][index : index + 2] = [_joined(*runs[broken][index : index + 2])]
     return ScanLines(centre, scale, turn, slopes, levels, runs)
 
 
 def _direction(points: Array) -> tuple[Array, Array] | None:
-    """The rotation (2, 2) that lays the lines along the first axis, and the rotated points; None without a direction."""
+    """The rotation (2, 2) that lays the lines along the first axis, and the points so turned; None without one."""
     if len(points) <= NEIGHBOURS:
         return None
-    neighbours = cKDTree(points).query(points, NEIGHBOURS + 1)[1][:, 1:]
+    neighbours = np.asarray(cKDTree(points).query(points, NEIGHBOURS + 1)[1])[:, 1:]
     steps = points[neighbours] - points[:, None, :]
     doubled = ((steps[..., 0] + 1j * steps[..., 1]) ** 2).sum(axis=0)
     lengths = (steps**2).sum(axis=(0, 2))
@@ -155,7 +176,7 @@ def _direction(points: Array) -> tuple[Array, Array] | None:
 
 def _fragments(local: Array) -> Indices:
     """The label of the chain of returns each point belongs to: links to the next return along the line."""
-    neighbours = cKDTree(local).query(local, NEIGHBOURS + 1)[1][:, 1:]
+    neighbours = np.asarray(cKDTree(local).query(local, NEIGHBOURS + 1)[1])[:, 1:]
     offsets = local[neighbours] - local[:, None, :]
     ahead = (offsets[..., 0] > 0.0) & (np.abs(offsets[..., 1]) <= LINK_SLOPE * offsets[..., 0])
     distance = np.where(ahead, np.linalg.norm(offsets, axis=2), np.inf)
@@ -164,8 +185,7 @@ def _fragments(local: Array) -> Indices:
     finite = np.isfinite(length)
     linked = np.flatnonzero(finite & (length <= LINK_STEPS * np.median(length[finite]) if finite.any() else finite))
     graph = coo_array((np.ones(len(linked)), (linked, neighbours[linked, best[linked]])), shape=(len(local),) * 2)
-    labels: Indices = connected_components(graph, directed=False)[1]
-    return labels
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.intp)
 
 
 def _levels(local: Array, slopes: Array) -> Array:
@@ -198,7 +218,9 @@ def _level_slopes(local: Array, labels: Indices) -> Array:
     centred = columns - means[labels]
     # Few parameters as long as lines are short: a small weight on all of them keeps the solution finite.
     ridge = 1e-6 * np.sqrt(len(local)) * np.eye(4)
-    solution: Array = np.linalg.lstsq(np.vstack([centred[:, :4], ridge]), np.append(-centred[:, 4], np.zeros(4)), rcond=None)[0]
+    solution: Array = np.linalg.lstsq(
+        np.vstack([centred[:, :4], ridge]), np.append(-centred[:, 4], np.zeros(4)), rcond=None
+    )[0]
     return solution
 
 
@@ -220,20 +242,40 @@ def _lines_of_levels(levels: Array) -> Indices | None:
 
 
 def _ordered_lines(levels: Array, line: Indices) -> tuple[Array, list[Indices]]:
-    """Mean levels and members of the lines that hold two returns at least."""
+    """Mean levels and members of the lines, without single returns that lie between lines."""
     members = [np.flatnonzero(line == index) for index in range(line.max() + 1)]
-    members = [found for found in members if len(found) > 1]
-    return np.array([levels[found].mean() for found in members]), members
+    means = np.array([levels[found].mean() for found in members])
+    gaps = np.diff(means)
+    around = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
+    stray = np.array([len(found) == 1 for found in members]) & (around < STRAY_GAPS * np.median(gaps))
+    return means[~stray], [found for found, out in zip(members, stray, strict=True) if not out]
 
 
-def _runs(along: Array, gap: float, limit: float | None) -> list[Run]:
-    """The runs of one line's sorted returns, broken where returns are missing over more than dropouts explain."""
-    steps = np.diff(along)
-    typical = float(np.median(steps))
-    widest = max(DROPOUT_STEPS * typical, DROPOUT_GAPS * gap) if limit is None else limit
-    breaks = np.flatnonzero(steps > widest)
+def _typical_step(along: Array, usual: float) -> float:
+    """The step along one line; the one usual on all lines where a line has too few returns to tell."""
+    return float(np.median(np.diff(along))) if len(along) >= LEAST_TELLING else usual
+
+
+def _runs(along: Array, typical: float, widest: float) -> list[Run]:
+    """The runs of one line's sorted returns, broken at the gaps that are wider."""
+    breaks = np.flatnonzero(np.diff(along) > widest)
     starts, ends = np.append(0, breaks + 1), np.append(breaks, len(along) - 1)
-    return [_run(along[first : last + 1], min(typical, widest)) for first, last in zip(starts, ends, strict=True)]
+    return [_run(along[first : last + 1], typical) for first, last in zip(starts, ends, strict=True)]
+
+
+def _dropouts(runs: list[list[Run]]) -> list[tuple[int, int]]:
+    """(line, index of the run before) of the gaps whose middle both neighbouring lines cover: no hole, lost returns."""
+    found = []
+    for line in range(1, len(runs) - 1):
+        for index, (before, after) in enumerate(pairwise(runs[line])):
+            middle = 0.5 * (before.right + after.left)
+            if all(any(run.left < middle < run.right for run in runs[beside]) for beside in (line - 1, line + 1)):
+                found.append((line, index))
+    return found
+
+
+def _joined(before: Run, after: Run) -> Run:
+    return Run(before.left, after.right, min(before.step, after.step))
 
 
 def _run(along: Array, typical: float) -> Run:
@@ -245,7 +287,7 @@ def _run(along: Array, typical: float) -> Run:
 
 
 def _expected_rest(steps: Array) -> float:
-    """Mean distance from the last return to an edge that falls anywhere: E[step^2] / (2 E[step]), half a regular step."""
+    """Mean distance from the last return to an edge anywhere: E[step^2] / (2 E[step]), half a regular step."""
     total = float(steps.sum())
     return 0.5 * float(steps @ steps) / total if total > 0.0 else 0.0
 
@@ -261,6 +303,7 @@ class Strips:
     """The patch between and beyond scan lines, as polygons in (along, level)."""
 
     def __init__(self, lines: ScanLines) -> None:
+        """Take over the lines."""
         self.levels = lines.levels
         self.runs = lines.runs
         self.gap = float(np.median(np.diff(lines.levels)))
@@ -283,12 +326,12 @@ class Strips:
         left = self._side(line, lower[0].left, upper[0].left)
         right = self._side(line, lower[-1].right, upper[-1].right)
         strip: BaseGeometry = shapely.make_valid(shapely.Polygon(np.array(left + right[::-1])))
-        notches = [self._cap(line, 1, a.right, b.left) for a, b in zip(lower[:-1], lower[1:], strict=True)]
-        notches += [self._cap(line + 1, -1, a.right, b.left) for a, b in zip(upper[:-1], upper[1:], strict=True)]
+        notches = [self._cap(line, 1, a.right, b.left) for a, b in pairwise(lower)]
+        notches += [self._cap(line + 1, -1, a.right, b.left) for a, b in pairwise(upper)]
         return strip.difference(shapely.union_all(notches)) if notches else strip
 
     def _side(self, line: int, lower: float, upper: float) -> list[tuple[float, float]]:
-        """Vertices of the side between two lines, from below: with a corner where the sides before and after meet between."""
+        """Vertices of the side between two lines, from below, with a corner where the sides beyond them meet."""
         bottom, top = self.levels[line], self.levels[line + 1]
         slope_below, slope_above = self._slope(line, -1, lower), self._slope(line + 1, 1, upper)
         side = [(lower, bottom), (upper, top)]
@@ -322,7 +365,8 @@ class Strips:
         return float(min(abs(self.levels[following] - self.levels[line]), 2.0 * self.gap))
 
     def _slope(self, line: int, direction: int, end: float) -> float | None:
-        """The slope, along per level, of the side that ends at `end` and comes from lines in `direction`; None if unknown.
+        """The slope, along per level, of the side that ends at `end` and comes from lines in `direction`; None if
+        unknown.
 
         The ends of the lines before must lie on a straight side, to the steps along the lines.
         """

@@ -38,7 +38,7 @@ impl BearingRings {
             return Err(Error::NoRings);
         }
         let directions = directions(rings)?;
-        let view = turn_onto_z(&first_axis(&directions)?);
+        let view = turn_onto_z(&first_axis(&directions));
         let project = |r: &Bearing| {
             let turned = view * r;
             (turned.z > MIN_COSINE).then(|| Vector2::new(turned.x, turned.y) / turned.z)
@@ -83,21 +83,21 @@ fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
 }
 
 /// Mean direction of the boundary, or for a wide region the axis of its enclosing cone.
-fn first_axis(rings: &[Vec<Bearing>]) -> Result<Bearing> {
-    let mean = mean_direction(rings).ok_or_else(too_wide)?;
+fn first_axis(rings: &[Vec<Bearing>]) -> Bearing {
+    let mean = mean_direction(rings);
     let near = smallest_cosine(rings, &mean) > MEAN_AXIS_MIN_COSINE;
-    Ok(if near { mean } else { enclosing_cone_axis(rings, mean) })
+    if near { mean } else { enclosing_cone_axis(rings, mean) }
 }
 
-/// Mean of the boundary's bearings, each edge weighted by its chord.
-fn mean_direction(rings: &[Vec<Bearing>]) -> Option<Bearing> {
+/// Mean of the boundary's bearings, each edge weighted by its chord; the first bearing where they cancel or are all the same.
+fn mean_direction(rings: &[Vec<Bearing>]) -> Bearing {
     let mut sum = Vector3::zeros();
     for ring in rings {
         for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
             sum += (a + b) * (a - b).norm();
         }
     }
-    sum.try_normalize(0.0)
+    sum.try_normalize(0.0).unwrap_or(rings[0][0])
 }
 
 /// Axis of the narrowest cone around the bearings, by Badoiu and Clarkson's iteration towards the farthest one.

@@ -81,6 +81,9 @@ pub const SPHERE_EXPONENTS: [[usize; 3]; 17] = [
 /// The paper's share of [`PLANE_EXPONENTS`].
 const PAPER_PLANE_COUNT: usize = 13;
 
+/// The share of [`PLANE_EXPONENTS`] up to order 4.
+const PLANE_ORDER_4_COUNT: usize = 15;
+
 /// Most equations of one region in any system.
 pub const MOST_EQUATIONS: usize = PLANE_EXPONENTS.len();
 
@@ -91,6 +94,14 @@ impl System {
             (Self::Plane, Weighting::Uniform) => PAPER_PLANE_COUNT,
             (Self::Plane, Weighting::Whitened) => PLANE_EXPONENTS.len(),
             (Self::Sphere, _) => SPHERE_EXPONENTS.len(),
+        }
+    }
+
+    /// Number of the leading functions of low order: on the plane those up to order 4.
+    pub fn low_count(self) -> usize {
+        match self {
+            Self::Plane => PLANE_ORDER_4_COUNT,
+            Self::Sphere => SPHERE_EXPONENTS.len(),
         }
     }
 

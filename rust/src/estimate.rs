@@ -10,6 +10,12 @@ use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
 use crate::solve::{Prior, Problem, Search, Start};
 
+/// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
+const TIE_COST: f64 = 1e-3;
+
+/// Step, in radians, in which poses of equal cost are put in order.
+const TIE_STEP: f64 = 1e-3;
+
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
 
@@ -123,7 +129,9 @@ impl Problem {
         let noise = self.boundary_noise(least);
         let limit = self.ambiguity_limit(least);
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
-        // The sort is stable: without a prior the order of cost stays.
+        let tie = least + TIE_COST * noise * noise;
+        // Sorts are stable: what the prior does not decide, the cost does, and between equal costs the pose itself.
+        fitting.sort_by_key(|minimum| if minimum.cost <= tie { place(&minimum.pose) } else { [i64::MAX; 3] });
         fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
         let mut solutions = fitting.into_iter().map(|minimum| self.solution(minimum));
         let best = solutions.next()?;
@@ -169,6 +177,12 @@ impl Problem {
         warnings.extend(weak_geometry(covariance, self.distance(&best.minimum.pose)));
         warnings
     }
+}
+
+/// Where a pose comes among those of equal cost: by its rotation vector, in steps that round-off does not cross but by chance.
+fn place(pose: &Pose) -> [i64; 3] {
+    let turn = pose.rotation.scaled_axis();
+    [turn.x, turn.y, turn.z].map(|component| (component / TIE_STEP).round() as i64)
 }
 
 /// How far a pose is from what was known beforehand, in radians; 0 without a prior.

@@ -18,7 +18,7 @@ use crate::moments::sphere::spherical_moments;
 use crate::pose::Pose;
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::rings::PlaneRings;
-use crate::whitening::{BoundaryCovariance, Whitening};
+use crate::whitening::{BoundaryCovariance, Orders, Whitening};
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -59,13 +59,13 @@ impl RegionEquations {
         let facets = facets(world, origin, system, integration)?;
         let pixel_area = observed.checked_pixel_area()?;
         let covariance = BoundaryCovariance::new(system, &chart, &outline, pixel_area);
-        let whitening = Whitening::new(&covariance, 0.0);
+        let whitening = Whitening::new(&covariance, 0.0, Orders::All);
         Ok(Self { system, chart, outline, observed: values, facets, pixel_area, covariance, whitening })
     }
 
     /// The same equations, whitened for a boundary noise of `sigma` pixels.
-    pub fn whitened_for(self, sigma: f64) -> Self {
-        Self { whitening: Whitening::new(&self.covariance, sigma), ..self }
+    pub fn whitened_for(self, sigma: f64, orders: Orders) -> Self {
+        Self { whitening: Whitening::new(&self.covariance, sigma, orders), ..self }
     }
 
     /// The observed area in pixels.

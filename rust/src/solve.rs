@@ -11,6 +11,7 @@ use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::residual::{Evaluation, RegionEquations, evaluate};
+use crate::whitening::Orders;
 
 /// A candidate of one region: enough to tell it from the others, not yet a solution.
 const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
@@ -42,6 +43,12 @@ const SINGLE_REGION_COST: f64 = 0.05;
 
 /// Overlap error above which the search takes a second look, from every turn.
 const SECOND_LOOK: f64 = 0.02;
+
+/// Boundary noise, in pixels, up to which outlines count as clean: a binary mask's is uniform over a pixel, 0.29.
+const CLEAN: f64 = 0.5;
+
+/// Share of the overlap error to which all moments have to bring it down to be preferred to those of low order.
+const MUCH_BETTER: f64 = 0.8;
 
 /// Candidates carried into the joint system at most.
 const MOST_CANDIDATES: usize = 32;
@@ -86,6 +93,15 @@ pub struct Search {
     pub problem: Problem,
     /// Distinct poses near minima of the whitened equations, none so much worse than the best that it could not fit.
     pub candidates: Vec<Pose>,
+}
+
+impl Search {
+    /// Overlap error of the best candidate, infinite without one.
+    fn overlap_error(&self) -> f64 {
+        let Problem { regions, worlds, .. } = &self.problem;
+        let fit = self.candidates.first().and_then(|pose| Fit::of(regions, worlds, pose));
+        fit.map_or(f64::INFINITY, |fit| fit.overlap_error)
+    }
 }
 
 /// Regions seen in one image and known in the world, ready to be solved.
@@ -143,7 +159,10 @@ impl Problem {
     }
 
     /// The candidates for the pose, and this problem whitened for the boundary noise that the best of them shows.
-    pub fn search(mut self, start: Start, prior: &Prior) -> Search {
+    ///
+    /// Where the outlines are not clean, moments of low order are safer; all are kept if their best candidate covers the
+    /// observed regions much better, as it does where only high orders tell the turns of a symmetric shape apart.
+    pub fn search(self, start: Start, prior: &Prior) -> Search {
         let mut poses = match start {
             Start::Global => self.solved_together(self.global_starts(prior, Turns::Likely)),
             Start::Paper => self.solved_together(self.paper_starts(prior)),
@@ -153,11 +172,22 @@ impl Problem {
             poses = self.solved_together(self.global_starts(prior, Turns::All));
             fit = self.fit_of_best(&poses);
         }
-        if let Some(Fit { boundary_noise, .. }) = fit {
-            self.regions = self.regions.into_iter().map(|region| region.whitened_for(boundary_noise)).collect();
+        let noise = fit.map_or(0.0, |fit| fit.boundary_noise);
+        let all = self.clone().whitened(noise, Orders::All).searched(&poses);
+        if fit.is_none_or(|fit| fit.boundary_noise < CLEAN) {
+            return all;
         }
-        let candidates = self.fitting(&poses);
-        Search { problem: self, candidates }
+        let low = self.whitened(noise, Orders::Low).searched(&poses);
+        if all.overlap_error() < MUCH_BETTER * low.overlap_error() { all } else { low }
+    }
+
+    fn whitened(self, noise: f64, orders: Orders) -> Self {
+        let regions = self.regions.into_iter().map(|region| region.whitened_for(noise, orders)).collect();
+        Self { regions, ..self }
+    }
+
+    fn searched(self, poses: &[Pose]) -> Search {
+        Search { candidates: self.fitting(poses), problem: self }
     }
 
     /// Minima of all regions' unweighted equations near the starts, best first.

@@ -22,6 +22,16 @@ const MIDPOINT: [Node; 1] = gauss_legendre();
 /// Exact for products of two moments of order 6.
 const LONG_EDGE: [Node; 7] = gauss_legendre();
 
+/// Which moments are compared on the whitened scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Orders {
+    /// All of the system: they hold more of a clean outline.
+    All,
+    /// On the plane those up to order 4: outlines of real segmentations and scans are bent and cut rather than rough, which
+    /// high orders feel most.
+    Low,
+}
+
 /// How a region's moments scatter when its boundary does, for any size of that noise (`docs/math.md`, eq. 6.4).
 ///
 /// In units of the noise's variance, with independent pixels of the boundary and `w_n` the functions' normal derivatives:
@@ -33,6 +43,8 @@ pub struct BoundaryCovariance {
     first: DMatrix<f64>,
     second: DMatrix<f64>,
     bias: DVector<f64>,
+    /// Number of the leading functions, those of low order.
+    low: usize,
 }
 
 impl BoundaryCovariance {
@@ -57,15 +69,20 @@ impl BoundaryCovariance {
             first: first * pixel.powi(3),
             second: second * (0.5 * pixel.powi(5)),
             bias: bias * (0.5 * pixel * pixel),
+            low: system.low_count(),
         }
     }
 
     /// The covariance for a noise of standard deviation `sigma` pixels, over its variance.
-    fn at(&self, sigma: f64) -> DMatrix<f64> {
+    fn at(&self, sigma: f64, orders: Orders) -> DMatrix<f64> {
         let variance = sigma.max(LEAST_NOISE).powi(2);
         let mut covariance = &self.first + &self.second * variance;
         covariance.ger(variance, &self.bias, &self.bias, 1.0);
-        covariance
+        let count = match orders {
+            Orders::All => covariance.nrows(),
+            Orders::Low => self.low,
+        };
+        covariance.view((0, 0), (count, count)).into_owned()
     }
 }
 
@@ -80,8 +97,8 @@ pub struct Whitening {
 
 impl Whitening {
     /// The whitening for a boundary noise of `sigma` pixels.
-    pub fn new(covariance: &BoundaryCovariance, sigma: f64) -> Self {
-        let (pivots, factor) = pivoted_cholesky(covariance.at(sigma));
+    pub fn new(covariance: &BoundaryCovariance, sigma: f64, orders: Orders) -> Self {
+        let (pivots, factor) = pivoted_cholesky(covariance.at(sigma, orders));
         let identity = DMatrix::identity(pivots.len(), pivots.len());
         let inverse = factor.solve_lower_triangular(&identity).unwrap_or(identity);
         let rows = (0..pivots.len()).flat_map(|row| (0..=row).map(move |column| (row, column)));

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from cloud_samples import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from regionpose.clouds import read_cloud, write_ply
+from regionpose.clouds import MissingExtraError, read_cloud, write_ply
 from regionpose.clouds.lzf import decompress, decompress_in_python
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
@@ -156,6 +157,22 @@ def test_las_of_laspy(tmp_path: Path, ending: str, factor: int) -> None:
     back = read_cloud(write_ply(tmp_path / "back.ply", cloud))
     np.testing.assert_array_equal(back.world_points, cloud.world_points)
     assert set(back.fields) == set(cloud.fields)
+
+
+def test_laz_without_its_decoder_names_the_extra(tmp_path: Path, monkeypatch: Any) -> None:
+    laspy = pytest.importorskip("laspy")
+    pytest.importorskip("lazrs")
+    stored = laspy.LasData(laspy.LasHeader(point_format=3))
+    stored.x = stored.y = stored.z = np.arange(5.0)
+    stored.write(str(tmp_path / "a.laz"))
+    monkeypatch.setitem(sys.modules, "lazrs", None)
+    with pytest.raises(MissingExtraError, match=r'LAZ needs the package lazrs.*"regionpose\[las\]"'):
+        read_cloud(tmp_path / "a.laz")
+
+
+def test_compressed_pcd_needs_no_c_module(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setitem(sys.modules, "lzf", None)
+    assert_same(read_cloud(written(tmp_path / "a.pcd", compressed_pcd(pcd_rows()))), POINTS, COLOURS, INTENSITY)
 
 
 def test_e57_of_pye57_places_each_scan_by_its_pose(tmp_path: Path) -> None:

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
-
 from regionpose.demo import courtyard, generate, rendering
 from regionpose.demo.scene import DemoRegion, DemoScene, folder, load, read_cloud
 from regionpose.demo.surfaces import Frame, Surface, are_blocked, first_hits, inside
 from regionpose.demo.textures import plain
+from scipy.ndimage import distance_transform_edt
 
 Array = NDArray[np.float64]
 

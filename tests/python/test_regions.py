@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 import regionpose as rp
@@ -21,8 +23,8 @@ Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 240, 180
 
-COVERAGE_AREA = 1e-3
-"""Relative: linear interpolation between coverages cuts the corners of a polygon, well under a pixel each."""
+COVERAGE_EDGE_PX = 0.1
+"""Distance of a coverage's contour from a straight edge: linear interpolation is off by 0.09 on some diagonals."""
 
 CUT_CORNERS_PX2 = 12.0
 """Pixels that the contour cuts off the corners of a triangle and of its hole, at the most."""
@@ -30,11 +32,13 @@ CUT_CORNERS_PX2 = 12.0
 COVERAGE_CENTROID_PX = 0.1
 """Of a coverage's contour: only the cut corners move it."""
 
-BINARY_EDGE_PX = 0.25
+BINARY_EDGE_PX = 0.51
 """Mean distance of a binary mask's contour from an edge: half a pixel along edges that follow the centres."""
 
-BINARY_CENTROID_PX = 0.5
-"""Of a binary mask's contour."""
+BINARY_CENTROID_PX = 0.62
+"""Of a binary mask's contour: half a pixel where all of the boundary follows the centres, and 0.6 where a hole of a
+tenth
+of the area does so the other way."""
 
 
 def disc(radius: float, centre: tuple[float, float], corners: int = 400) -> Array:
@@ -75,7 +79,7 @@ def image_shapes(draw: st.DrawFn) -> list[Array]:
 def test_a_coverage_keeps_area_and_centroid(rings: list[Array]) -> None:
     region = rp.ImageRegion.from_mask(area_coverage(rings, WIDTH, HEIGHT))
     assert len(region.rings) == len(rings)
-    assert region.area == pytest.approx(area(rings), rel=COVERAGE_AREA, abs=CUT_CORNERS_PX2)
+    assert region.area == pytest.approx(area(rings), abs=COVERAGE_EDGE_PX * polygon_of(rings).length + CUT_CORNERS_PX2)
     assert region.area == pytest.approx(area(region.rings), rel=1e-12)
     assert np.abs(centroid(region.rings) - centroid(rings)).max() < COVERAGE_CENTROID_PX
 
@@ -327,6 +331,24 @@ def test_a_bent_trimesh_keeps_its_boundary() -> None:
     assert not region.is_planar
     assert len(region.rings) == 1 and len(region.rings[0]) == 2 * (8 + 5)
     assert region.area == pytest.approx(4.0 * np.sin(0.4), rel=1e-9)
+
+
+def test_regions_come_back_from_a_pickle() -> None:
+    planar = rp.WorldRegion.from_polygon([disc_in_space(1.0), disc_in_space(0.3)])
+    for region in (planar, rp.WorldRegion.from_mesh(bent_sheet())):
+        copy = pickle.loads(pickle.dumps(region))
+        assert copy.is_planar == region.is_planar
+        assert copy.area == pytest.approx(region.area, rel=1e-14)
+        assert all(np.allclose(a, b, rtol=0.0, atol=1e-14) for a, b in zip(copy.rings, region.rings, strict=True))
+    image = rp.ImageRegion.from_mask(np.pad(np.ones((4, 5)), 2))
+    assert np.array_equal(pickle.loads(pickle.dumps(image)).rings[0], image.rings[0])
+
+
+def disc_in_space(radius: float) -> Array:
+    """A circle in a plane that is not one of the axes'."""
+    rotation, offset = any_frame(11)
+    flat = disc(radius, (0.0, 0.0), 40)
+    return np.column_stack([flat, np.zeros(len(flat))]) @ rotation.T + offset
 
 
 def test_a_closed_mesh_and_flipped_triangles_are_refused() -> None:

@@ -156,6 +156,8 @@ fn bearings_are_named_in_refusals() {
     assert!(matches!(Chart::of(&[cone(0.3, 5), Vec::new()]), Err(Error::TooFewVertices { ring: 1, found: 0 })));
     assert!(matches!(Chart::of(&[Vec::new()]), Err(Error::TooFewVertices { ring: 0, found: 0 })));
     assert!(matches!(Chart::of(&[cone(0.3, 2)]), Err(Error::TooFewVertices { ring: 0, found: 2 })));
+    let same = Chart::of(&[vec![Vector3::x(); 4]]).unwrap_err();
+    assert!(matches!(same, Error::TooFewVertices { ring: 0, found: 1 }), "{same}");
     let crossed = [0, 2, 1, 3].map(|k| cone(0.3, 4)[k]).to_vec();
     assert!(matches!(Chart::of(&[crossed]), Err(Error::Crossing { .. })));
 }

@@ -96,6 +96,8 @@ def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> 
 def finite_number(name: str, value: SupportsFloat) -> float:
     """`value` as a finite float; ValueError that names it otherwise."""
     try:
+        if isinstance(value, str | bytes) or np.asarray(value).dtype.kind == "c":
+            raise TypeError("text and complex numbers are no real numbers")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name}: found {_brief(value)}; needed a number") from error

@@ -11,11 +11,21 @@ use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, optional, points, scalar, value_error};
 
-type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
+/// Vertices and triangles.
+pub type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
 
-fn mesh_arrays<'py>(py: Python<'py>, mesh: &PlaneMesh) -> PyResult<MeshArrays<'py>> {
-    let indices: Vec<i64> = mesh.triangles.iter().flatten().map(|&index| index as i64).collect();
-    Ok((array(py, &mesh.vertices)?, PyArray1::from_vec(py, indices).reshape([mesh.triangles.len(), 3])?))
+/// Arrays of vertices (v, D) and triangles (k, 3).
+pub fn mesh_arrays<'py, const D: usize>(
+    py: Python<'py>,
+    vertices: &[SVector<f64, D>],
+    triangles: &[[usize; 3]],
+) -> PyResult<MeshArrays<'py>> {
+    let indices: Vec<i64> = triangles.iter().flatten().map(|&index| index as i64).collect();
+    Ok((array(py, vertices)?, PyArray1::from_vec(py, indices).reshape([triangles.len(), 3])?))
+}
+
+fn plane_mesh_arrays<'py>(py: Python<'py>, mesh: &PlaneMesh) -> PyResult<MeshArrays<'py>> {
+    mesh_arrays(py, &mesh.vertices, &mesh.triangles)
 }
 
 /// Arrays of rings.
@@ -65,7 +75,7 @@ pub fn triangulate<'py>(
         min_angle: optional("min_angle", min_angle, "a number or None")?,
     };
     let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)));
-    mesh_arrays(py, &mesh.map_err(value_error)?)
+    plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
 /// Vertices (v, 2) and triangles (k, 3) of a mesh of a planar region, of nearly one size and shape.
@@ -76,7 +86,7 @@ pub fn triangulate<'py>(
 pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f64) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
     let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| even::even_mesh(&rings, edge_length)));
-    mesh_arrays(py, &mesh.map_err(value_error)?)
+    plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
 /// Rings of the outline of points (n, 2): a list of (m, 2) arrays, outer rings counter-clockwise, holes clockwise.

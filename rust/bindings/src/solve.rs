@@ -237,15 +237,17 @@ impl Problem {
         Ok(self.0.distance(&pose(rotation, translation)?))
     }
 
-    /// The whitened minimum that the native solver reaches from a candidate.
-    fn solve_from(
+    /// The estimate by the native driver; None without a pose in view.
+    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    fn estimate<'py>(
         &self,
-        py: Python<'_>,
-        rotation: &Bound<'_, PyAny>,
-        translation: &Bound<'_, PyAny>,
-    ) -> PyResult<Minimum> {
-        let pose = pose(rotation, translation)?;
-        Ok(Minimum(py.detach(|| self.0.solve_from(&pose))))
+        py: Python<'py>,
+        start: &str,
+        initial: Option<PoseArrays<'py>>,
+        up: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Estimate>> {
+        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        Ok(py.detach(|| self.0.clone().estimate(start, &prior)).map(Estimate))
     }
 
     /// The verdict on minima found by any driver; None without one.

@@ -29,6 +29,12 @@ pub fn regular(count: usize, radius: f64) -> Ring {
     (0..count).map(corner).collect()
 }
 
+/// A ring in the shape of an L, its corner's square 0.4 of its sides.
+pub fn angle_piece(size: f64) -> Ring {
+    let corners = [[-0.4, -0.4], [0.6, -0.4], [0.6, 0.0], [0.0, 0.0], [0.0, 0.8], [-0.4, 0.8]];
+    corners.map(|[x, y]| Vector2::new(x * size, y * size)).to_vec()
+}
+
 /// A star-shaped ring without symmetry: distances from 0.45 to 1 of `radius`, at uneven angles.
 pub fn star(random: &mut Random, count: usize, radius: f64) -> Ring {
     let vertex = |k: usize| {
@@ -107,16 +113,29 @@ pub struct Layout {
     /// Distance of the world's origin from the scene, in units.
     pub offset: f64,
     pub front: bool,
+    /// Direction of the scene in camera axes; any where there is none.
+    pub axis: Option<Vector3<f64>>,
+    /// Range of the angles between rays and normals, rad.
+    pub tilt: [f64; 2],
 }
 
 impl Default for Layout {
     fn default() -> Self {
-        Self { regions: 1, vertices: 8, field: 0.5, unit: 1.0, offset: 5.0, front: true }
+        Self {
+            regions: 1,
+            vertices: 8,
+            field: 0.5,
+            unit: 1.0,
+            offset: 5.0,
+            front: true,
+            axis: None,
+            tilt: [0.35, 0.95],
+        }
     }
 }
 
 impl Scene {
-    /// Star-shaped regions of about a unit, 3 to 5 units away and tilted by 20 to 55 degrees, around any direction.
+    /// Star-shaped regions of about a unit, 3 to 5 units away.
     pub fn random(random: &mut Random, layout: Layout) -> Self {
         let shapes = (0..layout.regions).map(|_| vec![star(random, layout.vertices, 1.0)]).collect();
         Self::of_shapes(random, shapes, layout)
@@ -125,7 +144,7 @@ impl Scene {
     /// These shapes, placed at random as in [`Scene::random`].
     pub fn of_shapes(random: &mut Random, shapes: Vec<Vec<Ring>>, layout: Layout) -> Self {
         let pose = random.pose(layout.offset * layout.unit);
-        let axis = random.direction();
+        let axis = layout.axis.unwrap_or_else(|| random.direction());
         let start = random.uniform(0.0, TAU);
         let count = shapes.len();
         let place = |(k, shape): (usize, Vec<Ring>)| {
@@ -134,7 +153,8 @@ impl Scene {
                 Rotation3::from_scaled_axis(axis * (start + TAU * k as f64 / count as f64)) * perpendicular(&axis);
             let away = if count > 1 { spoke } else { aside };
             let direction = Rotation3::from_scaled_axis(away * random.uniform(0.6, 1.0) * layout.field) * axis;
-            let (distance, tilt) = (random.uniform(3.0, 5.0) * layout.unit, random.uniform(0.35, 0.95));
+            let (distance, tilt) =
+                (random.uniform(3.0, 5.0) * layout.unit, random.uniform(layout.tilt[0], layout.tilt[1]));
             let camera_from_plane = seen_plane(random, &direction, distance, tilt, layout.front);
             let scaled: Vec<Ring> = shape.iter().map(|ring| ring.iter().map(|p| p * layout.unit).collect()).collect();
             placed(&scaled, &pose.inverse().after(&camera_from_plane))
