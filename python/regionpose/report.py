@@ -98,7 +98,9 @@ def report_html(report: Report) -> str:
     ]
     body = "\n".join(part for part in parts if part)
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{escape(report.title)}</title>'
-    return f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
+    return (
+        f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
+    )
 
 
 def data_url(picture: NDArray[np.uint8]) -> str:
@@ -124,7 +126,9 @@ def _facts(result: Mapping[str, Any]) -> str:
         (f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours"),
         (f"{sum(result['seconds'].values()):.1f} s", "for all stages"),
     ]
-    return f'<div class="facts">{"".join(f"<div><b>{value}</b><span>{name}</span></div>" for value, name in facts)}</div>'
+    return (
+        f'<div class="facts">{"".join(f"<div><b>{value}</b><span>{name}</span></div>" for value, name in facts)}</div>'
+    )
 
 
 def _figure(figure: Figure) -> str:
@@ -166,7 +170,9 @@ def _uncertainty(result: Mapping[str, Any]) -> str:
         ["translation along it (mm)", *(_fixed(_scaled(value, 1000.0), 2) for value in result["translation_sigma_m"])],
     ]
     table = _table(["1 sigma, camera axis", "x (right)", "y (down)", "z (forward)"], rows)
-    covariance = "\n".join("  ".join("      null" if value is None else f"{value: .3e}" for value in row) for row in result["covariance"])
+    covariance = "\n".join(
+        "  ".join("      null" if value is None else f"{value: .3e}" for value in row) for row in result["covariance"]
+    )
     convention = escape(result["covariance_convention"])
     return f'{table}<p class="soft">Covariance: {convention}.</p><pre>{covariance}</pre>'
 
@@ -175,7 +181,12 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
     if not alternatives:
         return ""
     rows = [
-        [str(number), _percent(other["overlap_error"]), _numbers(other["camera_from_world"]["quat_xyzw"]), _numbers(other["camera_from_world"]["translation_m"])]
+        [
+            str(number),
+            _percent(other["overlap_error"]),
+            _numbers(other["camera_from_world"]["quat_xyzw"]),
+            _numbers(other["camera_from_world"]["translation_m"]),
+        ]
         for number, other in enumerate(alternatives, start=1)
     ]
     return "<h2>Other poses that fit</h2>" + _table(["", "overlap error", "quat_xyzw", "translation_m"], rows)
@@ -189,14 +200,19 @@ def _exports(exports: Mapping[str, Any]) -> str:
 
 def _inputs(result: Mapping[str, Any]) -> str:
     rows = [
-        [escape(entry["role"]), f"<code>{escape(entry['path'])}</code>", f"{entry['bytes']:,}", f"<code>{entry['sha256']}</code>"]
+        [
+            escape(", ".join(entry["roles"])),
+            f"<code>{escape(entry['path'])}</code>",
+            f"{entry['bytes']:,}",
+            f"<code>{entry['sha256']}</code>",
+        ]
         for entry in result["inputs"]
     ]
     versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
     seconds = ", ".join(f"{name} {value:.2f} s" for name, value in result["seconds"].items())
     solver = ", ".join(f"{name} {value}" for name, value in result["solver"].items())
     words = f"Solver: {solver}; {result['evaluations']} evaluations; {result['termination']}. Time: {seconds}. Versions: {versions}."
-    return _table(["input", "path", "bytes", "SHA-256"], rows) + f'<p class="soft">{escape(words)}</p>'
+    return _table(["input", "file", "bytes", "SHA-256"], rows) + f'<p class="soft">{escape(words)}</p>'
 
 
 def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

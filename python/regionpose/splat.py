@@ -78,7 +78,9 @@ def _orbited(target: Array, arm: Array, up: Array, turn_deg: float, raise_deg: f
     return View(target + turned, target, axis)
 
 
-def _painted(corners: NDArray[np.int64], depths: Array, sides: NDArray[np.int64], colours: Colours, shape: tuple[int, int]) -> Colours:
+def _painted(
+    corners: NDArray[np.int64], depths: Array, sides: NDArray[np.int64], colours: Colours, shape: tuple[int, int]
+) -> Colours:
     """Squares painted from the farthest to the nearest."""
     height, width = shape
     picture = np.empty((height, width, 3), dtype=np.uint8)

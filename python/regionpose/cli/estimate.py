@@ -26,7 +26,9 @@ def estimate(
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
-    strict: Annotated[bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Estimate the pose of a scene's camera.
@@ -82,7 +84,12 @@ def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> 
         ]
     )
     typer.echo("overlap error by region")
-    say_rows([(name, f"{100.0 * error:.2f} %") for name, error in zip(run.sides.names, estimate.region_overlap_errors, strict=True)])
+    say_rows(
+        [
+            (name, f"{100.0 * error:.2f} %")
+            for name, error in zip(run.sides.names, estimate.region_overlap_errors, strict=True)
+        ]
+    )
     _say_truth(result)
     judged = verdict(run)
     typer.echo(f"{judged.level}: {judged.headline}")

@@ -73,5 +73,9 @@ def read_sensors(
         raise ValueError(f"{image}: found {found} pixels; needed {size[0]} x {size[1]}, as in {camera}")
     points = read_cloud(cloud)
     world = read_pose(pose, camera_name)
-    return points, picture, known_camera, Pose(world.rotation, world.translation + world.rotation.as_matrix() @ points.origin)
-
+    return (
+        points,
+        picture,
+        known_camera,
+        Pose(world.rotation, world.translation + world.rotation.as_matrix() @ points.origin),
+    )

@@ -90,7 +90,13 @@ def _image_facts(path: Path) -> Facts:
 
     try:
         with Image.open(path) as picture:
-            return {"kind": "image", "width_px": picture.width, "height_px": picture.height, "mode": picture.mode, "format": picture.format}
+            return {
+                "kind": "image",
+                "width_px": picture.width,
+                "height_px": picture.height,
+                "mode": picture.mode,
+                "format": picture.format,
+            }
     except UnidentifiedImageError as error:
         raise ValueError(f"{path}: found no picture; needed PNG, JPEG, TIFF or the like") from error
 

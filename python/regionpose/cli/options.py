@@ -11,9 +11,14 @@ Force = Annotated[bool, typer.Option("--force", help="Replace files that are the
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 CameraPath = Annotated[
-    Path, typer.Option("--camera", help="Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI.", show_default=False)
+    Path,
+    typer.Option(
+        "--camera", help="Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI.", show_default=False
+    ),
 ]
-CameraName = Annotated[str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")]
+CameraName = Annotated[
+    str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
+]
 PosePath = Annotated[
     Path,
     typer.Option(

@@ -26,7 +26,9 @@ def project(
     image: Annotated[Path, typer.Argument(help="Image of the camera.")],
     camera: CameraPath,
     pose: PosePath,
-    out: Annotated[Path, typer.Option("--out", "-o", help="PNG (picture by depth) or CSV (pixels) to write.")] = Path("projected.png"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="PNG (picture by depth) or CSV (pixels) to write.")] = Path(
+        "projected.png"
+    ),
     camera_name: CameraName = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -70,12 +72,15 @@ def _rows_inside(cloud: Cloud, picture: Picture, camera: Camera, pose: Pose) -> 
     return [(int(k), float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2])) for k in inside]
 
 
-def _write(path: Path, rows: list[tuple[int, float, float, float]], sensors: tuple[Cloud, Picture, Camera, Pose]) -> None:
+def _write(
+    path: Path, rows: list[tuple[int, float, float, float]], sensors: tuple[Cloud, Picture, Camera, Pose]
+) -> None:
     if path.suffix.lower() == ".csv":
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from regionpose.fusion import overlay_depth, save_png
+    from regionpose.overlay import save_png
+    from regionpose.scene.colours import overlay_depth
 
     cloud, picture, camera, pose = sensors
     save_png(path, overlay_depth(picture, cloud.points, camera, pose))

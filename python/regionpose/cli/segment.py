@@ -23,13 +23,18 @@ SCENE_FILE = "scene.yaml"
 def segment(
     source: Annotated[Path, typer.Argument(help="Scene file, image, or point cloud.")],
     seed: Annotated[
-        str | None, typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (metres) in a cloud.", show_default=False)
+        str | None,
+        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (metres) in a cloud.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="A folder for a scene; .png for an image; .npy (indices) or .ply (points) for a cloud."),
+        typer.Option(
+            "--out", "-o", help="A folder for a scene; .png for an image; .npy (indices) or .ply (points) for a cloud."
+        ),
     ] = None,
-    tolerance: Annotated[float | None, typer.Option("--tolerance", help="In an image: how far the colour may stray.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", help="In an image: how far the colour may stray.")
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, write_ply
-from regionpose.fusion import overlay_depth, overlay_regions, save_png
+from regionpose.overlay import overlay_regions, save_png
 from regionpose.pose import Pose
 from regionpose.report import Figure, Report, report_html
-from regionpose.scene.colours import coloured_cloud
+from regionpose.scene.colours import coloured_cloud, overlay_depth
 from regionpose.scene.estimate import SceneEstimate, Stages
 from regionpose.scene.loading import Scene
 from regionpose.scene.result import scene_result
@@ -72,7 +72,12 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
     figures, views = [], []
     with stages.stage("pictures"):
         overlay = overlay_of(run)
-        figures.append(Figure(overlay, "Each region's outline in the image and its 3D region projected with the estimated pose."))
+        figures.append(
+            Figure(
+                overlay,
+                "Each region's outline in the image (blue) and its 3D region projected with the estimated pose (orange).",
+            )
+        )
         if sides.cloud is not None:
             depth = overlay_depth(sides.image, sides.cloud.points, sides.camera, run.local_pose)
             figures.append(Figure(depth, "The cloud projected onto the image, coloured by depth."))
@@ -86,7 +91,9 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
     judged = verdict(run)
-    report = Report(f"Camera pose of {sides.scene.path.stem}", judged.level, judged.headline, judged.remarks, result, figures, views)
+    report = Report(
+        f"Camera pose of {sides.scene.path.stem}", judged.level, judged.headline, judged.remarks, result, figures, views
+    )
     html = report_html(report)
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     writers[OVERLAY] = lambda path: save_png(path, overlay)
@@ -99,7 +106,11 @@ def overlay_of(run: SceneEstimate) -> Colours:
     """The image with both sides of each region."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
-    return np.asarray(overlay_regions(sides.image, sides.image_regions, regions, sides.camera, run.local_pose))
+    labels = [
+        f"{name} {100.0 * error:.1f} %"
+        for name, error in zip(sides.names, run.estimate.region_overlap_errors, strict=True)
+    ]
+    return overlay_regions(sides.image, sides.camera, run.local_pose, sides.image_regions, regions, labels)
 
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:
@@ -111,7 +122,10 @@ def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) ->
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
     colours = np.where(visible[:, None], cloud.colours, _greys(cloud)[:, None]).astype(np.uint8)
     views = viewpoints(cloud.points[visible], pose.camera_center, direction)
-    captions = ("The coloured cloud, seen from the camera's left", "The coloured cloud, seen from the camera's right and above")
+    captions = (
+        "The coloured cloud, seen from the camera's left",
+        "The coloured cloud, seen from the camera's right and above",
+    )
     return [
         Figure(splatted(cloud.points, colours, view), f"{caption}; grey: not in the image.")
         for view, caption in zip(views, captions, strict=True)

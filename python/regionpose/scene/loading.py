@@ -65,7 +65,9 @@ def _check_references(scene: Scene) -> None:
             raise scene.error(("regions", index, "name"), f"found {region.name!r} twice; needed names that differ")
         names.add(region.name)
         if scene.model.cloud is None and needs_cloud(region.world):
-            raise scene.error(("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene")
+            raise scene.error(
+                ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"
+            )
 
 
 def needs_cloud(side: object) -> bool:
@@ -106,7 +108,12 @@ def _message(details: ErrorDetails, context: dict[str, Any]) -> str:
         return f"found {context['actual_length']} items; needed at most {context['max_length']}"
     if kind == "literal_error":
         return f"found {found}; needed {context['expected']}"
-    needed = {"model_type": "a mapping", "list_type": "a list", "string_type": "a string", "string_too_short": "some text"}
+    needed = {
+        "model_type": "a mapping",
+        "list_type": "a list",
+        "string_type": "a string",
+        "string_too_short": "some text",
+    }
     return f"found {found}; needed {needed.get(kind, _plain(details['msg']))}"
 
 

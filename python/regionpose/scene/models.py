@@ -17,7 +17,9 @@ def _numbers(count: int, needed: str) -> Callable[[object], object]:
 
     def check(value: object) -> object:
         if not isinstance(value, list):
-            raise PydanticCustomError("numbers", "found {found}; needed {needed}", {"found": brief(value), "needed": needed})
+            raise PydanticCustomError(
+                "numbers", "found {found}; needed {needed}", {"found": brief(value), "needed": needed}
+            )
         odd = next((item for item in value if not _is_number(item)), None)
         if odd is not None or len(value) != count:
             found = brief(odd) if odd is not None else f"{len(value)} numbers"
@@ -35,7 +37,9 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 FileName = Annotated[str, Field(min_length=1, description="a path, relative to the scene file")]
 Pixel = Annotated[
-    list[Number], BeforeValidator(_numbers(2, "[x, y]")), Field(min_length=2, max_length=2, description="[x, y], pixels")
+    list[Number],
+    BeforeValidator(_numbers(2, "[x, y]")),
+    Field(min_length=2, max_length=2, description="[x, y], pixels"),
 ]
 Point = Annotated[
     list[Number],
@@ -43,7 +47,9 @@ Point = Annotated[
     Field(min_length=3, max_length=3, description="[x, y, z], metres, world frame"),
 ]
 Quaternion = Annotated[
-    list[Number], BeforeValidator(_numbers(4, "[x, y, z, w]")), Field(min_length=4, max_length=4, description="[x, y, z, w]")
+    list[Number],
+    BeforeValidator(_numbers(4, "[x, y, z, w]")),
+    Field(min_length=4, max_length=4, description="[x, y, z, w]"),
 ]
 Row = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
 Coefficients4 = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
@@ -63,7 +69,9 @@ class Item(BaseModel):
         for key in value:
             if key not in cls.model_fields:
                 known = ", ".join(cls.model_fields)
-                raise PydanticCustomError("unknown_key", "found an unknown key; needed one of {known}", {"known": known, "key": str(key)})
+                raise PydanticCustomError(
+                    "unknown_key", "found an unknown key; needed one of {known}", {"known": known, "key": str(key)}
+                )
         return value
 
 
@@ -178,14 +186,16 @@ class ImageSeed(Item):
     """A pixel inside the region, which is grown from there."""
 
     seed: Pixel
-    tolerance: Positive | None = Field(None, description="how far the colour may stray; chosen from the image when left out")
+    tolerance: Positive | None = Field(
+        None, description="how far the colour may stray; chosen from the image when left out"
+    )
 
 
 class ImageMask(Item):
-    """A mask file: a PNG of 0 and another value, a label picture, COCO or labelme JSON."""
+    """A mask file: a picture of 0 and another value, or of labels."""
 
     mask: FileName
-    label: int | str | None = Field(None, description="which value or name, where the file holds several")
+    label: int | None = Field(None, description="which value, where the picture holds several")
 
 
 class ImagePolygonSide(Item):
@@ -195,7 +205,9 @@ class ImagePolygonSide(Item):
 
 
 ImageSide = Annotated[
-    Annotated[ImageSeed, Tag("<seed>")] | Annotated[ImageMask, Tag("<mask>")] | Annotated[ImagePolygonSide, Tag("<polygon>")],
+    Annotated[ImageSeed, Tag("<seed>")]
+    | Annotated[ImageMask, Tag("<mask>")]
+    | Annotated[ImagePolygonSide, Tag("<polygon>")],
     _choice(_key_among("seed", "mask", "polygon"), "one of seed, mask, polygon"),
 ]
 
@@ -204,7 +216,13 @@ class WorldSeed(Item):
     """A point on the region's plane, which is grown from there in the cloud."""
 
     seed: Point
-    radius: Positive | None = Field(None, description="metres, of the outline's alpha shape; chosen from the spacing when left out")
+    intensity_tolerance: Positive | None = Field(
+        None,
+        description="grow over points of about the seed's intensity only, within this; tells a flush sign from its wall",
+    )
+    radius: Positive | None = Field(
+        None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"
+    )
 
 
 Indices = Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3)]

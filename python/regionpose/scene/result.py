@@ -34,7 +34,9 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "format": FORMAT,
         "scene": str(run.sides.scene.path),
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
-        "world_from_camera": pose_values(estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"),
+        "world_from_camera": pose_values(
+            estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
+        ),
         "camera_center_in_world_m": estimate.pose.camera_center,
         "covariance": estimate.covariance,
         "covariance_convention": COVARIANCE_CONVENTION,
@@ -95,11 +97,13 @@ def exports(pose: Pose) -> dict[str, Any]:
 
 
 def input_values(scene: Scene) -> list[dict[str, Any]]:
-    """Role, path, size and SHA-256 of every file that a scene reads."""
-    files = {"scene": scene.path, **{role: scene.file(name) for role, name in named_files(scene).items()}}
+    """Roles, path (as the scene names it), size and SHA-256 of every file that a scene reads."""
+    roles: dict[str, list[str]] = {scene.path.name: ["scene"]}
+    for role, name in named_files(scene).items():
+        roles.setdefault(name, []).append(role)
     return [
-        {"role": role, "path": str(path), "bytes": path.stat().st_size, "sha256": file_hash(path)}
-        for role, path in files.items()
+        {"roles": held, "path": name, "bytes": scene.file(name).stat().st_size, "sha256": file_hash(scene.file(name))}
+        for name, held in roles.items()
     ]
 
 
@@ -164,4 +168,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
-

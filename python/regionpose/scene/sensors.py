@@ -50,7 +50,8 @@ def scene_image(scene: Scene, camera: Camera) -> Picture:
     height, width = image.shape[:2]
     if camera.width is not None and camera.height is not None and (width, height) != (camera.width, camera.height):
         raise scene.error(
-            ("image",), f"found {width} x {height} pixels; needed {camera.width} x {camera.height}, as the camera's calibration"
+            ("image",),
+            f"found {width} x {height} pixels; needed {camera.width} x {camera.height}, as the camera's calibration",
         )
     return image
 
@@ -66,7 +67,9 @@ def read_picture(path: Path) -> Picture:
     try:
         with Image.open(path) as picture:
             if picture.width * picture.height > MOST_PIXELS:
-                raise ValueError(f"{path}: found {picture.width} x {picture.height} pixels; needed at most {MOST_PIXELS}")
+                raise ValueError(
+                    f"{path}: found {picture.width} x {picture.height} pixels; needed at most {MOST_PIXELS}"
+                )
             return np.asarray(picture.convert("RGB"))
     except FileNotFoundError:
         raise

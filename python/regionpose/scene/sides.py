@@ -13,6 +13,7 @@ from regionpose.clouds import Cloud, read_cloud
 from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
+from regionpose.scene.mask_files import read_mask
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, named
 
@@ -24,6 +25,10 @@ FAR = 10_000.0
 
 ORIGIN_STEP = 100.0
 """A local origin is a multiple of this (metres), so that taking it off rounds nothing."""
+
+
+SEED_NEIGHBOURS = 9
+"""Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +84,15 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
     height, width = image.shape[:2]
     if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
         raise ValueError(f"found [{x:g}, {y:g}] outside the image; needed a pixel of its {width} x {height}")
-    return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance))
+    return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
 
 
 def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
-    from regionpose.segmentation.masks import read_mask
-
     mask = read_mask(path, label=item.label)
     if mask.shape != image.shape[:2]:
-        raise ValueError(f"found a mask of {mask.shape[1]} x {mask.shape[0]}; needed {image.shape[1]} x {image.shape[0]}, as the image")
+        raise ValueError(
+            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; needed {image.shape[1]} x {image.shape[0]}, as the image"
+        )
     return ImageRegion.from_mask(mask)
 
 
@@ -101,15 +106,35 @@ def _mesh(path: Path, origin: Array) -> WorldRegion:
     cloud = read_cloud(path)
     if cloud.triangles is None:
         raise ValueError(f"{path}: found points without triangles; needed a mesh")
-    return WorldRegion.from_mesh(SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles))
+    return WorldRegion.from_mesh(
+        SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles)
+    )
 
 
 def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array) -> WorldSide:
     from regionpose.segmentation.cloud import grow_plane
 
-    assert cloud is not None
-    indices = np.asarray(grow_plane(cloud.points, np.asarray(item.seed) - origin))
+    if cloud is None:
+        raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
+    seed = np.asarray(item.seed) - origin
+    if item.intensity_tolerance is None:
+        indices = grow_plane(cloud.points, seed)
+    else:
+        alike = _alike(cloud, seed, item.intensity_tolerance)
+        indices = alike[grow_plane(cloud.points[alike], seed)]
     return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)
+
+
+def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
+    """Indices of the points whose intensity is within `tolerance` of the median around the seed."""
+    if cloud.intensity is None:
+        raise ValueError(
+            "found intensity_tolerance with a cloud without intensity; needed a cloud that has it, or no such key"
+        )
+    count = min(SEED_NEIGHBOURS, len(cloud))
+    squares = np.sum((cloud.points - seed) ** 2, axis=1)
+    around = np.argpartition(squares, count - 1)[:count]
+    return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
 
 
 def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array) -> WorldSide:
@@ -144,7 +169,9 @@ def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: C
     if values.dtype.kind != "b" and item.label is None:
         return values.astype(np.intp)
     if cloud is not None and len(values) != len(cloud) + cloud.dropped:
-        raise ValueError(f"{path}: found {len(values)} values; needed {len(cloud) + cloud.dropped}, one for each point of the cloud")
+        raise ValueError(
+            f"{path}: found {len(values)} values; needed {len(cloud) + cloud.dropped}, one for each point of the cloud"
+        )
     chosen = np.flatnonzero(values if item.label is None else values == item.label)
     if not len(chosen):
         raise ValueError(f"{path}: found no point of the label {item.label}; needed at least 3")
@@ -155,7 +182,9 @@ def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None) -> WorldS
     if cloud is None:
         raise ValueError("found indices without a cloud; needed the key cloud in the scene")
     if cloud.dropped:
-        raise ValueError(f"found indices into a cloud of which {cloud.dropped} points are not finite; needed a cloud without them")
+        raise ValueError(
+            f"found indices into a cloud of which {cloud.dropped} points are not finite; needed a cloud without them"
+        )
     if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
         found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
         raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
