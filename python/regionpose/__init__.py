@@ -56,7 +56,9 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """The public name, loaded from its module when first used: scipy alone would take half a second of every command."""
+    """The public name, loaded from its module when first used: scipy alone would take half a second of every
+    command.
+    """
     if name in _HOMES:
         value: object = getattr(importlib.import_module(f"regionpose.{_HOMES[name]}"), name)
         globals()[name] = value

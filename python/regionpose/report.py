@@ -19,10 +19,13 @@ LARGEST_SIDE = 1600
 JPEG_QUALITY = 88
 
 STYLE = """
-:root{color-scheme:light dark;--ink:#1c2430;--soft:#5b6675;--paper:#fff;--line:#dfe4ea;--card:#f6f8fa;--good:#1a7f4b;--check:#a86400;--bad:#b42318}
-@media(prefers-color-scheme:dark){:root{--ink:#e7ebf0;--soft:#9aa6b5;--paper:#14181e;--line:#2c343f;--card:#1c222b;--good:#4cc38a;--check:#f0a945;--bad:#ff7a6b}}
+:root{color-scheme:light dark;--ink:#1c2430;--soft:#5b6675;--paper:#fff;--line:#dfe4ea;--card:#f6f8fa;
+--good:#1a7f4b;--check:#a86400;--bad:#b42318}
+@media(prefers-color-scheme:dark){:root{
+--ink:#e7ebf0;--soft:#9aa6b5;--paper:#14181e;--line:#2c343f;--card:#1c222b;--good:#4cc38a;--check:#f0a945;--bad:#ff7a6b}}
 *{box-sizing:border-box}
-body{margin:0 auto;max-width:1080px;padding:2rem 1.25rem 4rem;background:var(--paper);color:var(--ink);font:16px/1.55 system-ui,sans-serif}
+body{margin:0 auto;max-width:1080px;padding:2rem 1.25rem 4rem;background:var(--paper);
+color:var(--ink);font:16px/1.55 system-ui,sans-serif}
 h1{font-size:1.6rem;margin:0 0 .25rem}h2{font-size:1.15rem;margin:2.4rem 0 .6rem}
 .soft{color:var(--soft)}
 .verdict{border-left:5px solid;padding:.8rem 1.1rem;background:var(--card);border-radius:4px;margin:1.2rem 0}
@@ -31,7 +34,8 @@ h1{font-size:1.6rem;margin:0 0 .25rem}h2{font-size:1.15rem;margin:2.4rem 0 .6rem
 .trusted strong{color:var(--good)}.check strong{color:var(--check)}.doubtful strong{color:var(--bad)}
 .facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(180px,1fr));gap:.8rem;margin:1.2rem 0}
 .facts div{background:var(--card);border-radius:6px;padding:.7rem .9rem}
-.facts b{display:block;font-size:1.25rem;font-variant-numeric:tabular-nums}.facts span{color:var(--soft);font-size:.85rem}
+.facts b{display:block;font-size:1.25rem;font-variant-numeric:tabular-nums}
+.facts span{color:var(--soft);font-size:.85rem}
 figure{margin:1rem 0}figure img{width:100%;height:auto;border-radius:6px;display:block}
 figcaption{color:var(--soft);font-size:.9rem;margin-top:.35rem}
 .pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(320px,1fr));gap:1rem}
@@ -42,6 +46,8 @@ th:first-child,td:first-child{text-align:left}th{color:var(--soft);font-weight:6
 pre{background:var(--card);padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font-size:.85rem;line-height:1.45}
 td code{font-size:.78rem}
 """
+
+VIEWPORT = '<meta name="viewport" content="width=device-width,initial-scale=1">'
 
 HEADINGS = {"trusted": "No warnings", "check": "Check before use", "doubtful": "Do not trust yet"}
 
@@ -58,8 +64,8 @@ class Figure:
 class Report:
     """What a report says.
 
-    `result`: as `scene.scene_result` gives it. `level`: trusted, check or doubtful; `headline` and `remarks`, (warning, advice)
-    pairs, as in `scene.verdict.Verdict`. `views`: the cloud's pictures, side by side.
+    `result`: as `scene.scene_result` gives it. `level`: trusted, check or doubtful; `headline` and `remarks`,
+    (warning, advice) pairs, as in `scene.verdict.Verdict`. `views`: the cloud's pictures, side by side.
     """
 
     title: str
@@ -97,7 +103,7 @@ def report_html(report: Report) -> str:
         _inputs(result),
     ]
     body = "\n".join(part for part in parts if part)
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{escape(report.title)}</title>'
+    head = f'<meta charset="utf-8">{VIEWPORT}<title>{escape(report.title)}</title>'
     return (
         f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
     )
@@ -154,7 +160,8 @@ def _truth(errors: Mapping[str, Any] | None) -> str:
     if errors is None:
         return ""
     centre = 1000.0 * errors["camera_center_m"]
-    return f"<p>Against the truth: {errors['rotation_deg']:.4f} deg in rotation, {centre:.2f} mm in the camera's centre.</p>"
+    turn = f"{errors['rotation_deg']:.4f} deg in rotation"
+    return f"<p>Against the truth: {turn}, {centre:.2f} mm in the camera's centre.</p>"
 
 
 def _pose(name: str, pose: Mapping[str, Any]) -> str:
@@ -194,7 +201,8 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
 
 def _exports(exports: Mapping[str, Any]) -> str:
     pose = _numbers(exports["direct_visual_lidar_calibration"]["T_lidar_camera"], 12)
-    text = f'direct_visual_lidar_calibration, calib.json ([t, qx qy qz qw])\n"T_lidar_camera": [{pose}]\n\nKITTI\n{exports["kitti_Tr_velo_to_cam"]}'
+    lidar = f'direct_visual_lidar_calibration, calib.json ([t, qx qy qz qw])\n"T_lidar_camera": [{pose}]'
+    text = f"{lidar}\n\nKITTI\n{exports['kitti_Tr_velo_to_cam']}"
     return f"<pre>{escape(text)}</pre>"
 
 
@@ -211,7 +219,8 @@ def _inputs(result: Mapping[str, Any]) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
     seconds = ", ".join(f"{name} {value:.2f} s" for name, value in result["seconds"].items())
     solver = ", ".join(f"{name} {value}" for name, value in result["solver"].items())
-    words = f"Solver: {solver}; {result['evaluations']} evaluations; {result['termination']}. Time: {seconds}. Versions: {versions}."
+    solver += f"; {result['evaluations']} evaluations; {result['termination']}"
+    words = f"Solver: {solver}. Time: {seconds}. Versions: {versions}."
     return _table(["input", "file", "bytes", "SHA-256"], rows) + f'<p class="soft">{escape(words)}</p>'
 
 

@@ -23,7 +23,9 @@ LARGEST_SPLAT = 5
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A pinhole viewpoint: `eye` (3,) looks at `target` (3,), `up` (3,) is up in the picture, `field_deg` wide across."""
+    """A pinhole viewpoint: `eye` (3,) looks at `target` (3,), `up` (3,) is up in the picture, `field_deg` wide
+    across.
+    """
 
     eye: Array
     target: Array
@@ -58,7 +60,9 @@ def splatted(points: Array, colours: Colours, view: View, width: int = 960, heig
 
 
 def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[View, View]:
-    """Two views of points (n, 3) that a camera sees: from its left and from its right, raised, both looking at their middle."""
+    """Two views of points (n, 3) that a camera sees: from its left and from its right, raised, both looking at their
+    middle.
+    """
     target = np.median(points, axis=0)
     arm = camera_center - target
     reach = float(np.percentile(np.linalg.norm(points - target, axis=1), 90))

@@ -61,7 +61,9 @@ def _options(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of the command line `arguments` (those of the process when None); errors are one line on standard error."""
+    """The exit code of the command line `arguments` (those of the process when None); errors are one line on standard
+    error.
+    """
     try:
         app(args=None if arguments is None else list(arguments), prog_name="regionpose")
     except SystemExit as end:

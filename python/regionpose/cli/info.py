@@ -174,7 +174,8 @@ def _scene_facts(path: Path) -> Facts:
 
 def _region_line(region: Any) -> str:
     """A region as `door (image seed, world points)`."""
-    return f"{region.name} (image {next(iter(type(region.image).model_fields))}, world {next(iter(type(region.world).model_fields))})"
+    image, world = (next(iter(type(side).model_fields)) for side in (region.image, region.world))
+    return f"{region.name} (image {image}, world {world})"
 
 
 def _result_facts(path: Path) -> Facts:

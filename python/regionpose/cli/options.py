@@ -23,7 +23,8 @@ PosePath = Annotated[
     Path,
     typer.Option(
         "--pose",
-        help="result.json, a matrix camera_from_world (.txt, .npy), calib.json of direct_visual_lidar_calibration, or KITTI's Tr.",
+        help="result.json, a matrix camera_from_world (.txt, .npy), KITTI's Tr, "
+        "or calib.json of direct_visual_lidar_calibration.",
         show_default=False,
     ),
 ]

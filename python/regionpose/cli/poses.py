@@ -11,8 +11,8 @@ import numpy as np
 from regionpose.pose import Pose
 
 NEEDED = (
-    "result.json, a 3 x 4 or 4 x 4 matrix camera_from_world (.txt, .npy), calib.json of direct_visual_lidar_calibration "
-    "(T_lidar_camera), or a KITTI calibration with Tr"
+    "result.json, a 3 x 4 or 4 x 4 matrix camera_from_world (.txt, .npy), "
+    "calib.json of direct_visual_lidar_calibration (T_lidar_camera), or a KITTI calibration with Tr"
 )
 
 LIKE_ROTATION = 1e-3

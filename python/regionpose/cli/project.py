@@ -36,7 +36,8 @@ def project(
 ) -> None:
     """Project a cloud into an image with a known pose.
 
-    A PNG shows the points over the image, coloured by depth. A CSV lists, for each point inside the image, its index in the
+    A PNG shows the points over the image, coloured by depth. A CSV lists, for each point inside the image, its index
+    in the
     cloud, its pixel (an integer is a pixel's centre) and its distance along the optical axis.
 
     \b

@@ -41,7 +41,8 @@ def segment(
 ) -> None:
     """Grow regions from seeds without estimating a pose.
 
-    For a scene file, writes a folder with the mask and the cloud indices of each region and a scene.yaml that names them, so
+    For a scene file, writes a folder with the mask and the cloud indices of each region and a scene.yaml that names
+    them, so
     that masks can be mended by hand before `regionpose estimate`.
 
     \b

@@ -51,7 +51,9 @@ def file_names(scene: Scene) -> list[str]:
 
 
 def read_truth(path: Path) -> Truth:
-    """The known pose of a file with `rotation` (3, 3) and `translation` (3,), metres, from the cloud's frame to the camera's."""
+    """The known pose of a file with `rotation` (3, 3) and `translation` (3,), metres, from the cloud's frame to the
+    camera's.
+    """
     held = json.loads(path.read_text(encoding="utf-8"))
     return Truth(Pose.from_parts(held["rotation"], held["translation"]))
 
@@ -75,7 +77,7 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
         figures.append(
             Figure(
                 overlay,
-                "Each region's outline in the image (blue) and its 3D region projected with the estimated pose (orange).",
+                "Each region's outline in the image (blue) and its 3D region projected with the pose (orange).",
             )
         )
         if sides.cloud is not None:

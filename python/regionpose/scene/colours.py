@@ -1,4 +1,6 @@
-"""The image and the cloud on each other: which points the camera sees, their colours, and their depths over the image."""
+"""The image and the cloud on each other: which points the camera sees, their colours, and their depths over the
+image.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +21,13 @@ Picture = NDArray[np.uint8]
 VISIBLE_FIELD = "visible"
 
 HIDDEN_SHARE = 0.10
-"""A point further away than its neighbours in the image by this share is behind them: more than a slanted surface falls off
+"""A point further away than its neighbours in the image by this share is behind them: more than a slanted surface
+falls off
 between neighbouring points, less than what separates an object from what it stands before."""
 
 CELL_SPACINGS = 1.5
-"""Side of a cell of the depth buffer in mean spacings of the points in the image, so that few cells of a surface are empty."""
+"""Side of a cell of the depth buffer in mean spacings of the points in the image, so that few cells of a surface are
+empty."""
 
 LARGEST_CELL = 24.0
 """Largest side of a cell, pixels: beyond it a sparse cloud hides nothing reliably."""
@@ -44,7 +48,8 @@ SCALE = np.array([[253, 231, 37], [94, 201, 98], [33, 145, 140], [59, 82, 139], 
 def coloured_cloud(cloud: Cloud, picture: Picture, camera: Camera, pose: Pose) -> tuple[Cloud, Flags]:
     """The cloud with the colours of a picture (h, w, 3), and which points (n,) the camera sees.
 
-    `pose` is for points about the cloud's origin. Points that are outside the picture or hidden by others keep their colour, or are
+    `pose` is for points about the cloud's origin. Points that are outside the picture or hidden by others keep their
+    colour, or are
     black; the field `visible` (0, 1) tells.
     """
     pixels, visible = seen_pixels(cloud.points, picture.shape[:2], camera, pose)
@@ -62,8 +67,8 @@ def seen_pixels(points: Array, shape: tuple[int, ...], camera: Camera, pose: Pos
     seen = pose.transform(points)
     pixels = camera.project(seen)
     with np.errstate(invalid="ignore"):
-        inside = ((pixels >= -0.5) & (pixels < [shape[1] - 0.5, shape[0] - 0.5])).all(axis=1)
-    visible = inside.copy()
+        inside: Flags = np.all((pixels >= -0.5) & (pixels < [shape[1] - 0.5, shape[0] - 0.5]), axis=1)
+    visible: Flags = inside.copy()
     visible[inside] = _in_front(pixels[inside], np.linalg.norm(seen[inside], axis=1), shape)
     return pixels, visible
 
@@ -81,7 +86,9 @@ def _in_front(pixels: Array, ranges: Array, shape: tuple[int, ...]) -> Flags:
 
 
 def overlay_depth(picture: Picture, points: Array, camera: Camera, pose: Pose) -> Picture:
-    """The picture (h, w, 3), dimmed, with the points that the camera sees as dots from yellow (near) to violet (far)."""
+    """The picture (h, w, 3), dimmed, with the points that the camera sees as dots from yellow (near) to violet
+    (far).
+    """
     from PIL import Image, ImageDraw
 
     pixels, visible = seen_pixels(points, picture.shape[:2], camera, pose)

@@ -13,7 +13,8 @@ Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
 
 MAX_BYTES = 16 * 2**20
-"""Largest scene file read, in bytes: polygons are typed by hand or by a script, clouds and masks are files of their own."""
+"""Largest scene file read, in bytes: polygons are typed by hand or by a script, clouds and masks are files of their
+own."""
 
 FLOAT_PATTERN = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 """Numbers of YAML 1.2; PyYAML reads 1.1, in which `1e-3` is a string."""
@@ -53,7 +54,9 @@ def written_place(place: Place) -> str:
 
 
 def brief(value: object) -> str:
-    """What a message says was found: lists and mappings by their kind, the rest as written, cut to a length that fits."""
+    """What a message says was found: lists and mappings by their kind, the rest as written, cut to a length that
+    fits.
+    """
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, list):
@@ -65,7 +68,8 @@ def brief(value: object) -> str:
 def read_document(path: str | Path) -> Document:
     """The scene file at `path`, JSON when its name ends in .json, YAML otherwise.
 
-    FileNotFoundError when it is missing; SceneError when it is not UTF-8, not YAML or JSON, holds a key twice or an alias.
+    FileNotFoundError when it is missing; SceneError when it is not UTF-8, not YAML or JSON, holds a key twice or an
+    alias.
     """
     location = Path(path)
     text = _text(location)
@@ -90,10 +94,10 @@ class _Loader(yaml.SafeLoader):
     """Plain values only: no aliases, which could unfold without end, and numbers as YAML 1.2 has them."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):  # type: ignore[no-untyped-call]
+        if self.check_event(yaml.AliasEvent):
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             raise yaml.MarkedYAMLError(problem="found an alias (*); needed the value itself", problem_mark=mark)
-        return super().compose_node(parent, index)  # type: ignore[no-any-return]
+        return super().compose_node(parent, index)
 
 
 _Loader.add_implicit_resolver(

@@ -122,7 +122,9 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:
-    """The pose for world points `origin` further on. Its covariance is the same: increments are in the camera's frame."""
+    """The pose for world points `origin` further on. Its covariance is the same: increments are in the camera's
+    frame.
+    """
     return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
 
 

@@ -37,7 +37,8 @@ class Scene:
 def load_scene(path: str | Path) -> Scene:
     """The checked scene of the YAML or JSON file at `path`; no other file is opened.
 
-    FileNotFoundError when it is missing; SceneError, a ValueError, as `scene.yaml:14: regions[1].image.seed: found 3 numbers;
+    FileNotFoundError when it is missing; SceneError, a ValueError, as `scene.yaml:14: regions[1].image.seed: found 3
+    numbers;
     needed [x, y]` for the first thing wrong in it.
     """
     document = read_document(path)

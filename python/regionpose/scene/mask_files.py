@@ -13,7 +13,8 @@ MOST_VALUES_SHOWN = 12
 
 
 def read_mask(path: Path, label: int | None = None) -> NDArray[np.bool_]:
-    """The mask (h, w) in a picture: its pixels of the value `label`, or those that are not 0 where it holds one other value.
+    """The mask (h, w) in a picture: its pixels of the value `label`, or those that are not 0 where it holds one other
+    value.
 
     ValueError for a picture with colours, for several values without a label, and for a label that no pixel has.
     """

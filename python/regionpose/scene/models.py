@@ -218,7 +218,7 @@ class WorldSeed(Item):
     seed: Point
     intensity_tolerance: Positive | None = Field(
         None,
-        description="grow over points of about the seed's intensity only, within this; tells a flush sign from its wall",
+        description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
     )
     radius: Positive | None = Field(
         None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"
@@ -306,7 +306,7 @@ def _initial_kind(value: object) -> str | None:
 class PriorItem(Item):
     """What is known of the pose beforehand."""
 
-    up: Point | None = Field(None, description="the world direction that is up in the image")
+    up: Annotated[Point | None, Field(description="the world direction that is up in the image")] = None
     initial: (
         Annotated[
             Annotated[Literal["paper"], Tag("<word>")]
@@ -335,5 +335,5 @@ class SceneModel(Item):
     image: FileName
     cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
     regions: list[RegionItem] = Field(min_length=1)
-    prior: PriorItem = Field(default_factory=PriorItem)
-    solver: SolverItem = Field(default_factory=SolverItem)
+    prior: PriorItem = PriorItem()
+    solver: SolverItem = SolverItem()

@@ -84,7 +84,8 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
 def exports(pose: Pose) -> dict[str, Any]:
     """The pose as other tools write it.
 
-    direct_visual_lidar_calibration: camera to lidar as [t (m), quaternion x y z w]. KITTI: the 12 numbers of [R t], row by row, lidar to camera.
+    direct_visual_lidar_calibration: camera to lidar as [t (m), quaternion x y z w]. KITTI: the 12 numbers of [R t],
+    row by row, lidar to camera.
     """
     inverse = pose.inverse()
     row = " ".join(f"{value:.12e}" for value in pose.matrix[:3].ravel())

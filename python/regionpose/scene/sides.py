@@ -28,14 +28,16 @@ ORIGIN_STEP = 100.0
 
 
 SEED_NEIGHBOURS = 9
-"""Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on it."""
+"""Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
+it."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorldSide:
     """A region's world side and the cloud points it was made from.
 
-    `region` is about the scene's local origin. `indices`: into the cloud, None where the region is not made of its points.
+    `region` is about the scene's local origin. `indices`: into the cloud, None where the region is not made of its
+    points.
     """
 
     region: WorldRegion
@@ -91,7 +93,8 @@ def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
     mask = read_mask(path, label=item.label)
     if mask.shape != image.shape[:2]:
         raise ValueError(
-            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; needed {image.shape[1]} x {image.shape[0]}, as the image"
+            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; "
+            f"needed {image.shape[1]} x {image.shape[0]}, as the image"
         )
     return ImageRegion.from_mask(mask)
 
@@ -146,7 +149,7 @@ def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array)
         return WorldSide(WorldRegion.from_points(other.points + (other.origin - origin), radius=item.radius))
     values = _array(path)
     if values.ndim == 2:
-        return WorldSide(WorldRegion.from_points(values - origin, radius=item.radius))
+        return WorldSide(WorldRegion.from_points(values.astype(np.float64) - origin, radius=item.radius))
     return _indexed(_chosen(path, values, item, cloud), item, cloud)
 
 

@@ -12,7 +12,7 @@ from regionpose.scene.estimate import SceneEstimate
 ADVICE = {
     "ambiguous": "Add a region without symmetry, or give prior.up or prior.initial in the scene file.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
-    "poor-overlap": "Look at this region in the overlay: its mask or its outline is wrong, or the pair does not belong together.",
+    "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
     "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
 }
 """What to do about each warning."""
@@ -33,14 +33,17 @@ class Verdict:
 
 
 def verdict(run: SceneEstimate) -> Verdict:
-    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one, else to be checked."""
+    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one, else to be
+    checked.
+    """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple(
         (with_names(warning.message, run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
     )
     fit = f"The projected regions differ from the observed ones by {100.0 * estimate.overlap_error:.2f} % of their area"
-    sigma = f"{float(np.max(estimate.rotation_sigma_deg)):.3f} deg and {1000.0 * float(np.max(estimate.translation_sigma)):.1f} mm"
+    turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma))
+    sigma = f"{turn:.3f} deg and {shift:.1f} mm"
     if not codes:
         return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma} (1 sigma).", ())
     if codes & DOUBTS:
