@@ -45,7 +45,7 @@ class View:
 
 def splatted(points: Array, colours: Colours, view: View, width: int = 960, height: int = 600) -> Colours:
     """The picture (height, width, 3) of points (n, 3) with colours (n, 3), seen from `view`."""
-    step = -(-len(points) // MOST_POINTS)
+    step = max(1, -(-len(points) // MOST_POINTS))
     points, colours = points[::step], colours[::step]
     seen = (points - view.eye) @ view.rotation.T
     distance = float(np.linalg.norm(view.target - view.eye))

@@ -9,9 +9,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial.transform import Rotation
-
 from regionpose import PinholeCamera, Pose
+from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT = 320, 240
 CAMERA = PinholeCamera(300.0, 300.0, 159.5, 119.5, width=WIDTH, height=HEIGHT)

@@ -6,17 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
-from scene_files import HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
-from scipy.spatial.transform import Rotation
-
 import regionpose as rp
+from PIL import Image
 from regionpose.clouds import Cloud
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result, scene_schema, scene_sides
 from regionpose.scene.colours import coloured_cloud, overlay_depth, seen_pixels
 from regionpose.scene.mask_files import read_mask
 from regionpose.scene.result import exports, plain
 from regionpose.scene.verdict import with_names
+from scene_files import HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
+from scipy.spatial.transform import Rotation
 
 GOOD = """\
 camera: {model: pinhole, fx: 3e2, fy: 300, cx: 159.5, cy: 119.5}
@@ -44,7 +43,11 @@ BAD = {
         "seed: [10, 20]\n      tol: 3",
         ":8: regions[0].image.tol: found an unknown key; needed one of seed, tolerance",
     ),
-    "an unknown key at the top": ("image: image.png", "images: a.png\nimage: image.png", ":2: images: found an unknown"),
+    "an unknown key at the top": (
+        "image: image.png",
+        "images: a.png\nimage: image.png",
+        ":2: images: found an unknown",
+    ),
     "no image": ("image: image.png\n", "", ":1: image: found nothing; needed this key"),
     "a negative focal length": ("fx: 3e2", "fx: -3e2", ":1: camera.fx: found -300.0; needed greater than 0"),
     "an unknown camera model": ("pinhole", "perspective", ":1: camera: found model 'perspective'"),
@@ -59,7 +62,11 @@ BAD = {
     "a seed without a cloud": ("cloud: cloud.ply\n", "", ":7: regions[0].world: found no cloud"),
     "no YAML": ("regions:", "regions: [", ":5: "),
     "an alias": ("image: image.png", "image: *other", ":2: found an alias"),
-    "an unknown solver": ("image: image.png", "solver: {system: cube}\nimage: image.png", ":2: solver.system: found 'cube'"),
+    "an unknown solver": (
+        "image: image.png",
+        "solver: {system: cube}\nimage: image.png",
+        ":2: solver.system: found 'cube'",
+    ),
     "a number for a name": ("name: sign", "name: 7", ":10: regions[1].name: found 7; needed a string"),
     "an infinite number": ("[1.0, 2.0, 3.0]", "[1.0, .inf, 3.0]", ":9: regions[0].world.seed: found inf"),
 }
@@ -183,7 +190,7 @@ def region_from_cloud(folder: Path, world: dict[str, Any]) -> rp.WorldRegion:
     """The world side of a scene whose cloud is a plate of points on a 2 cm lattice, beside stray points."""
     lattice = np.stack(np.meshgrid(np.arange(0.0, 1.0, 0.02), np.arange(0.0, 0.6, 0.02)), axis=-1).reshape(-1, 2)
     plate = np.column_stack([lattice, np.zeros(len(lattice))])
-    points = np.concatenate([plate, plate[:200] + [0.0, 0.0, 3.0]])
+    points = np.concatenate([plate, plate[:200] + np.array([0.0, 0.0, 3.0])])
     np.savetxt(folder / "cloud.xyz", points)
     labels = np.r_[np.full(len(plate), 4), np.zeros(200, dtype=int)]
     np.save(folder / "labels.npy", labels)
@@ -318,9 +325,7 @@ def test_a_cloud_takes_the_colours_it_projects_to() -> None:
 
 def test_the_depth_picture_marks_near_points_yellow_and_far_ones_violet() -> None:
     near, far = two_walls()
-    picture = overlay_depth(
-        np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.concatenate([near, far]), CAMERA, AT_ORIGIN
-    )
+    picture = overlay_depth(np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.concatenate([near, far]), CAMERA, AT_ORIGIN)
     red, green, blue = picture[119, 159].astype(int)
     assert red > 200 and green > 200 and blue < 100
     x, y = np.rint(CAMERA.project(far[:1] * [0.9, 0.9, 1.0])[0]).astype(int)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,13 +13,16 @@ import typer
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import refuse_existing, write_file, write_files
+from regionpose.cli.outputs import refuse_existing, text_writer, write_file, write_files
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneSides
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
 SCENE_FILE = "scene.yaml"
+
+MASK_LEVEL = 0.5
+"""Share of a pixel from which it is in the mask that is written."""
 
 
 def segment(
@@ -131,7 +136,8 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
     from regionpose.scene.result import plain, region_sizes
 
     scene = load_scene(path)
-    names = [SCENE_FILE, *(_mask_name(index, region.name) for index, region in enumerate(scene.model.regions))]
+    names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
+    names.append(SCENE_FILE)
     refuse_existing([out / name for name in names], force)
     with Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
@@ -146,23 +152,18 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
     from PIL import Image
 
     writers: dict[str, Any] = {}
-    regions = []
-    for index, item in enumerate(scene.model.regions):
+    held = _moved(scene.document.value, scene, out)
+    for index, region in enumerate(held["regions"]):
         observed, world = sides.image_regions[index], sides.world_sides[index]
-        image_item: dict[str, Any] = _moved(item.image.model_dump(exclude_none=True), scene, out)
-        world_item: dict[str, Any] = _moved(item.world.model_dump(exclude_none=True), scene, out)
         if observed.mask is not None:
-            picture = Image.fromarray(np.where(observed.mask > 0.5, 255, 0).astype(np.uint8))
-            image_item = {"mask": _mask_name(index, item.name)}
-            writers[image_item["mask"]] = lambda place, picture=picture: picture.save(place, format="PNG")
+            picture = Image.fromarray(np.where(observed.mask > MASK_LEVEL, 255, 0).astype(np.uint8))
+            region["image"] = {"mask": _mask_name(index, region["name"])}
+            writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
         if world.indices is not None:
-            world_item = {"points": _points_name(index, item.name)}
-            writers[world_item["points"]] = lambda place, indices=world.indices: np.save(place, indices)
-        regions.append({"name": item.name, "image": image_item, "world": world_item})
-    held = scene.model.model_dump(exclude_none=True, exclude_defaults=True)
-    held = {**_moved(held, scene, out), "regions": regions}
+            region["world"] = {"points": _points_name(index, region["name"])}
+            writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
     text = yaml.safe_dump(held, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    writers[SCENE_FILE] = lambda place: place.write_text(text, encoding="utf-8")
+    writers[SCENE_FILE] = text_writer(text)
     return writers
 
 
@@ -172,6 +173,8 @@ FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "points", "mesh"}
 
 def _moved(held: Any, scene: Scene, out: Path) -> Any:
     """The values of a scene file with their paths relative to the folder `out`."""
+    if isinstance(held, list):
+        return [_moved(value, scene, out) for value in held]
     if not isinstance(held, dict):
         return held
     moved = {}
@@ -182,8 +185,6 @@ def _moved(held: Any, scene: Scene, out: Path) -> Any:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    import os
-
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
@@ -197,6 +198,10 @@ def _mask_name(index: int, name: str) -> str:
 
 def _points_name(index: int, name: str) -> str:
     return f"{_slug(index, name)}.npy"
+
+
+NAMES = (_mask_name, _points_name)
+"""Names of the files that may be written of a region."""
 
 
 def _size(region: dict[str, Any]) -> str:
