@@ -40,7 +40,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("regions",),
     ("segmentation", "solver"),
     ("matching",),
-    ("evaluation", "fusion", "overlay"),
+    ("evaluation", "fusion", "overlay", "report", "splat"),
     ("scene",),
     ("__init__",),
     ("demo", "picker"),

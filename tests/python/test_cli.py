@@ -356,7 +356,16 @@ def test_an_image_seed_gives_a_mask(tmp_path: Path, capsys: pytest.CaptureFixtur
     picture = np.full((60, 80, 3), 200, dtype=np.uint8)
     picture[20:40, 30:60] = (30, 60, 160)
     Image.fromarray(picture).save(tmp_path / "image.png")
-    words: list[str | Path] = ["segment", tmp_path / "image.png", "--seed", "45,30", "--out", tmp_path / "mask.png", "--quiet", "--json"]
+    words: list[str | Path] = [
+        "segment",
+        tmp_path / "image.png",
+        "--seed",
+        "45,30",
+        "--out",
+        tmp_path / "mask.png",
+        "--quiet",
+        "--json",
+    ]
     code, _, _ = run(capsys, *words)
     assert code == 0
     mask = np.asarray(Image.open(tmp_path / "mask.png")) > 0

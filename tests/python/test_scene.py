@@ -331,3 +331,9 @@ def test_the_depth_picture_marks_near_points_yellow_and_far_ones_violet() -> Non
     x, y = np.rint(CAMERA.project(far[:1] * [0.9, 0.9, 1.0])[0]).astype(int)
     around = picture[y - 5 : y + 6, x - 5 : x + 6].reshape(-1, 3).max(axis=0)
     assert around[2] > around[1]
+
+
+def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:
+    document = Path(__file__).resolve().parents[2] / "docs" / "scene-file.md"
+    example = document.read_text(encoding="utf-8").partition("```yaml\n")[2].partition("```")[0]
+    assert [region.name for region in load_scene(write(tmp_path, example)).model.regions] == ["door", "sign", "window"]
