@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING
 
 from regionpose._core import __version__
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
+    from regionpose.segmentation.cloud import grow_plane
     from regionpose.solver import (
         Alternative,
         PoseError,
@@ -38,6 +40,7 @@ __all__ = [
     "alpha_shape",
     "estimate_pose",
     "estimate_poses",
+    "grow_plane",
     "load_camera",
     "planar_moments",
     "spherical_moments",
@@ -50,20 +53,19 @@ _MODULES = {
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
+    "segmentation.cloud": ("grow_plane",),
     "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """The public name, loaded from its module when first used: scipy alone would take half a second of every
-    command.
-    """
+    """The public name or the submodule, loaded when first used: scipy alone would take half a second of every command."""
     if name in _HOMES:
         value: object = getattr(importlib.import_module(f"regionpose.{_HOMES[name]}"), name)
         globals()[name] = value
         return value
-    if name in _MODULES:
+    if not name.startswith("_") and importlib.util.find_spec(f"regionpose.{name}") is not None:
         return importlib.import_module(f"regionpose.{name}")
     raise AttributeError(f"module 'regionpose' has no attribute {name!r}")
 

@@ -34,7 +34,8 @@ REFITS = 10
 """Least squares fits to the inliers at the most; they settle in two or three."""
 
 LINE_WIDTH_SHARE = 0.05
-"""Width over length below which the points on a plane are one scan line, which its beams' plane holds exactly."""
+"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any
+error."""
 
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
@@ -45,8 +46,10 @@ RADIUS_FACTOR = 1.5
 
 REGION_THICKNESS = 0.02
 """Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
-of
-a face stand out from it, and the image shows them as part of it."""
+of a face stand out from it, and the image shows them as part of it."""
+
+LEAST_APPROACH = 0.1
+"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one takes them far."""
 
 INNER_SHARE = 0.2
 """Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
@@ -144,7 +147,7 @@ def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
     return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
 
 
-def oriented_rings(region: shapely.Geometry) -> list[Array]:
+def oriented_rings(region: BaseGeometry) -> list[Array]:
     """The largest polygon's rings (n, 2): the outer one counter-clockwise, then its holes the other way."""
     largest = max(shapely.get_parts(region), key=lambda part: part.area)
     turned = shapely.geometry.polygon.orient(largest)
@@ -152,7 +155,9 @@ def oriented_rings(region: shapely.Geometry) -> list[Array]:
 
 
 def _spacing_squared(points: Array) -> Array:
-    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions."""
+    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on
+    average.
+    """
     edges = _delaunay_edges(points)
     steps = points[edges[:, 0]] - points[edges[:, 1]]
     lengths = np.linalg.norm(steps, axis=1)
@@ -178,8 +183,10 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
         if sensor.shape != (3,) or not np.isfinite(sensor).all():
             raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed 3 finite coordinates")
         beams = points[near] - sensor
+        beams /= np.maximum(np.linalg.norm(beams, axis=1, keepdims=True), np.finfo(float).tiny)
         approach = beams @ axes[2]
-        moved = moved - (heights[near] / np.where(approach == 0.0, np.inf, approach))[:, None] * beams
+        steep = np.abs(approach) >= LEAST_APPROACH
+        moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
     flat: Array = moved @ axes[:2].T
     return flat
 

@@ -125,14 +125,25 @@ class WorldRegion:
         return cls(_core.WorldRegion.from_rings(_ring_list(rings, 3)))
 
     @classmethod
-    def from_points(cls, points: ArrayLike, *, radius: float | None = None) -> WorldRegion:
-        """The planar region that points (n, 3) sample: their robust plane and an alpha shape of `radius` around them.
+    def from_points(
+        cls,
+        points: ArrayLike,
+        *,
+        radius: float | None = None,
+        correct_sampling: bool = True,
+        sensor_origin: ArrayLike | None = None,
+    ) -> WorldRegion:
+        """The planar region that points (n, 3) sample: their robust plane and the outline of the patch.
 
-        Without `radius` (metres) it is chosen from the spacing of the points, so that the region hangs together.
-        ValueError for fewer than 3 points, values that are not finite, points that are identical or on one line, or a
-        radius that is not positive.
+        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch
+        ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
+        without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
+        moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points that are
+        identical or on one line, or a radius that is not positive.
         """
-        outline = outline_of_points(points, radius=radius)
+        outline = outline_of_points(
+            points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
+        )
         return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
 
     @classmethod

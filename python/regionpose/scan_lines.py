@@ -37,7 +37,8 @@ LINK_STEPS = 3.0
 """Longest link in median steps: bridges two missing returns, and no gap between lines."""
 
 LEAST_JUMP = 2.0
-"""Ratio of the narrowest gap between lines to the widest within one that tells lines from a cloud without any."""
+"""Ratio of the narrowest gap between lines to the widest within one that tells lines apart from a cloud without
+lines."""
 
 RECTIFICATIONS = 4
 """Rounds of straightening lines and finding them anew; the grouping settles in two or three."""
@@ -64,7 +65,8 @@ MOST_DROPOUTS = 0.5
 """Gaps per line that neighbouring lines contradict, up to which the ends of runs are taken for the patch's edge."""
 
 END_STEPS = 24
-"""Steps next to the end of a run that tell the expected distance to the edge; steps vary along a slanted line."""
+"""Steps next to the end of a run from which the expected distance to the edge is taken; steps vary along a slanted
+line."""
 
 SIDE_LINES = 4
 """Lines whose ends give the direction of a side of the outline; more would cut off bends."""
@@ -92,8 +94,8 @@ class Run(NamedTuple):
 class ScanLines:
     """Lines of constant `level`, from the lowest, with the runs of each from left to right.
 
-    Along and across coordinates of a point are `(s, v) = turn @ point`, its level `v + slopes . (s, s v, s^2, s^2 v)`,
-    both in coordinates about `centre` and in units of `scale`.
+    Along and across coordinates of a point are `(s, v) = turn @ point`; its level is `v + slopes . (s, s v, s^2, s^2
+    v)`, in coordinates about `centre` and in units of `scale`.
     """
 
     centre: Array
@@ -151,13 +153,15 @@ def scan_lines(points: Array, radius: float | None = None) -> ScanLines | None:
         dropouts = _dropouts(runs)
         if len(dropouts) > MOST_DROPOUTS * len(runs):
             return None
-        for broken, index in reversed(dropouts):
-            runs[broken][index : index + 2] = [_joined(*runs[broken][index : index + 2])]
+        for row, index in reversed(dropouts):
+            runs[row][index : index + 2] = [_joined(*runs[row][index : index + 2])]
     return ScanLines(centre, scale, turn, slopes, levels, runs)
 
 
 def _direction(points: Array) -> tuple[Array, Array] | None:
-    """The rotation (2, 2) that lays the lines along the first axis, and the points so turned; None without one."""
+    """The rotation (2, 2) that lays the lines along the first axis, and the rotated points; None without a
+    direction.
+    """
     if len(points) <= NEIGHBOURS:
         return None
     neighbours = np.asarray(cKDTree(points).query(points, NEIGHBOURS + 1)[1])[:, 1:]
@@ -185,7 +189,8 @@ def _fragments(local: Array) -> Indices:
     finite = np.isfinite(length)
     linked = np.flatnonzero(finite & (length <= LINK_STEPS * np.median(length[finite]) if finite.any() else finite))
     graph = coo_array((np.ones(len(linked)), (linked, neighbours[linked, best[linked]])), shape=(len(local),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.intp)
+    labels: Indices = connected_components(graph, directed=False)[1].astype(np.intp)
+    return labels
 
 
 def _levels(local: Array, slopes: Array) -> Array:
@@ -287,7 +292,9 @@ def _run(along: Array, typical: float) -> Run:
 
 
 def _expected_rest(steps: Array) -> float:
-    """Mean distance from the last return to an edge anywhere: E[step^2] / (2 E[step]), half a regular step."""
+    """Mean distance from the last return to an edge that falls anywhere: E[step^2] / (2 E[step]), half a regular
+    step.
+    """
     total = float(steps.sum())
     return 0.5 * float(steps @ steps) / total if total > 0.0 else 0.0
 
@@ -331,7 +338,9 @@ class Strips:
         return strip.difference(shapely.union_all(notches)) if notches else strip
 
     def _side(self, line: int, lower: float, upper: float) -> list[tuple[float, float]]:
-        """Vertices of the side between two lines, from below, with a corner where the sides beyond them meet."""
+        """Vertices of the side between two lines, from below: with a corner where the sides before and after meet
+        between.
+        """
         bottom, top = self.levels[line], self.levels[line + 1]
         slope_below, slope_above = self._slope(line, -1, lower), self._slope(line + 1, 1, upper)
         side = [(lower, bottom), (upper, top)]

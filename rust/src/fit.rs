@@ -15,9 +15,15 @@ const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 /// Solid angles shared and not shared by an observed region and the projected one; `None` where it cannot be projected.
 pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Option<OverlapAreas> {
     let chart = Chart { scale: 1.0, ..*observed.chart() };
-    let project =
-        |ring: &Vec<Vector3<f64>>| ring.iter().map(|x| chart.project(&pose.transform(x))).collect::<Option<Vec<_>>>();
-    let predicted = PlaneRings::new(world.rings().iter().map(project).collect::<Option<_>>()?).ok()?;
+    let project = |x: &Vector3<f64>| chart.project(&pose.transform(x));
+    let predicted = match world.surface() {
+        // A projective map keeps a plane's rings simple, and turns them all round where it shows them from behind.
+        None => world.outline().mapped(|p| project(&world.frame().lifted(p)))?.facing(),
+        Some(surface) => {
+            let rings = surface.rings.iter().map(|ring| ring.iter().map(project).collect());
+            PlaneRings::new(rings.collect::<Option<_>>()?).ok()?
+        }
+    };
     let observed = observed.outline().mapped(|p: &Vector2<f64>| Some(p / observed.chart().scale))?;
     Some(overlap_areas(&observed, &predicted))
 }

@@ -50,6 +50,9 @@ const CLEAN: f64 = 0.5;
 /// Share of the overlap error to which all moments have to bring it down to be preferred to those of low order.
 const MUCH_BETTER: f64 = 0.8;
 
+/// Starts of one region that are followed where other regions can tell them apart; the second look follows all.
+const STARTS_PER_REGION: usize = 4;
+
 /// Candidates carried into the joint system at most.
 const MOST_CANDIDATES: usize = 32;
 
@@ -256,9 +259,23 @@ impl Problem {
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }
+            if turns == Turns::Likely && self.regions.len() > 1 {
+                poses = self.best_together(poses);
+            }
             starts.extend(poses.iter().filter_map(|pose| single_region(region, pose)));
         }
         starts
+    }
+
+    /// The starts of one region at which the others fit best, those out of view last.
+    fn best_together(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
+        let cost = |pose: &Pose| {
+            let evaluation = evaluate(&self.regions, pose, Weighting::Uniform);
+            evaluation.map_or(f64::INFINITY, |evaluation| evaluation.residual.norm_squared())
+        };
+        let mut costs: Vec<(f64, Pose)> = poses.drain(..).map(|pose| (cost(&pose), pose)).collect();
+        costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        costs.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
     }
 
     fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {

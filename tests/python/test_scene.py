@@ -337,3 +337,14 @@ def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:
     document = Path(__file__).resolve().parents[2] / "docs" / "scene-file.md"
     example = document.read_text(encoding="utf-8").partition("```yaml\n")[2].partition("```")[0]
     assert [region.name for region in load_scene(write(tmp_path, example)).model.regions] == ["door", "sign", "window"]
+
+
+def test_every_public_name_is_found_when_first_used() -> None:
+    import importlib
+
+    fresh = importlib.reload(rp)
+    assert all(getattr(fresh, name) is not None for name in fresh.__all__)
+    assert set(fresh._HOMES) | {"__version__"} == set(fresh.__all__)
+    assert fresh.cameras.PinholeCamera is rp.PinholeCamera
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        fresh.nothing  # noqa: B018

@@ -80,8 +80,9 @@ def _write(
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from regionpose.overlay import save_png
+    from PIL import Image
+
     from regionpose.scene.colours import overlay_depth
 
     cloud, picture, camera, pose = sensors
-    save_png(path, overlay_depth(picture, cloud.points, camera, pose))
+    Image.fromarray(overlay_depth(picture, cloud.points, camera, pose)).save(path, format="PNG")

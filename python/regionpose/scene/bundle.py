@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from regionpose.clouds import Cloud, write_ply
-from regionpose.overlay import overlay_regions, save_png
+from regionpose.overlay import overlay_regions
 from regionpose.pose import Pose
 from regionpose.report import Figure, Report, report_html
 from regionpose.scene.colours import coloured_cloud, overlay_depth
@@ -88,7 +90,7 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
             coloured, visible = coloured_cloud(sides.cloud, sides.image, sides.camera, run.local_pose)
             views = cloud_views(run, coloured, visible)
         writers[CLOUD] = lambda path: write_ply(path, coloured)
-        writers[DEPTH] = lambda path: save_png(path, depth)
+        writers[DEPTH] = partial(Image.fromarray(depth).save, format="PNG")
     result = scene_result(run)
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
@@ -98,7 +100,7 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
     )
     html = report_html(report)
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    writers[OVERLAY] = lambda path: save_png(path, overlay)
+    writers[OVERLAY] = partial(Image.fromarray(overlay).save, format="PNG")
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
     return Bundle(result, writers)

@@ -1,0 +1,1 @@
+"""Regions found in images and in clouds."""

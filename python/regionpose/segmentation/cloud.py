@@ -1,8 +1,9 @@
 """The planar patches of a point cloud: the one around a seed, or all of them.
 
-A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighbouring scan lines of a sparse lidar,
-so that normals and connections take in both directions of sampling, however far apart the rings are. Cells join by the
-normal of the points in and around them, points by their distance from the plane; the plane is fitted anew after each step.
+A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighbouring scan lines of a
+sparse lidar, so that normals and connections take in both directions of sampling, however far apart the rings are.
+Cells join by the normal of the points in and around them, points by their distance from the plane; the plane is fitted
+anew after each step.
 """
 
 from __future__ import annotations
@@ -37,10 +38,14 @@ SAME_NOISE = 2.0
 """Ratio of the noise in a neighbourhood and the one half its size up to which they show the same plane."""
 
 NOISE_TELLING = 192
-"""Neighbours up to which the smaller neighbourhood's noise tells nothing: few points on two scan lines lie on a plane anyway."""
+"""Neighbours up to which the smaller neighbourhood's noise tells nothing: few points on two scan lines lie on a plane
+anyway."""
 
 SEED_REACH = 20.0
 """Largest distance from a seed to its nearest point in spacings around that point; beyond it marks nothing."""
+
+SEED_SIGMAS = 5.0
+"""Distance of the seed's nearest point from the plane at the most: any point may be picked, the noisiest ones too."""
 
 DISTANCE_SIGMAS = 3.0
 """Distance from the plane up to which a point belongs to it, in standard deviations of the noise around the seed."""
@@ -58,13 +63,15 @@ CELL_DISTANCES = 2.0
 """Least cell size in those distances: in narrower cells noise turns the normal."""
 
 ANGLE_DEG = 30.0
-"""Largest angle between the normals of cell and patch: noise turns that of a small cell by up to 15 deg, an edge by 45."""
+"""Largest angle between the normals of cell and patch: noise turns that of a small cell by up to 15 deg, an edge by
+45."""
 
 LEAST_IN_BLOCK = 4
 """Points in and around a cell below which its normal is unknown, and the cell joins by distance alone."""
 
 RIM_CELLS = 2
-"""Cells around those with the right normal in which points join by distance: edges between two planes mix normals there."""
+"""Cells around those with the right normal in which points join by distance: edges between two planes mix normals
+there."""
 
 GROWTH_ROUNDS = 40
 """Most rounds of growth; each doubles the extent, so that they end when the patch does."""
@@ -79,13 +86,15 @@ LEAST_PATCH = 50
 """Points below which a patch isn't reported unless asked for."""
 
 SEED_LOT = 60
-"""Seeds tried together; a plane that holds 5 % of what is left is missed by all with odds of 5 %, which ends the search."""
+"""Seeds tried together; a plane that holds 5 % of what is left is missed by all with odds of 5 %, which ends the
+search."""
 
 MOST_CELLS = 2000
 """Cells across the grid at the most, which bounds its memory; beyond it cells are wider than needed."""
 
 SETTLED_SHARE = 1e-3
-"""Change in the number of members below which a patch has stopped growing; points at the distance itself come and go."""
+"""Change in the number of members below which a patch has stopped growing; points at the distance itself come and
+go."""
 
 SETTLED_REACH = 1.02
 """Growth of the extent below which it has."""
@@ -93,7 +102,8 @@ SETTLED_REACH = 1.02
 
 class Patch(NamedTuple):
     """A plane as origin (3,) and rows u, v, normal (3, 3), and the members' indices; in metres the noise around the
-    seed, the distance of members from the plane at the most, and the size of a cell."""
+    seed, the distance of members from the plane at the most, and the size of a cell.
+    """
 
     origin: Array
     axes: Array
@@ -114,11 +124,11 @@ def grow_plane(
 ) -> Indices:
     """Indices, ascending, of the points (n, 3) on the connected planar patch around a seed.
 
-    `seed`: the index of a point, or a position (3,), metres. `distance`: of members from the plane at the most, else three
-    standard deviations of the noise around the seed. `radius`: gaps up to this width are crossed, else from the spacing around the
-    seed across scan lines. `angle_deg`: largest angle between the patch's normal and that of its parts. `progress` is called
-    with a share in [0, 1]. Points that aren't finite are passed over. ValueError for arguments out of range, a seed away
-    from all points, or one around which the points lie on no plane.
+    `seed`: the index of a point, or a position (3,), metres. `distance`: of members from the plane at the most, else
+    three standard deviations of the noise around the seed. `radius`: gaps up to this width are crossed, else from the
+    spacing around the seed across scan lines. `angle_deg`: largest angle between the patch's normal and that of its
+    parts. `progress` is called with a share in [0, 1]. Points that aren't finite are passed over. ValueError for
+    arguments out of range, a seed away from all points, or one around which the points lie on no plane.
     """
     cloud = checked_cloud(points)
     _check_positive(distance=distance, radius=radius, angle_deg=angle_deg)
@@ -138,8 +148,9 @@ def find_planes(
 ) -> list[Indices]:
     """Index arrays, ascending, of the planar patches of points (n, 3), the largest first; no point is in two.
 
-    A cloud of more than 150 000 points is thinned to one point a voxel, on which patches grow from random seeds; then each is
-    filled with the points around it. `min_points`: of a patch at the least. The other arguments are those of `grow_plane`.
+    A cloud of more than 150 000 points is thinned to one point a voxel, on which patches grow from random seeds; then
+    each is filled with the points around it. `min_points`: of a patch at the least. The other arguments are those of
+    `grow_plane`.
     """
     cloud = checked_cloud(points)
     _check_positive(distance=distance, radius=radius, angle_deg=angle_deg)
@@ -156,8 +167,8 @@ def find_planes(
 def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -> int:
     """Index of the point (n, 3) that a ray from `origin` (3,) along `direction` (3,) meets first.
 
-    Of the points seen within twice the least angle off the ray it is the one nearest to the origin, since a surface behind
-    another may pass closer to the ray. ValueError when no point lies ahead.
+    Of the points seen within twice the least angle off the ray it is the one nearest to the origin, since a surface
+    behind another may pass closer to the ray. ValueError when no point lies ahead.
     """
     cloud = checked_cloud(points)
     ahead = np.asarray(direction, dtype=np.float64)
@@ -215,7 +226,8 @@ def _seed_patch(cloud: Array, seed: Array, distance: float | None, radius: float
     chosen: Patch | None = None
     for size in SEED_NEIGHBOURS:
         patch = _neighbourhood_patch(cloud, nearest[:size])
-        if patch is not None and chosen is not None and size > NOISE_TELLING and patch.sigma > SAME_NOISE * chosen.sigma:
+        noisier = patch is not None and chosen is not None and patch.sigma > SAME_NOISE * chosen.sigma
+        if noisier and size > NOISE_TELLING:
             break
         chosen = patch or chosen
         if size >= count:
@@ -243,7 +255,7 @@ def _neighbourhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
         return None
     sigma = float(np.std((near[inliers] - origin) @ axes[2]))
     least = np.finfo(float).eps * np.abs(near).max() * ROUNDING
-    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > DISTANCE_SIGMAS * sigma + least:
+    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > SEED_SIGMAS * sigma + least:
         return None
     return Patch(origin, axes, nearest[inliers], sigma, 0.0, 0.0)
 
@@ -283,7 +295,8 @@ def _refitted(cloud: Array, patch: Patch, members: Indices) -> Patch:
     origin = cloud[used].mean(axis=0)
     directions = np.linalg.svd(cloud[used] - origin, full_matrices=False)[2]
     normal = directions[2] * np.sign(directions[2] @ patch.axes[2] or 1.0)
-    return patch._replace(origin=origin, axes=np.array([directions[0], np.cross(normal, directions[0]), normal]), members=members)
+    axes = np.array([directions[0], np.cross(normal, directions[0]), normal])
+    return patch._replace(origin=origin, axes=axes, members=members)
 
 
 def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: float) -> Indices:
@@ -300,7 +313,11 @@ def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: fl
     occupied = _counts(cells[on_plane], side) > 0
     normals_agree = _cells_along(np.column_stack([flat, heights[near]]), cells, side, angle_deg)
     core = _connected(occupied & normals_agree, np.full(2, int(reach / cell) + RIM_CELLS))
-    rim = ndimage.binary_dilation(core, np.ones((3, 3)), iterations=RIM_CELLS, mask=occupied) if core.any() else core
+    rim = (
+        ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
+        if core.any()
+        else core
+    )
     kept: Indices = near[on_plane & rim[cells[:, 0], cells[:, 1]]]
     return kept
 
@@ -315,6 +332,7 @@ def _cells_along(local: Array, cells: Indices, side: int, angle_deg: float) -> M
 
     The normal is the direction of least spread of the points (u, v, height) in the block of nine cells.
     """
+
     def block(weights: Array | None) -> Array:
         return ndimage.uniform_filter(_counts(cells, side, weights), 3, mode="constant") * 9.0
 
@@ -374,7 +392,8 @@ def _patches(
 ) -> list[Patch]:
     """Patches of a finite cloud from random seeds, each without the points of those before.
 
-    Of each lot of seeds the ones with the least noise grow first, before hedges and the like claim parts of clean planes.
+    Of each lot of seeds the ones with the least noise grow first, before hedges and the like claim parts of clean
+    planes.
     """
     generator = np.random.default_rng(0)
     rest, untried = cloud.copy(), np.ones(len(cloud), dtype=np.bool_)
@@ -401,7 +420,9 @@ def _patches(
 def _seed_lot(
     rest: Array, untried: Mask, settings: tuple[float | None, float | None, float], generator: np.random.Generator
 ) -> list[tuple[int, Patch]]:
-    """Random seeds among the untried points and the planes around them, the least noisy first; all are marked as tried."""
+    """Random seeds among the untried points and the planes around them, the least noisy first; all are marked as
+    tried.
+    """
     choice = np.flatnonzero(untried)
     starts = []
     for index in generator.choice(choice, min(SEED_LOT, len(choice)), replace=False):
