@@ -60,7 +60,7 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """The public name or the submodule, loaded when first used: scipy alone would take half a second of every command."""
+    """The public name or the submodule, loaded when first used: scipy alone takes half a second."""
     if name in _HOMES:
         value: object = getattr(importlib.import_module(f"regionpose.{_HOMES[name]}"), name)
         globals()[name] = value
