@@ -1,19 +1,28 @@
 """Absolute pose of a central camera from planar regions, without correspondences."""
 
-from regionpose._core import __version__, alpha_shape, planar_moments, spherical_moments, triangulate
-from regionpose.calibration import load_camera
-from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
-from regionpose.pose import Pose
-from regionpose.regions import ImageRegion, WorldRegion
-from regionpose.segmentation.cloud import grow_plane
-from regionpose.solver import (
-    Alternative,
-    PoseError,
-    PoseEstimate,
-    PoseWarning,
-    estimate_pose,
-    estimate_poses,
-)
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import TYPE_CHECKING
+
+from regionpose._core import __version__
+
+if TYPE_CHECKING:
+    from regionpose._core import alpha_shape, planar_moments, spherical_moments, triangulate
+    from regionpose.calibration import load_camera
+    from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+    from regionpose.pose import Pose
+    from regionpose.regions import ImageRegion, WorldRegion
+    from regionpose.segmentation.cloud import grow_plane
+    from regionpose.solver import (
+        Alternative,
+        PoseError,
+        PoseEstimate,
+        PoseWarning,
+        estimate_pose,
+        estimate_poses,
+    )
 
 __all__ = [
     "Alternative",
@@ -37,3 +46,30 @@ __all__ = [
     "spherical_moments",
     "triangulate",
 ]
+
+_MODULES = {
+    "_core": ("alpha_shape", "planar_moments", "spherical_moments", "triangulate"),
+    "calibration": ("load_camera",),
+    "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
+    "pose": ("Pose",),
+    "regions": ("ImageRegion", "WorldRegion"),
+    "segmentation.cloud": ("grow_plane",),
+    "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """The public name or the submodule, loaded when first used: scipy alone takes half a second."""
+    if name in _HOMES:
+        value: object = getattr(importlib.import_module(f"regionpose.{_HOMES[name]}"), name)
+        globals()[name] = value
+        return value
+    if not name.startswith("_") and importlib.util.find_spec(f"regionpose.{name}") is not None:
+        return importlib.import_module(f"regionpose.{name}")
+    raise AttributeError(f"module 'regionpose' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return sorted(__all__)

@@ -39,9 +39,11 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("outline",),
     ("regions",),
     ("segmentation", "solver"),
-    ("evaluation", "overlay"),
+    ("evaluation", "overlay", "report", "splat"),
+    ("scene",),
     ("__init__",),
     ("demo",),
+    ("cli",),
 )
 """Modules of the Python package, the compiled one first."""
 

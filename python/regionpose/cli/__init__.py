@@ -1,0 +1,7 @@
+"""The command `regionpose`."""
+
+from __future__ import annotations
+
+from regionpose.cli.app import main
+
+__all__ = ["main"]

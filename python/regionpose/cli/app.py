@@ -1,0 +1,90 @@
+"""The commands together, and how they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from regionpose import __version__
+from regionpose.cli import demo, estimate, fuse, info, project, schema, segment
+
+FINE, BAD_INPUT, NO_POSE = 0, 2, 3
+
+HELP = """Absolute pose of a central camera from planar regions, without correspondences.
+
+\b
+Examples:
+  regionpose demo --out demo
+  regionpose estimate scene.yaml --out result
+  regionpose info camera_info.yaml
+
+\b
+Exit codes:
+  0  fine
+  1  a pose with warnings, under --strict
+  2  bad input, or a file that would be overwritten
+  3  no pose shows the regions as they were observed
+"""
+
+app = typer.Typer(
+    help=HELP,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("estimate")(estimate.estimate)
+app.command("segment")(segment.segment)
+app.command("fuse")(fuse.fuse)
+app.command("project")(project.project)
+app.command("demo")(demo.demo)
+app.command("info")(info.info)
+app.command("schema")(schema.schema)
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"regionpose {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of every command."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The exit code of the command line `arguments` (those of the process when None); errors are one line on standard
+    error.
+    """
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="regionpose")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else FINE
+    except (ValueError, OSError, ImportError, MemoryError) as error:
+        return _failed(_one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
+    return FINE
+
+
+def _is_pose_error(error: BaseException) -> bool:
+    from regionpose.solver import PoseError
+
+    return isinstance(error, PoseError)
+
+
+def _one_line(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror.lower()}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _failed(message: str, code: int) -> int:
+    typer.echo(f"regionpose: error: {message}", err=True)
+    return code

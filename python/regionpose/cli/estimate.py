@@ -1,0 +1,111 @@
+"""`regionpose estimate`: from a scene file to a pose and its pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.options import AsJson, Force, Quiet
+from regionpose.cli.outputs import refuse_existing, write_files
+
+if TYPE_CHECKING:
+    from regionpose.scene import SceneEstimate
+    from regionpose.scene.bundle import Truth
+
+WARNED = 1
+"""Exit code of a pose with warnings, under --strict."""
+
+
+def estimate(
+    scene: Annotated[Path, typer.Argument(help="Scene file, YAML or JSON; docs/scene-file.md says what it holds.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE's name with -result]")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Estimate the pose of a scene's camera.
+
+    Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png and cloud.ply (coloured).
+
+    \b
+    Examples:
+      regionpose estimate scene.yaml
+      regionpose estimate scene.yaml --out result --force
+      regionpose estimate scene.yaml --json --quiet | jq .camera_from_world.matrix
+      regionpose estimate scene.yaml --strict && echo "no warnings"
+    """
+    run_scene(scene, out or Path(f"{scene.stem}-result"), force=force, as_json=as_json, strict=strict, quiet=quiet)
+
+
+def run_scene(
+    path: Path, out: Path, *, force: bool, as_json: bool, quiet: bool, strict: bool = False, truth: Truth | None = None
+) -> None:
+    """Estimate a scene, write its files to the folder `out`, and say the result."""
+    from regionpose.scene import Stages, estimate_scene, load_scene
+    from regionpose.scene.bundle import bundle, file_names
+
+    scene = load_scene(path)
+    refuse_existing([out / name for name in file_names(scene)], force)
+    with Progress(quiet) as progress:
+        stages = Stages(progress.begin)
+        run = estimate_scene(scene, stages)
+        files = bundle(run, stages, truth)
+        written = write_files(out, files.writers, force=force)
+    if as_json:
+        say_json(files.result)
+    else:
+        _say(run, files.result, written)
+    if strict and run.estimate.warnings:
+        raise typer.Exit(WARNED)
+
+
+def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> None:
+    from regionpose.scene.verdict import verdict
+
+    estimate = run.estimate
+    quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
+    typer.echo("camera_from_world (x_camera = R x_world + t)")
+    say_rows(
+        [
+            ("quat_xyzw", f"[{quaternion}]"),
+            ("translation_m", _vector(estimate.pose.translation, 6)),
+            ("camera centre in world, m", _vector(estimate.pose.camera_center, 6)),
+            ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
+            ("translation sigma, m", _vector(estimate.translation_sigma, 5)),
+            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
+        ]
+    )
+    typer.echo("overlap error by region")
+    say_rows(
+        [
+            (name, f"{100.0 * error:.2f} %")
+            for name, error in zip(run.sides.names, estimate.region_overlap_errors, strict=True)
+        ]
+    )
+    _say_truth(result)
+    judged = verdict(run)
+    typer.echo(f"{judged.level}: {judged.headline}")
+    for what, advice in judged.remarks:
+        typer.echo(f"  warning: {what}. {advice}")
+    typer.echo(f"written: {', '.join(str(path) for path in written)}")
+
+
+def _say_truth(result: dict[str, object]) -> None:
+    errors = result.get("truth_errors")
+    if isinstance(errors, dict):
+        centre = 1000.0 * errors["camera_center_m"]
+        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {centre:.2f} mm (camera centre)")
+
+
+def _vector(values: object, digits: int) -> str:
+    import numpy as np
+
+    return "[" + ", ".join(f"{value:.{digits}f}" for value in np.asarray(values)) + "]"

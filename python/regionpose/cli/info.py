@@ -1,0 +1,201 @@
+"""`regionpose info`: what is in a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from regionpose.cli.console import say_json, say_rows
+from regionpose.cli.options import AsJson, CameraName
+
+IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
+"""Files that may be scenes, results or calibrations; what is none of these is read as a cloud."""
+
+Facts = dict[str, Any]
+
+
+def info(
+    file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
+    camera_name: CameraName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what is in a cloud, a calibration, an image, a scene file or a result.
+
+    \b
+    Examples:
+      regionpose info cloud.ply
+      regionpose info calib.yaml --camera-name cam1
+      regionpose info scene.yaml --json
+    """
+    facts = file_facts(file, camera_name)
+    if as_json:
+        say_json(facts)
+    else:
+        typer.echo(f"{file}: {facts.pop('kind')}")
+        say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
+
+
+def file_facts(path: Path, camera_name: str | None = None) -> Facts:
+    """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
+    if path.is_dir():
+        raise ValueError(f"{path}: found a directory; needed a file")
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if suffix in IMAGE_SUFFIXES:
+        return _image_facts(path)
+    if suffix not in TEXT_SUFFIXES:
+        return _cloud_facts(path)
+    return _text_facts(path, camera_name)
+
+
+def _text_facts(path: Path, camera_name: str | None) -> Facts:
+    """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
+    from regionpose.scene.document import SceneError, read_document
+
+    held: object = None
+    if path.suffix.lower() != ".txt":
+        try:
+            held = read_document(path).value
+        except SceneError:
+            held = None  # Calibrations of OpenCV are not quite YAML.
+    if isinstance(held, dict) and "regions" in held and "image" in held:
+        return _scene_facts(path)
+    if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
+        return _result_facts(path)
+    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name)]
+    if path.suffix.lower() == ".txt":
+        readers.append(lambda: _cloud_facts(path))
+    return _first_that_reads(readers)
+
+
+def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:
+    """The facts of the first reader that knows the file; else the first one's error."""
+    errors = []
+    for read in readers:
+        try:
+            return read()
+        except ValueError as error:
+            errors.append(error)
+    raise errors[0]
+
+
+def _image_facts(path: Path) -> Facts:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as picture:
+            return {
+                "kind": "image",
+                "width_px": picture.width,
+                "height_px": picture.height,
+                "mode": picture.mode,
+                "format": picture.format,
+            }
+    except UnidentifiedImageError as error:
+        raise ValueError(f"{path}: found no picture; needed PNG, JPEG, TIFF or the like") from error
+
+
+def _cloud_facts(path: Path) -> Facts:
+    from regionpose.clouds import read_cloud
+
+    cloud = read_cloud(path)
+    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    return {
+        "kind": "cloud" if cloud.triangles is None else "mesh",
+        "points": len(cloud),
+        "triangles": None if cloud.triangles is None else len(cloud.triangles),
+        "lowest_corner_m": (low + cloud.origin).tolist(),
+        "highest_corner_m": (high + cloud.origin).tolist(),
+        "extent_m": (high - low).tolist(),
+        "local_origin_m": cloud.origin.tolist(),
+        "spacing_m": _spacing(cloud.points),
+        "colours": cloud.colours is not None,
+        "intensity": cloud.intensity is not None,
+        "fields": sorted(cloud.fields),
+        "dropped_points": cloud.dropped,
+    }
+
+
+SPACING_SAMPLE = 2000
+"""Points whose nearest neighbour is looked up for the median spacing."""
+
+
+def _spacing(points: Any) -> float | None:
+    """Median distance of a point to its nearest neighbour, in the cloud's unit."""
+    import numpy as np
+    from scipy.spatial import cKDTree
+
+    if len(points) < 2:
+        return None
+    sample = points[:: max(1, len(points) // SPACING_SAMPLE)]
+    distances, _ = cKDTree(points).query(sample, k=2)
+    return float(np.median(distances[:, 1]))
+
+
+def _camera_facts(path: Path, camera_name: str | None) -> Facts:
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from regionpose.calibration import load_camera
+
+    camera = load_camera(path, camera_name)
+    parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
+    facts: Facts = {"kind": "calibration", "model": type(camera).__name__, **json.loads(json.dumps(parameters))}
+    facts["largest_angle_off_axis_deg"] = float(np.degrees(camera.max_angle))
+    if camera.width is not None and camera.height is not None:
+        middle = np.array([[-0.5, camera.height / 2], [camera.width - 0.5, camera.height / 2]])
+        left, right = camera.bearings(middle)
+        angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
+        facts["angle_between_left_and_right_edge_deg"] = angle if np.isfinite(angle) else None
+    return facts
+
+
+def _scene_facts(path: Path) -> Facts:
+    from regionpose.scene.loading import load_scene
+    from regionpose.scene.result import named_files
+
+    scene = load_scene(path)
+    files = {role: str(scene.file(name)) for role, name in named_files(scene).items()}
+    return {
+        "kind": "scene file",
+        "regions": [_region_line(region) for region in scene.model.regions],
+        "files": files,
+        "missing_files": [name for name in files.values() if not Path(name).exists()],
+        "solver": scene.model.solver.model_dump(),
+    }
+
+
+def _region_line(region: Any) -> str:
+    """A region as `door (image seed, world points)`."""
+    image, world = (next(iter(type(side).model_fields)) for side in (region.image, region.world))
+    return f"{region.name} (image {image}, world {world})"
+
+
+def _result_facts(path: Path) -> Facts:
+    held = json.loads(path.read_text(encoding="utf-8"))
+    keys = ("scene", "overlap_error", "rotation_sigma_deg", "translation_sigma_m", "camera_center_in_world_m")
+    facts: Facts = {"kind": "result", **{key: held.get(key) for key in keys}}
+    facts["regions"] = [region["name"] for region in held.get("regions", [])]
+    facts["warnings"] = [warning["code"] for warning in held.get("warnings", [])]
+    return facts
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(_shown(item) for item in value) or "none"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_shown(item)}" for key, item in value.items()) or "none"
+    return str(value)

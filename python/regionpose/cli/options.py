@@ -1,0 +1,30 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+CameraPath = Annotated[
+    Path,
+    typer.Option(
+        "--camera", help="Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI.", show_default=False
+    ),
+]
+CameraName = Annotated[
+    str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
+]
+PosePath = Annotated[
+    Path,
+    typer.Option(
+        "--pose",
+        help="result.json, a matrix camera_from_world (.txt, .npy), KITTI's Tr, "
+        "or calib.json of direct_visual_lidar_calibration.",
+        show_default=False,
+    ),
+]

@@ -1,0 +1,83 @@
+"""Poses read from the files that this and other tools write."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regionpose.pose import Pose
+
+NEEDED = (
+    "result.json, a 3 x 4 or 4 x 4 matrix camera_from_world (.txt, .npy), "
+    "calib.json of direct_visual_lidar_calibration (T_lidar_camera), or a KITTI calibration with Tr"
+)
+
+LIKE_ROTATION = 1e-3
+"""Largest entry of R^T R - 1 of a rotation written with few digits, which is then made exact."""
+
+
+def read_pose(path: Path, camera_name: str | None = None) -> Pose:
+    """The pose camera_from_world of a file; FileNotFoundError, or ValueError when it holds none."""
+    if path.suffix.lower() == ".json":
+        return _json_pose(path)
+    if path.suffix.lower() == ".npy":
+        return _matrix_pose(path, np.load(path, allow_pickle=False))
+    try:
+        rows = np.loadtxt(path, ndmin=2)
+    except (ValueError, UnicodeDecodeError):
+        return _kitti_pose(path, camera_name)
+    return _matrix_pose(path, rows)
+
+
+def _json_pose(path: Path) -> Pose:
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: found no JSON; needed {NEEDED}") from error
+    held = held if isinstance(held, dict) else {}
+    for holder in (held, held.get("results"), held.get("exports")):
+        pose = _pose_of(path, holder) if isinstance(holder, dict) else None
+        if pose is not None:
+            return pose
+    raise ValueError(f"{path}: found no camera_from_world and no T_lidar_camera; needed {NEEDED}")
+
+
+def _pose_of(path: Path, held: dict[str, Any]) -> Pose | None:
+    """The pose of an object that holds one."""
+    from scipy.spatial.transform import Rotation
+
+    stored = held.get("camera_from_world")
+    if isinstance(stored, dict) and "matrix" in stored:
+        return _matrix_pose(path, np.asarray(stored["matrix"]))
+    if "T_lidar_camera" not in held:
+        return None
+    numbers = np.asarray(held["T_lidar_camera"], dtype=np.float64)
+    if numbers.shape != (7,) or not np.isfinite(numbers).all() or not numbers[3:].any():
+        raise ValueError(f"{path}: T_lidar_camera: found {numbers.tolist()}; needed [tx, ty, tz, qx, qy, qz, qw]")
+    return Pose(Rotation.from_quat(numbers[3:]), numbers[:3]).inverse()
+
+
+def _matrix_pose(path: Path, matrix: np.ndarray[Any, Any]) -> Pose:
+    """The pose of [R t], by 12 or 16 numbers in any arrangement of rows."""
+    from scipy.spatial.transform import Rotation
+
+    if matrix.size not in {12, 16} or matrix.dtype.kind not in "iuf" or not np.isfinite(matrix).all():
+        raise ValueError(f"{path}: found {matrix.dtype} of shape {matrix.shape}; needed {NEEDED}")
+    rows = matrix.reshape(-1, 4).astype(np.float64)
+    rotation = rows[:3, :3]
+    defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if defect > LIKE_ROTATION or np.linalg.det(rotation) < 0.0:
+        raise ValueError(f"{path}: found |R^T R - 1| = {defect:.1e}; needed a rotation and a translation [R t]")
+    return Pose(Rotation.from_matrix(rotation), rows[:3, 3])
+
+
+def _kitti_pose(path: Path, camera_name: str | None) -> Pose:
+    from regionpose.calibration import load_lidar_pose
+
+    try:
+        return Pose.from_parts(*load_lidar_pose(path, camera_name))
+    except ValueError as error:
+        raise ValueError(f"{path}: found no pose ({error}); needed {NEEDED}") from error

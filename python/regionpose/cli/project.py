@@ -1,0 +1,88 @@
+"""`regionpose project`: where the cloud's points fall in the image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from regionpose.cli.console import Progress, say_json
+from regionpose.cli.fuse import read_sensors
+from regionpose.cli.options import AsJson, CameraName, CameraPath, Force, PosePath, Quiet
+from regionpose.cli.outputs import refuse_existing, write_file
+
+if TYPE_CHECKING:
+    from regionpose.cameras import Camera
+    from regionpose.clouds import Cloud
+    from regionpose.pose import Pose
+    from regionpose.scene.sensors import Picture
+
+CSV_HEADER = "index,x_px,y_px,depth_m"
+
+
+def project(
+    cloud: Annotated[Path, typer.Argument(help="Point cloud: PLY, PCD, LAS, E57, KITTI .bin, text, ...")],
+    image: Annotated[Path, typer.Argument(help="Image of the camera.")],
+    camera: CameraPath,
+    pose: PosePath,
+    out: Annotated[Path, typer.Option("--out", "-o", help="PNG (picture by depth) or CSV (pixels) to write.")] = Path(
+        "projected.png"
+    ),
+    camera_name: CameraName = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Project a cloud into an image with a known pose.
+
+    A PNG shows the points over the image, coloured by depth. A CSV lists, for each point inside the image, its index
+    in the
+    cloud, its pixel (an integer is a pixel's centre) and its distance along the optical axis.
+
+    \b
+    Examples:
+      regionpose project cloud.ply image.jpg --camera camera_info.yaml --pose result/result.json --out depth.png
+      regionpose project 000042.bin 000042.png --camera 000042.txt --pose 000042.txt --out pixels.csv
+    """
+    kind = out.suffix.lower()
+    if kind not in {".png", ".csv"}:
+        raise ValueError(f"{out}: found the ending {kind!r}; needed .png or .csv")
+    refuse_existing([out], force)
+    with Progress(quiet) as progress:
+        progress.begin("read files")
+        points, picture, known_camera, local = read_sensors(cloud, image, camera, pose, camera_name)
+        progress.begin("projection")
+        rows = _rows_inside(points, picture, known_camera, local)
+        write_file(out, lambda path: _write(path, rows, (points, picture, known_camera, local)), force=force)
+    if as_json:
+        say_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
+    else:
+        typer.echo(f"{len(rows)} of {len(points)} points inside the image; written: {out}")
+
+
+def _rows_inside(cloud: Cloud, picture: Picture, camera: Camera, pose: Pose) -> list[tuple[int, float, float, float]]:
+    """Index, pixel and depth of each point inside the image."""
+    import numpy as np
+
+    seen = pose.transform(cloud.points)
+    pixels = camera.project(seen)
+    height, width = picture.shape[:2]
+    with np.errstate(invalid="ignore"):
+        inside = np.flatnonzero(((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1))
+    return [(int(k), float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2])) for k in inside]
+
+
+def _write(
+    path: Path, rows: list[tuple[int, float, float, float]], sensors: tuple[Cloud, Picture, Camera, Pose]
+) -> None:
+    if path.suffix.lower() == ".csv":
+        lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
+        path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
+        return
+    from PIL import Image
+
+    from regionpose.scene.colours import overlay_depth
+
+    cloud, picture, camera, pose = sensors
+    Image.fromarray(overlay_depth(picture, cloud.points, camera, pose)).save(path, format="PNG")

@@ -1,0 +1,209 @@
+"""`regionpose segment`: regions grown from seeds, in an image, in a cloud, or all those of a scene."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.info import IMAGE_SUFFIXES
+from regionpose.cli.options import AsJson, Force, Quiet
+from regionpose.cli.outputs import refuse_existing, text_writer, write_file, write_files
+
+if TYPE_CHECKING:
+    from regionpose.scene import Scene, SceneSides
+
+SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
+SCENE_FILE = "scene.yaml"
+
+MASK_LEVEL = 0.5
+"""Share of a pixel from which it is in the mask that is written."""
+
+
+def segment(
+    source: Annotated[Path, typer.Argument(help="Scene file, image, or point cloud.")],
+    seed: Annotated[
+        str | None,
+        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (metres) in a cloud.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="A folder for a scene; .png for an image; .npy (indices) or .ply (points) for a cloud."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", help="In an image: how far the colour may stray.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Grow regions from seeds without estimating a pose.
+
+    For a scene file, writes a folder with the mask and the cloud indices of each region and a scene.yaml that names
+    them, so
+    that masks can be mended by hand before `regionpose estimate`.
+
+    \b
+    Examples:
+      regionpose segment scene.yaml --out segmented
+      regionpose segment image.jpg --seed 463,498 --out door.png
+      regionpose segment cloud.ply --seed 4.63,5.13,0.97 --out door.npy
+    """
+    suffix = source.suffix.lower()
+    if suffix in SCENE_SUFFIXES:
+        facts = _segment_scene(source, seed, out or Path(f"{source.stem}-regions"), force, quiet)
+    elif suffix in IMAGE_SUFFIXES:
+        facts = _segment_image(source, _numbers(seed, 2, "x,y"), out or Path("mask.png"), tolerance, force, quiet)
+    else:
+        facts = _segment_cloud(source, _numbers(seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet)
+    if as_json:
+        say_json(facts)
+    else:
+        say_rows([(key.replace("_", " "), str(value)) for key, value in facts.items() if key != "regions"], indent="")
+        say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
+
+
+def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
+    """The numbers of `--seed`."""
+    if text is None:
+        raise ValueError(f"--seed: found nothing; needed {needed}")
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise ValueError(f"--seed: found {text!r}; needed {needed}") from error
+    if len(numbers) != count:
+        raise ValueError(f"--seed: found {len(numbers)} numbers; needed {needed}")
+    return numbers
+
+
+def _segment_image(
+    path: Path, seed: tuple[float, ...], out: Path, tolerance: float | None, force: bool, quiet: bool
+) -> dict[str, Any]:
+    _check_ending(out, {".png"})
+    refuse_existing([out], force)
+    import numpy as np
+    from PIL import Image
+
+    from regionpose.scene.sensors import read_picture
+    from regionpose.segmentation.image import grow_image_region
+
+    with Progress(quiet) as progress:
+        progress.begin("image region")
+        mask = grow_image_region(read_picture(path), (seed[0], seed[1]), tolerance=tolerance)
+    picture = Image.fromarray(np.where(mask, 255, 0).astype(np.uint8))
+    write_file(out, lambda place: picture.save(place, format="PNG"), force=force)
+    return {"written": str(out), "pixels": int(np.count_nonzero(mask))}
+
+
+def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, quiet: bool) -> dict[str, Any]:
+    _check_ending(out, {".npy", ".ply"})
+    refuse_existing([out], force)
+    import numpy as np
+
+    from regionpose.clouds import Cloud, read_cloud, write_ply
+    from regionpose.segmentation.cloud import grow_plane
+
+    with Progress(quiet) as progress:
+        progress.begin("read cloud")
+        cloud = read_cloud(path)
+        progress.begin("world region")
+        indices = np.asarray(grow_plane(cloud.points, np.asarray(seed) - cloud.origin))
+    if out.suffix.lower() == ".npy":
+        write_file(out, lambda place: np.save(place, indices), force=force)
+    else:
+        colours = None if cloud.colours is None else cloud.colours[indices]
+        part = Cloud(cloud.points[indices], colours=colours, origin=cloud.origin)
+        write_file(out, lambda place: write_ply(place, part), force=force)
+    return {"written": str(out), "points": len(indices)}
+
+
+def _check_ending(out: Path, endings: set[str]) -> None:
+    if out.suffix.lower() not in endings:
+        raise ValueError(f"{out}: found the ending {out.suffix!r}; needed {' or '.join(sorted(endings))}")
+
+
+def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: bool) -> dict[str, Any]:
+    if seed is not None:
+        raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
+    from regionpose.scene import Stages, load_scene, scene_sides
+    from regionpose.scene.result import plain, region_sizes
+
+    scene = load_scene(path)
+    names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
+    names.append(SCENE_FILE)
+    refuse_existing([out / name for name in names], force)
+    with Progress(quiet) as progress:
+        sides = scene_sides(scene, Stages(progress.begin))
+    write_files(out, _scene_writers(scene, sides, out), force=force)
+    return {"written": str(out), "regions": plain(region_sizes(sides))}
+
+
+def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:
+    """Writers of the masks, the indices, and a scene file that names them."""
+    import numpy as np
+    import yaml
+    from PIL import Image
+
+    writers: dict[str, Any] = {}
+    held = _moved(scene.document.value, scene, out)
+    for index, region in enumerate(held["regions"]):
+        observed, world = sides.image_regions[index], sides.world_sides[index]
+        if observed.mask is not None:
+            picture = Image.fromarray(np.where(observed.mask > MASK_LEVEL, 255, 0).astype(np.uint8))
+            region["image"] = {"mask": _mask_name(index, region["name"])}
+            writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
+        if world.indices is not None:
+            region["world"] = {"points": _points_name(index, region["name"])}
+            writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
+    text = yaml.safe_dump(held, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    writers[SCENE_FILE] = text_writer(text)
+    return writers
+
+
+FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "points", "mesh"}
+"""Keys of a scene file under which text is a path."""
+
+
+def _moved(held: Any, scene: Scene, out: Path) -> Any:
+    """The values of a scene file with their paths relative to the folder `out`."""
+    if isinstance(held, list):
+        return [_moved(value, scene, out) for value in held]
+    if not isinstance(held, dict):
+        return held
+    moved = {}
+    for key, value in held.items():
+        is_path = key in FILE_KEYS and isinstance(value, str)
+        moved[key] = _relative(scene.file(value), out) if is_path else _moved(value, scene, out)
+    return moved
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def _slug(index: int, name: str) -> str:
+    return f"{index + 1:02d}-{re.sub(r'[^A-Za-z0-9]+', '-', name).strip('-').lower() or 'region'}"
+
+
+def _mask_name(index: int, name: str) -> str:
+    return f"{_slug(index, name)}.png"
+
+
+def _points_name(index: int, name: str) -> str:
+    return f"{_slug(index, name)}.npy"
+
+
+NAMES = (_mask_name, _points_name)
+"""Names of the files that may be written of a region."""
+
+
+def _size(region: dict[str, Any]) -> str:
+    points = "" if region["cloud_points"] is None else f", {region['cloud_points']} points"
+    return f"{region['image_area_px']:.0f} px, {region['world_area_m2']:.3f} m2{points}"

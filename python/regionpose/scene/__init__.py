@@ -1,0 +1,21 @@
+"""Scene files: a camera, an image, a cloud and regions named in one YAML or JSON file, run from there to a pose."""
+
+from __future__ import annotations
+
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import SceneEstimate, SceneSides, Stages, estimate_scene, scene_sides
+from regionpose.scene.loading import Scene, load_scene, scene_schema
+from regionpose.scene.result import scene_result
+
+__all__ = [
+    "Scene",
+    "SceneError",
+    "SceneEstimate",
+    "SceneSides",
+    "Stages",
+    "estimate_scene",
+    "load_scene",
+    "scene_result",
+    "scene_schema",
+    "scene_sides",
+]

@@ -1,0 +1,150 @@
+"""The text of a scene file as plain values, with the line of each."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+Place = tuple[str | int, ...]
+"""Where a value stands: the keys and indices that lead to it, () for the whole file."""
+
+MAX_BYTES = 16 * 2**20
+"""Largest scene file read, in bytes: polygons are typed by hand or by a script, clouds and masks are files of their
+own."""
+
+FLOAT_PATTERN = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+"""Numbers of YAML 1.2; PyYAML reads 1.1, in which `1e-3` is a string."""
+
+BRIEF = 60
+"""Characters of a found value that a message quotes at most."""
+
+
+class SceneError(ValueError):
+    """A scene that cannot be used: names the file, the line, the item, what was found and what is needed."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """The values of a scene file and the line (from 1) of each place in it."""
+
+    path: Path
+    value: object
+    lines: dict[Place, int]
+
+    def line(self, place: Place) -> int:
+        """The line of the value at `place`, or of the innermost value around it that the file has."""
+        while place and place not in self.lines:
+            place = place[:-1]
+        return self.lines.get(place, 1)
+
+    def error(self, place: Place, message: str) -> SceneError:
+        """The error about the value at `place`."""
+        item = f"{written_place(place)}: " if place else ""
+        return SceneError(f"{self.path}:{self.line(place)}: {item}{message}")
+
+
+def written_place(place: Place) -> str:
+    """The place as `regions[1].image.seed`."""
+    written = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
+    return written.removeprefix(".")
+
+
+def brief(value: object) -> str:
+    """What a message says was found: lists and mappings by their kind, the rest as written, cut to a length that
+    fits.
+    """
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= BRIEF else f"{text[: BRIEF - 3]}..."
+
+
+def read_document(path: str | Path) -> Document:
+    """The scene file at `path`, JSON when its name ends in .json, YAML otherwise.
+
+    FileNotFoundError when it is missing; SceneError when it is not UTF-8, not YAML or JSON, holds a key twice or an
+    alias.
+    """
+    location = Path(path)
+    text = _text(location)
+    return _json_document(location, text) if location.suffix.lower() == ".json" else _yaml_document(location, text)
+
+
+def _text(path: Path) -> str:
+    if path.is_dir():
+        raise SceneError(f"{path}: found a directory; needed a scene file")
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file; needed a scene file")
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise SceneError(f"{path}: found {size} bytes; needed a scene file of at most {MAX_BYTES}")
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: found a binary file; needed YAML or JSON in UTF-8") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values only: no aliases, which could unfold without end, and numbers as YAML 1.2 has them."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.MarkedYAMLError(problem="found an alias (*); needed the value itself", problem_mark=mark)
+        return super().compose_node(parent, index)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(f"^(?:{FLOAT_PATTERN.pattern})$"), list("-+.0123456789")
+)
+
+
+def _yaml_document(path: Path, text: str) -> Document:
+    try:
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        value = None if node is None else loader.construct_document(node)
+    except yaml.MarkedYAMLError as error:
+        line = 1 if error.problem_mark is None else error.problem_mark.line + 1
+        raise SceneError(f"{path}:{line}: {error.problem}; needed YAML") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed YAML") from error
+    return Document(path, value, _lines(path, node))
+
+
+def _json_document(path: Path, text: str) -> Document:
+    try:
+        value = json.loads(text)
+        # JSON is YAML but for tabs between values; strings hold none.
+        node = yaml.compose(text.replace("\t", " "), Loader=yaml.SafeLoader)
+    except json.JSONDecodeError as error:
+        raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
+    except (yaml.YAMLError, RecursionError) as error:
+        raise SceneError(f"{path}: found {type(error).__name__}; needed JSON") from error
+    return Document(path, value, _lines(path, node))
+
+
+def _lines(path: Path, root: yaml.Node | None) -> dict[Place, int]:
+    """The line of each value: of its key, where it has one. SceneError where a key appears twice."""
+    lines: dict[Place, int] = {}
+    stack: list[tuple[Place, yaml.Node]] = [] if root is None else [((), root)]
+    while stack:
+        place, node = stack.pop()
+        lines.setdefault(place, node.start_mark.line + 1)
+        if isinstance(node, yaml.SequenceNode):
+            stack.extend(((*place, index), child) for index, child in enumerate(node.value))
+        elif isinstance(node, yaml.MappingNode):
+            for key, child in node.value:
+                inner = (*place, str(key.value))
+                line = key.start_mark.line + 1
+                if inner in lines:
+                    raise SceneError(f"{path}:{line}: {written_place(inner)}: found the key twice; needed it once")
+                lines[inner] = line
+                stack.append((inner, child))
+    return lines

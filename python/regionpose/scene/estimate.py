@@ -1,0 +1,148 @@
+"""A scene run from its files to its pose."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
+from regionpose.pose import Pose
+from regionpose.regions import ImageRegion
+from regionpose.scene.loading import Scene
+from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
+from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
+from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
+from regionpose.solver import Alternative, PoseEstimate, estimate_pose
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Stages:
+    """The seconds that each stage of a run took; `begin` is told its name when it begins."""
+
+    begin: Callable[[str], object] = lambda name: None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time a block as the stage `name`."""
+        self.begin(name)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSides:
+    """What a scene's files hold: sensors and both sides of each region, in the scene's order.
+
+    `cloud.points` and the world sides are about `origin` (3,), metres.
+    """
+
+    scene: Scene
+    camera: Camera
+    image: Picture
+    cloud: Cloud | None
+    origin: Array
+    image_regions: tuple[ImageRegion, ...]
+    world_sides: tuple[WorldSide, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The regions' names."""
+        return tuple(region.name for region in self.scene.model.regions)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneEstimate:
+    """The pose of a scene's camera in the world of its cloud, and what it came from. `seconds` per stage."""
+
+    sides: SceneSides
+    estimate: PoseEstimate
+    seconds: dict[str, float]
+
+    @property
+    def local_pose(self) -> Pose:
+        """The pose for points about the scene's local origin."""
+        return _moved(self.estimate.pose, -self.sides.origin)
+
+
+def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
+    """The sensors and regions of a scene; SceneError that names the line for a file that cannot be used."""
+    stages = stages or Stages()
+    with stages.stage("read files"):
+        camera = scene_camera(scene)
+        image = scene_image(scene, camera)
+        cloud = scene_cloud(scene)
+    origin, count = scene_origin(scene, cloud), len(scene.model.regions)
+    with stages.stage("image regions"):
+        image_regions = tuple(image_side(scene, index, image) for index in range(count))
+    with stages.stage("world regions"):
+        world_sides = tuple(world_side(scene, index, cloud, origin) for index in range(count))
+    return SceneSides(scene, camera, image, cloud, origin, image_regions, world_sides)
+
+
+def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
+    """The pose of a scene; SceneError for bad input, PoseError where no pose shows every region."""
+    stages = stages or Stages()
+    sides = scene_sides(scene, stages)
+    with stages.stage("pose"):
+        estimate = _estimate(sides)
+    return SceneEstimate(sides, estimate, stages.seconds)
+
+
+def _estimate(sides: SceneSides) -> PoseEstimate:
+    model, prior = sides.scene.model.solver, sides.scene.model.prior
+    local = estimate_pose(
+        sides.camera,
+        sides.image_regions,
+        [side.region for side in sides.world_sides],
+        initial=_initial(sides.scene, sides.origin),
+        up=prior.up,
+        system=model.system,
+        integration=model.integration,
+        driver=model.driver,
+    )
+    alternatives = tuple(
+        Alternative(moved.rotation, moved.translation, overlap_error=other.overlap_error)
+        for other in local.alternatives
+        for moved in [_moved(other, sides.origin)]
+    )
+    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives)
+
+
+def _moved(pose: Pose, origin: Array) -> Pose:
+    """The pose for world points `origin` further on. Its covariance is the same: increments are in the camera's
+    frame.
+    """
+    return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
+
+
+def _initial(scene: Scene, origin: Array) -> Pose | Literal["paper"] | None:
+    given = scene.model.prior.initial
+    if given is None or isinstance(given, str):
+        return given
+    key = "camera_from_world" if isinstance(given, CameraFromWorld) else "world_from_camera"
+    pose = named(scene, ("prior", "initial", key), lambda: _written_pose(given))
+    return _moved(pose, -origin)
+
+
+def _written_pose(given: CameraFromWorld | WorldFromCamera) -> Pose:
+    from scipy.spatial.transform import Rotation
+
+    item = given.camera_from_world if isinstance(given, CameraFromWorld) else given.world_from_camera
+    if isinstance(item, QuaternionPose):
+        pose = Pose(Rotation.from_quat(item.quat_xyzw), np.asarray(item.translation_m))
+    else:
+        pose = Pose.from_matrix(item.matrix)
+    return pose if isinstance(given, CameraFromWorld) else pose.inverse()

@@ -1,0 +1,339 @@
+"""What a scene file may hold, as pydantic models; their JSON schema is what `regionpose schema` prints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from regionpose.scene.document import brief
+
+
+def _numbers(count: int, needed: str) -> Callable[[object], object]:
+    """A check that a value is a list of `count` finite numbers."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, list):
+            raise PydanticCustomError(
+                "numbers", "found {found}; needed {needed}", {"found": brief(value), "needed": needed}
+            )
+        odd = next((item for item in value if not _is_number(item)), None)
+        if odd is not None or len(value) != count:
+            found = brief(odd) if odd is not None else f"{len(value)} numbers"
+            raise PydanticCustomError("numbers", "found {found}; needed {needed}", {"found": found, "needed": needed})
+        return value
+
+    return check
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+FileName = Annotated[str, Field(min_length=1, description="a path, relative to the scene file")]
+Pixel = Annotated[
+    list[Number],
+    BeforeValidator(_numbers(2, "[x, y]")),
+    Field(min_length=2, max_length=2, description="[x, y], pixels"),
+]
+Point = Annotated[
+    list[Number],
+    BeforeValidator(_numbers(3, "[x, y, z]")),
+    Field(min_length=3, max_length=3, description="[x, y, z], metres, world frame"),
+]
+Quaternion = Annotated[
+    list[Number],
+    BeforeValidator(_numbers(4, "[x, y, z, w]")),
+    Field(min_length=4, max_length=4, description="[x, y, z, w]"),
+]
+Row = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
+Coefficients4 = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
+Pair = Annotated[list[Number], BeforeValidator(_numbers(2, "2 numbers")), Field(min_length=2, max_length=2)]
+
+
+class Item(BaseModel):
+    """A mapping of the scene file: unknown keys are errors, and nothing is converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        for key in value:
+            if key not in cls.model_fields:
+                known = ", ".join(cls.model_fields)
+                raise PydanticCustomError(
+                    "unknown_key", "found an unknown key; needed one of {known}", {"known": known, "key": str(key)}
+                )
+        return value
+
+
+def _key_among(*keys: str) -> Callable[[object], str | None]:
+    """The tag of the first of `keys` that a mapping holds."""
+
+    def kind(value: object) -> str | None:
+        if not isinstance(value, dict):
+            return None
+        return next((f"<{key}>" for key in keys if key in value), None)
+
+    return kind
+
+
+def _choice(kind: Callable[[Any], str | None], needed: str) -> Discriminator:
+    return Discriminator(kind, custom_error_type="choice", custom_error_message=needed)
+
+
+class CameraFile(Item):
+    """A calibration file, and which of its cameras."""
+
+    file: FileName
+    name: str | None = Field(None, description="which camera, where the file holds several")
+
+
+class _Intrinsics(Item):
+    fx: Positive
+    fy: Positive
+    cx: Number
+    cy: Number
+    width: int | None = Field(None, gt=0, description="pixels")
+    height: int | None = Field(None, gt=0, description="pixels")
+
+
+class InlinePinhole(_Intrinsics):
+    """A perspective camera; OpenCV's distortion coefficients (0, 4, 5 or 8)."""
+
+    model: Literal["pinhole"]
+    distortion: list[Number] = Field(default_factory=list)
+
+
+class InlineFisheye(_Intrinsics):
+    """A Kannala-Brandt camera, as OpenCV's fisheye module."""
+
+    model: Literal["fisheye"]
+    k: Coefficients4 = Field(default_factory=lambda: [0.0] * 4)
+
+
+class InlineUnified(_Intrinsics):
+    """Mei's unified camera."""
+
+    model: Literal["unified"]
+    xi: Number
+    distortion: list[Number] = Field(default_factory=list)
+
+
+class InlineOcam(Item):
+    """Scaramuzza's omnidirectional camera: bearing (x, y, a0 + a1 rho + ...), a0 > 0; center as [column, row]."""
+
+    model: Literal["ocam"]
+    polynomial: list[Number] = Field(min_length=1)
+    center: Pair
+    stretch: list[Pair] = Field(default_factory=lambda: [[1.0, 0.0], [0.0, 1.0]], min_length=2, max_length=2)
+    width: int | None = Field(None, gt=0)
+    height: int | None = Field(None, gt=0)
+
+
+InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam
+
+
+def _camera_kind(value: object) -> str | None:
+    if isinstance(value, str):
+        return "<path>"
+    if isinstance(value, dict) and "file" in value:
+        return "<file>"
+    model = value.get("model") if isinstance(value, dict) else None
+    return f"<{model}>" if model in {"pinhole", "fisheye", "unified", "ocam"} else None
+
+
+CameraItem = Annotated[
+    Annotated[FileName, Tag("<path>")]
+    | Annotated[CameraFile, Tag("<file>")]
+    | Annotated[InlinePinhole, Tag("<pinhole>")]
+    | Annotated[InlineFisheye, Tag("<fisheye>")]
+    | Annotated[InlineUnified, Tag("<unified>")]
+    | Annotated[InlineOcam, Tag("<ocam>")],
+    _choice(_camera_kind, "a calibration file, {file, name}, or a model: pinhole, fisheye, unified or ocam"),
+]
+
+
+def _ring_kind(value: object) -> str | None:
+    if not isinstance(value, list):
+        return None
+    nested = value and isinstance(value[0], list) and value[0] and isinstance(value[0][0], list)
+    return "<rings>" if nested else "<ring>"
+
+
+RING_NEEDED = "a ring of at least 3 vertices, or a list of rings"
+ImagePolygon = Annotated[
+    Annotated[list[Pixel], Field(min_length=3), Tag("<ring>")]
+    | Annotated[list[Annotated[list[Pixel], Field(min_length=3)]], Tag("<rings>")],
+    _choice(_ring_kind, RING_NEEDED),
+]
+WorldPolygon = Annotated[
+    Annotated[list[Point], Field(min_length=3), Tag("<ring>")]
+    | Annotated[list[Annotated[list[Point], Field(min_length=3)]], Tag("<rings>")],
+    _choice(_ring_kind, RING_NEEDED),
+]
+
+
+class ImageSeed(Item):
+    """A pixel inside the region, which is grown from there."""
+
+    seed: Pixel
+    tolerance: Positive | None = Field(
+        None, description="how far the colour may stray; chosen from the image when left out"
+    )
+
+
+class ImageMask(Item):
+    """A mask file: a picture of 0 and another value, or of labels."""
+
+    mask: FileName
+    label: int | None = Field(None, description="which value, where the picture holds several")
+
+
+class ImagePolygonSide(Item):
+    """The region's outline: one ring, or an outer ring and its holes."""
+
+    polygon: ImagePolygon
+
+
+ImageSide = Annotated[
+    Annotated[ImageSeed, Tag("<seed>")]
+    | Annotated[ImageMask, Tag("<mask>")]
+    | Annotated[ImagePolygonSide, Tag("<polygon>")],
+    _choice(_key_among("seed", "mask", "polygon"), "one of seed, mask, polygon"),
+]
+
+
+class WorldSeed(Item):
+    """A point on the region's plane, which is grown from there in the cloud."""
+
+    seed: Point
+    intensity_tolerance: Positive | None = Field(
+        None,
+        description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
+    )
+    radius: Positive | None = Field(
+        None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"
+    )
+
+
+Indices = Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3)]
+
+
+class WorldPoints(Item):
+    """The region's points: indices into the cloud, or a file of indices, of a mask, of labels, or of coordinates."""
+
+    points: Annotated[
+        Annotated[FileName, Tag("<file>")] | Annotated[Indices, Tag("<indices>")],
+        _choice(lambda value: {str: "<file>", list: "<indices>"}.get(type(value)), "a file or a list of indices"),
+    ]
+    label: int | None = Field(None, description="which label, where the file holds one for each point of the cloud")
+    radius: Positive | None = Field(None, description="metres, of the outline's alpha shape")
+
+
+class WorldPolygonSide(Item):
+    """The region's outline: one ring, or an outer ring and its holes."""
+
+    polygon: WorldPolygon
+
+
+class WorldMesh(Item):
+    """A mesh file of an open surface."""
+
+    mesh: FileName
+
+
+WorldSide = Annotated[
+    Annotated[WorldSeed, Tag("<seed>")]
+    | Annotated[WorldPoints, Tag("<points>")]
+    | Annotated[WorldPolygonSide, Tag("<polygon>")]
+    | Annotated[WorldMesh, Tag("<mesh>")],
+    _choice(_key_among("seed", "points", "polygon", "mesh"), "one of seed, points, polygon, mesh"),
+]
+
+
+class RegionItem(Item):
+    """One planar region, in the image and in the world."""
+
+    name: Annotated[str, Field(min_length=1)]
+    image: ImageSide
+    world: WorldSide
+
+
+class QuaternionPose(Item):
+    """A pose as a quaternion and a translation."""
+
+    quat_xyzw: Quaternion
+    translation_m: Point
+
+
+class MatrixPose(Item):
+    """A pose as a matrix of 3 or 4 rows [R t]."""
+
+    matrix: list[Row] = Field(min_length=3, max_length=4)
+
+
+PoseItem = Annotated[
+    Annotated[QuaternionPose, Tag("<quat_xyzw>")] | Annotated[MatrixPose, Tag("<matrix>")],
+    _choice(_key_among("quat_xyzw", "matrix"), "{quat_xyzw, translation_m} or {matrix}"),
+]
+
+
+class CameraFromWorld(Item):
+    """A rough pose that takes world points to the camera."""
+
+    camera_from_world: PoseItem
+
+
+class WorldFromCamera(Item):
+    """A rough pose that takes camera points to the world."""
+
+    world_from_camera: PoseItem
+
+
+def _initial_kind(value: object) -> str | None:
+    return "<word>" if isinstance(value, str) else _key_among("camera_from_world", "world_from_camera")(value)
+
+
+class PriorItem(Item):
+    """What is known of the pose beforehand."""
+
+    up: Annotated[Point | None, Field(description="the world direction that is up in the image")] = None
+    initial: (
+        Annotated[
+            Annotated[Literal["paper"], Tag("<word>")]
+            | Annotated[CameraFromWorld, Tag("<camera_from_world>")]
+            | Annotated[WorldFromCamera, Tag("<world_from_camera>")],
+            _choice(_initial_kind, "camera_from_world, world_from_camera or paper"),
+        ]
+        | None
+    ) = None
+
+
+class SolverItem(Item):
+    """How the equations are set up and solved."""
+
+    system: Literal["plane", "sphere"] = "plane"
+    integration: Literal["boundary", "mesh", "pixels"] = "boundary"
+    driver: Literal["scipy", "native"] = "scipy"
+
+
+class SceneModel(Item):
+    """A camera, its image, a point cloud, and the planar regions that both show."""
+
+    model_config = ConfigDict(title="regionpose scene file")
+
+    camera: CameraItem
+    image: FileName
+    cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
+    regions: list[RegionItem] = Field(min_length=1)
+    prior: PriorItem = PriorItem()
+    solver: SolverItem = SolverItem()

@@ -1,0 +1,171 @@
+"""A scene's estimate as plain values for JSON: frames and units in the names."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import platform
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regionpose.pose import Pose
+from regionpose.scene.estimate import SceneEstimate, SceneSides
+from regionpose.scene.loading import Scene
+from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
+
+FORMAT = "regionpose result 1"
+
+COVARIANCE_CONVENTION = (
+    "order [omega_x, omega_y, omega_z (rad), tau_x, tau_y, tau_z (m)] along the camera's axes; "
+    "increment on the left of camera_from_world: x_camera' = exp(omega) x_camera + tau"
+)
+
+PACKAGES = ("regionpose", "numpy", "scipy", "scikit-image", "shapely", "pydantic", "pillow")
+
+
+def scene_result(run: SceneEstimate) -> dict[str, Any]:
+    """The result of a run: finite numbers, or null where a number is not finite."""
+    estimate = run.estimate
+    values = {
+        "format": FORMAT,
+        "scene": str(run.sides.scene.path),
+        "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
+        "world_from_camera": pose_values(
+            estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
+        ),
+        "camera_center_in_world_m": estimate.pose.camera_center,
+        "covariance": estimate.covariance,
+        "covariance_convention": COVARIANCE_CONVENTION,
+        "rotation_sigma_deg": estimate.rotation_sigma_deg,
+        "translation_sigma_m": estimate.translation_sigma,
+        "overlap_error": estimate.overlap_error,
+        "boundary_noise_px": estimate.boundary_noise,
+        "regions": region_values(run),
+        "alternatives": [
+            {"camera_from_world": pose_values(other.pose), "overlap_error": other.overlap_error}
+            for other in estimate.alternatives
+        ],
+        "warnings": [{"code": warning.code, "message": warning.message} for warning in estimate.warnings],
+        "converged": estimate.converged,
+        "termination": estimate.termination,
+        "evaluations": estimate.evaluations,
+        "solver": run.sides.scene.model.solver.model_dump(),
+        "exports": exports(estimate.pose),
+        "inputs": input_values(run.sides.scene),
+        "versions": versions(),
+        "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
+    }
+    return {key: plain(value) for key, value in values.items()}
+
+
+def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
+    """A pose as matrix, quaternion and translation (metres)."""
+    values: dict[str, Any] = {} if meaning is None else {"meaning": meaning}
+    values["rotation_matrix"] = pose.rotation.as_matrix()
+    values["quat_xyzw"] = pose.rotation.as_quat(canonical=True)
+    values["translation_m"] = pose.translation
+    values["matrix"] = pose.matrix
+    return values
+
+
+def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
+    """Each region's overlap error (a fraction) and how large it is on both sides."""
+    errors = run.estimate.region_overlap_errors
+    return [
+        {"name": size.pop("name"), "overlap_error": float(error), **size}
+        for size, error in zip(region_sizes(run.sides), errors, strict=True)
+    ]
+
+
+def exports(pose: Pose) -> dict[str, Any]:
+    """The pose as other tools write it.
+
+    direct_visual_lidar_calibration: camera to lidar as [t (m), quaternion x y z w]. KITTI: the 12 numbers of [R t],
+    row by row, lidar to camera.
+    """
+    inverse = pose.inverse()
+    row = " ".join(f"{value:.12e}" for value in pose.matrix[:3].ravel())
+    return {
+        "direct_visual_lidar_calibration": {
+            "T_lidar_camera": [*inverse.translation, *inverse.rotation.as_quat(canonical=True)]
+        },
+        "kitti_Tr_velo_to_cam": f"Tr_velo_to_cam: {row}",
+    }
+
+
+def input_values(scene: Scene) -> list[dict[str, Any]]:
+    """Roles, path (as the scene names it), size and SHA-256 of every file that a scene reads."""
+    roles: dict[str, list[str]] = {scene.path.name: ["scene"]}
+    for role, name in named_files(scene).items():
+        roles.setdefault(name, []).append(role)
+    return [
+        {"roles": held, "path": name, "bytes": scene.file(name).stat().st_size, "sha256": file_hash(scene.file(name))}
+        for name, held in roles.items()
+    ]
+
+
+def named_files(scene: Scene) -> dict[str, str]:
+    """The files that a scene names, by their role."""
+    model = scene.model
+    camera = model.camera.file if isinstance(model.camera, CameraFile) else model.camera
+    files = {"camera": camera} if isinstance(camera, str) else {}
+    files["image"] = model.image
+    if model.cloud is not None:
+        files["cloud"] = model.cloud
+    for region in model.regions:
+        if isinstance(region.image, ImageMask):
+            files[f"mask of {region.name}"] = region.image.mask
+        if isinstance(region.world, WorldPoints) and isinstance(region.world.points, str):
+            files[f"points of {region.name}"] = region.world.points
+        if isinstance(region.world, WorldMesh):
+            files[f"mesh of {region.name}"] = region.world.mesh
+    return files
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result depends on."""
+    found = {"python": platform.python_version(), "platform": sys.platform}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
+    """Each region's name, areas (pixels, square metres) and cloud points."""
+    return [
+        {
+            "name": name,
+            "image_area_px": observed.area,
+            "world_area_m2": world.region.area,
+            "cloud_points": None if world.indices is None else len(world.indices),
+        }
+        for name, observed, world in zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
+    ]
+
+
+def plain(value: Any) -> Any:
+    """Numpy values as lists and numbers; numbers that are not finite as None, since JSON has no word for them."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,92 @@
+"""The camera, the image and the cloud that a scene names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from regionpose.calibration import load_camera
+from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.clouds import Cloud, read_cloud
+from regionpose.scene.document import Place
+from regionpose.scene.loading import Scene
+from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, InlinePinhole, InlineUnified
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+Value = TypeVar("Value")
+
+MOST_PIXELS = 400_000_000
+"""Largest picture opened: above any camera's, below what fills a machine's memory."""
+
+MODELS: dict[type, Callable[..., Camera]] = {
+    InlinePinhole: PinholeCamera,
+    InlineFisheye: FisheyeCamera,
+    InlineUnified: UnifiedCamera,
+    InlineOcam: OcamCamera,
+}
+
+
+def scene_camera(scene: Scene) -> Camera:
+    """The scene's camera; SceneError that names the line for a file or parameters that give none."""
+    item = scene.model.camera
+    if isinstance(item, str):
+        return named(scene, ("camera",), lambda: load_camera(scene.file(item)))
+    if isinstance(item, CameraFile):
+        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name))
+    parameters: dict[str, Any] = item.model_dump(exclude={"model"})
+    tupled = {key: _tupled(value) for key, value in parameters.items()}
+    return named(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
+
+
+def scene_image(scene: Scene, camera: Camera) -> Picture:
+    """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
+    image = named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
+    height, width = image.shape[:2]
+    if camera.width is not None and camera.height is not None and (width, height) != (camera.width, camera.height):
+        raise scene.error(
+            ("image",),
+            f"found {width} x {height} pixels; needed {camera.width} x {camera.height}, as the camera's calibration",
+        )
+    return image
+
+
+def scene_cloud(scene: Scene) -> Cloud | None:
+    """The scene's cloud, None when it names none."""
+    name = scene.model.cloud
+    return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name)))
+
+
+def read_picture(path: Path) -> Picture:
+    """The picture (h, w, 3) uint8 of an image file; ValueError when it is none."""
+    try:
+        with Image.open(path) as picture:
+            if picture.width * picture.height > MOST_PIXELS:
+                raise ValueError(
+                    f"{path}: found {picture.width} x {picture.height} pixels; needed at most {MOST_PIXELS}"
+                )
+            return np.asarray(picture.convert("RGB"))
+    except FileNotFoundError:
+        raise
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{path}: found no picture ({error}); needed PNG, JPEG, TIFF or the like") from error
+
+
+def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
+    """What `action` returns; its errors about bad input say where in the scene file the trouble starts."""
+    try:
+        return action()
+    except FileNotFoundError as error:
+        missing = error.filename or str(error)
+        raise scene.error(place, f"{missing}: no such file; needed a path relative to the scene file") from error
+    except (ValueError, ImportError, OSError) as error:
+        raise scene.error(place, str(error)) from error
+
+
+def _tupled(value: object) -> object:
+    return tuple(_tupled(item) for item in value) if isinstance(value, list) else value

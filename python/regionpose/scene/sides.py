@@ -1,0 +1,194 @@
+"""The two sides of each region of a scene: grown from seeds, read from files, or written out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.clouds import Cloud, read_cloud
+from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.scene.document import Place
+from regionpose.scene.loading import Scene
+from regionpose.scene.mask_files import read_mask
+from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
+from regionpose.scene.sensors import Picture, named
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FAR = 10_000.0
+"""A world polygon further than this from zero (metres) is solved about a local origin, as a cloud is."""
+
+ORIGIN_STEP = 100.0
+"""A local origin is a multiple of this (metres), so that taking it off rounds nothing."""
+
+
+SEED_NEIGHBOURS = 9
+"""Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
+it."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorldSide:
+    """A region's world side and the cloud points it was made from.
+
+    `region` is about the scene's local origin. `indices`: into the cloud, None where the region is not made of its
+    points.
+    """
+
+    region: WorldRegion
+    indices: Indices | None = None
+
+
+def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
+    """The local origin (3,), metres: the cloud's, or near the first far polygon, else zero."""
+    if cloud is not None:
+        return cloud.origin
+    for item in scene.model.regions:
+        if isinstance(item.world, WorldPolygonSide):
+            first = np.concatenate([np.atleast_2d(ring) for ring in item.world.polygon])[0]
+            return np.where(np.abs(first) > FAR, np.round(first / ORIGIN_STEP) * ORIGIN_STEP, 0.0)
+    return np.zeros(3)
+
+
+def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
+    """The image side of region `index`; SceneError that names its line when it gives no region."""
+    place: Place = ("regions", index, "image")
+    item = scene.model.regions[index].image
+    if isinstance(item, ImageSeed):
+        return named(scene, (*place, "seed"), lambda: _grown(image, item))
+    if isinstance(item, ImageMask):
+        return named(scene, (*place, "mask"), lambda: _masked(scene.file(item.mask), item, image))
+    return named(scene, (*place, "polygon"), lambda: ImageRegion.from_polygon(item.polygon))
+
+
+def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:
+    """The world side of region `index` about `origin`; SceneError that names its line when it gives no region."""
+    item = scene.model.regions[index].world
+    place: Place = ("regions", index, "world")
+    if isinstance(item, WorldPolygonSide):
+        return named(scene, (*place, "polygon"), lambda: WorldSide(_polygon(item, origin)))
+    if isinstance(item, WorldMesh):
+        return named(scene, (*place, "mesh"), lambda: WorldSide(_mesh(scene.file(item.mesh), origin)))
+    if isinstance(item, WorldSeed):
+        return named(scene, (*place, "seed"), lambda: _grown_plane(item, cloud, origin))
+    return named(scene, (*place, "points"), lambda: _points(scene, item, cloud, origin))
+
+
+def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
+    from regionpose.segmentation.image import grow_image_region
+
+    x, y = item.seed
+    height, width = image.shape[:2]
+    if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
+        raise ValueError(f"found [{x:g}, {y:g}] outside the image; needed a pixel of its {width} x {height}")
+    return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
+
+
+def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
+    mask = read_mask(path, label=item.label)
+    if mask.shape != image.shape[:2]:
+        raise ValueError(
+            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; "
+            f"needed {image.shape[1]} x {image.shape[0]}, as the image"
+        )
+    return ImageRegion.from_mask(mask)
+
+
+def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:
+    nested = isinstance(item.polygon[0][0], list)
+    rings = item.polygon if nested else [item.polygon]
+    return WorldRegion.from_polygon([np.asarray(ring, dtype=np.float64) - origin for ring in rings])
+
+
+def _mesh(path: Path, origin: Array) -> WorldRegion:
+    cloud = read_cloud(path)
+    if cloud.triangles is None:
+        raise ValueError(f"{path}: found points without triangles; needed a mesh")
+    return WorldRegion.from_mesh(
+        SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles)
+    )
+
+
+def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array) -> WorldSide:
+    from regionpose.segmentation.cloud import grow_plane
+
+    if cloud is None:
+        raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
+    seed = np.asarray(item.seed) - origin
+    if item.intensity_tolerance is None:
+        indices = grow_plane(cloud.points, seed)
+    else:
+        alike = _alike(cloud, seed, item.intensity_tolerance)
+        indices = alike[grow_plane(cloud.points[alike], seed)]
+    return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)
+
+
+def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
+    """Indices of the points whose intensity is within `tolerance` of the median around the seed."""
+    if cloud.intensity is None:
+        raise ValueError(
+            "found intensity_tolerance with a cloud without intensity; needed a cloud that has it, or no such key"
+        )
+    count = min(SEED_NEIGHBOURS, len(cloud))
+    squares = np.sum((cloud.points - seed) ** 2, axis=1)
+    around = np.argpartition(squares, count - 1)[:count]
+    return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
+
+
+def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array) -> WorldSide:
+    if isinstance(item.points, list):
+        return _indexed(np.asarray(item.points), item, cloud)
+    path = scene.file(item.points)
+    if path.suffix.lower() not in {".npy", ".npz"}:
+        other = read_cloud(path)
+        return WorldSide(WorldRegion.from_points(other.points + (other.origin - origin), radius=item.radius))
+    values = _array(path)
+    if values.ndim == 2:
+        return WorldSide(WorldRegion.from_points(values.astype(np.float64) - origin, radius=item.radius))
+    return _indexed(_chosen(path, values, item, cloud), item, cloud)
+
+
+def _array(path: Path) -> NDArray[np.generic]:
+    """The array of a .npy file, or the only one of a .npz file."""
+    loaded = np.load(path, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return loaded
+    with loaded:
+        if len(loaded.files) != 1:
+            raise ValueError(f"{path}: found {len(loaded.files)} arrays; needed one")
+        return np.asarray(loaded[loaded.files[0]])
+
+
+def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: Cloud | None) -> Indices:
+    """Indices from a file of indices, of a mask (bool), or of labels."""
+    if values.ndim != 1 or values.dtype.kind not in "biu":
+        found = f"{values.dtype} of shape {values.shape}"
+        raise ValueError(f"{path}: found {found}; needed points (n, 3), or indices, a mask or labels (n,)")
+    if values.dtype.kind != "b" and item.label is None:
+        return values.astype(np.intp)
+    if cloud is not None and len(values) != len(cloud) + cloud.dropped:
+        raise ValueError(
+            f"{path}: found {len(values)} values; needed {len(cloud) + cloud.dropped}, one for each point of the cloud"
+        )
+    chosen = np.flatnonzero(values if item.label is None else values == item.label)
+    if not len(chosen):
+        raise ValueError(f"{path}: found no point of the label {item.label}; needed at least 3")
+    return chosen
+
+
+def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None) -> WorldSide:
+    if cloud is None:
+        raise ValueError("found indices without a cloud; needed the key cloud in the scene")
+    if cloud.dropped:
+        raise ValueError(
+            f"found indices into a cloud of which {cloud.dropped} points are not finite; needed a cloud without them"
+        )
+    if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
+        found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
+        raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
+    return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)

@@ -1,0 +1,61 @@
+"""Whether to trust a pose, in plain words."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from regionpose.scene.estimate import SceneEstimate
+
+ADVICE = {
+    "ambiguous": "Add a region without symmetry, or give prior.up or prior.initial in the scene file.",
+    "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
+    "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
+    "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
+}
+"""What to do about each warning."""
+
+TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
+
+DOUBTS = {"not-converged", "ambiguous"}
+"""Warnings after which the pose may be another one altogether."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`level`: trusted, check or doubtful. `headline`: one sentence. `remarks`: (warning, advice) pairs."""
+
+    level: str
+    headline: str
+    remarks: tuple[tuple[str, str], ...]
+
+
+def verdict(run: SceneEstimate) -> Verdict:
+    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one, else to be
+    checked.
+    """
+    estimate = run.estimate
+    codes = {warning.code for warning in estimate.warnings}
+    remarks = tuple(
+        (with_names(warning.message, run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
+    )
+    fit = f"The projected regions differ from the observed ones by {100.0 * estimate.overlap_error:.2f} % of their area"
+    turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma))
+    sigma = f"{turn:.3f} deg and {shift:.1f} mm"
+    if not codes:
+        return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma} (1 sigma).", ())
+    if codes & DOUBTS:
+        return Verdict(DOUBTFUL, f"{fit}, but this may not be the true pose.", remarks)
+    return Verdict(CHECK, f"{fit}; the pose is known to about {sigma} (1 sigma). Check what is said below.", remarks)
+
+
+def with_names(message: str, names: tuple[str, ...]) -> str:
+    """A message with `region 2` written as `region 2 (door)`."""
+
+    def named(match: re.Match[str]) -> str:
+        index = int(match[1])
+        return f"{match[0]} ({names[index]})" if index < len(names) else match[0]
+
+    return re.sub(r"\bregion (\d+)", named, message)

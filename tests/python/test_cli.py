@@ -1,0 +1,372 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from regionpose.calibration import load_camera
+from regionpose.cli import main
+from regionpose.cli.outputs import text_writer, write_files
+from regionpose.cli.poses import read_pose
+from regionpose.clouds import read_cloud
+from regionpose.demo.scene import folder as demo_folder
+from scene_files import POSE, scene_values, write_scene
+
+COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "info", "schema")
+
+HELP_SECONDS = 0.5
+"""What `regionpose --help` may take, the interpreter's start included: longer feels slow at a prompt."""
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command line."""
+    code = main([str(word) for word in words])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+@pytest.fixture(scope="module")
+def demo_out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files of the demo, from masks."""
+    out = tmp_path_factory.mktemp("demo") / "out"
+    assert main(["demo", "--from", "masks", "--out", str(out), "--quiet"]) == 0
+    return out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_shows_examples(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, command, "--help")
+    assert code == 0
+    assert "Examples:" in out and f"\n    regionpose {command} " in out
+
+
+def test_help_says_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "--help")
+    assert code == 0
+    assert all(f"\n    {number}  " in out for number in range(4))
+
+
+def test_help_loads_nothing_slow() -> None:
+    program = (
+        "import sys; from regionpose.cli import main; code = main(['--help']); print(*sys.modules); sys.exit(code)"
+    )
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        seconds.append(time.perf_counter() - start)
+    loaded = ended.stdout.split("\n")[-2].split()
+    assert not {"numpy", "scipy", "skimage", "shapely", "pydantic", "PIL", "yaml"} & set(loaded)
+    if os.getloadavg()[0] < 0.75 * (os.cpu_count() or 1):
+        assert min(seconds) < HELP_SECONDS
+
+
+def test_estimate_writes_all_files_and_says_the_pose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "result"
+    code, said, err = run(capsys, "estimate", write_scene(tmp_path), "--out", out)
+    assert code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["overlay.png", "report.html", "result.json"]
+    assert "translation_m" in said and "floor" in said and "trusted:" in said
+    assert "pose ..." in err
+    assert read_pose(out / "result.json").translation == pytest.approx(POSE.translation, abs=1e-6)
+
+
+def test_json_is_all_of_standard_output_and_the_written_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said, err = run(capsys, "estimate", write_scene(tmp_path), "--out", tmp_path / "out", "--json", "--quiet")
+    assert (code, err) == (0, "")
+    assert json.loads(said) == json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+
+
+def test_nothing_is_overwritten_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("mine", encoding="utf-8")
+    code, said, err = run(capsys, "estimate", scene, "--out", out)
+    assert (code, said) == (2, "")
+    assert "report.html: the file exists" in err and "--force" in err
+    assert "pose ..." not in err, "the work began before the refusal"
+    assert [path.name for path in out.iterdir()] == ["report.html"]
+    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
+    assert run(capsys, "estimate", scene, "--out", out, "--force")[0] == 0
+    assert (out / "report.html").read_text(encoding="utf-8") != "mine"
+
+
+def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
+    def fails(path: Path) -> None:
+        path.write_text("half", encoding="utf-8")
+        raise OSError("disk full")
+
+    (tmp_path / "a").write_text("old", encoding="utf-8")
+    with pytest.raises(OSError, match="disk full"):
+        write_files(tmp_path, {"a": text_writer("new"), "b": fails}, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+    assert (tmp_path / "a").read_text(encoding="utf-8") == "old"
+
+
+def test_an_output_below_a_file_is_refused_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = write_scene(tmp_path)
+    code, _, err = run(capsys, "estimate", scene, "--out", scene / "out")
+    assert code == 2
+    assert "found a file; needed a folder" in err and "pose ..." not in err
+
+
+def one_square(folder: Path) -> Path:
+    """A scene of one square, which looks the same from several poses."""
+    values: dict[str, Any] = scene_values()
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    camera = load_camera(demo_folder() / "camera_info.yaml")
+    values["camera"], values["image"] = str(demo_folder() / "camera_info.yaml"), str(demo_folder() / "image.jpg")
+    pixels = camera.project(POSE.transform(square)).tolist()
+    values["regions"] = [{"name": "square", "image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}]
+    return write_scene(folder, values)
+
+
+def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = one_square(tmp_path)
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
+    assert code == 0 and "doubtful:" in said and "warning: " in said
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
+    assert code == 1
+    assert json.loads(said)["warnings"][0]["code"] == "ambiguous"
+    assert (tmp_path / "b" / "result.json").exists()
+
+
+def test_no_pose_ends_with_3_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from regionpose.scene import estimate
+    from regionpose.solver import PoseError
+
+    def no_pose(*_: object, **__: object) -> None:
+        raise PoseError("no pose shows every world region where its image region is")
+
+    monkeypatch.setattr(estimate, "estimate_pose", no_pose)
+    code, _, err = run(capsys, "estimate", write_scene(tmp_path), "--out", tmp_path / "out", "--quiet")
+    assert code == 3
+    assert err.startswith("regionpose: error: no pose shows") and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_input_is_one_line_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = scene_values()
+    values["regions"][0]["image"] = {"seed": [1, 2, 3]}
+    scene = write_scene(tmp_path, values)
+    line = 1 + next(k for k, row in enumerate(scene.read_text(encoding="utf-8").splitlines()) if "seed:" in row)
+    code, said, err = run(capsys, "estimate", scene, "--quiet", "--out", tmp_path / "out")
+    assert (code, said) == (2, "")
+    assert err == f"regionpose: error: {scene}:{line}: regions[0].image.seed: found 3 numbers; needed [x, y]\n"
+
+
+@pytest.mark.parametrize(
+    "words", [["estimate"], ["unknown"], ["demo", "--from", "nothing"], ["estimate", "a", "--loud"]]
+)
+def test_bad_usage_ends_with_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, err = run(capsys, *words)
+    assert code == 2
+    assert not said and "Error" in err and "Traceback" not in err
+
+
+def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
+    result = json.loads((demo_out / "result.json").read_text(encoding="utf-8"))
+    assert result["truth_errors"]["rotation_deg"] < 0.3
+    assert result["truth_errors"]["camera_center_m"] < 0.03
+    assert max(region["overlap_error"] for region in result["regions"]) < 0.08
+    names = {path.name for path in demo_out.iterdir()}
+    assert names == {"cloud.ply", "depth.png", "overlay.png", "report.html", "result.json"}
+    cloud = read_cloud(demo_out / "cloud.ply")
+    assert cloud.colours is not None
+    assert cloud.colours[cloud.fields["visible"] > 0].mean() > 40
+
+
+def test_the_demos_scene_files_hold_its_seeds() -> None:
+    from regionpose.demo.scene import load
+    from regionpose.scene import load_scene
+
+    seeds, masks = (load_scene(demo_folder() / name).model for name in ("scene.yaml", "scene_masks.yaml"))
+    for region, by_seed, by_mask in zip(load().regions, seeds.regions, masks.regions, strict=True):
+        assert by_seed.name == by_mask.name == region.name
+        assert by_seed.image.model_dump()["seed"] == list(region.seed_pixel)
+        assert by_seed.world.model_dump()["seed"] == pytest.approx(region.seed_point, abs=1e-3)
+        assert by_mask.image.model_dump()["label"] == by_mask.world.model_dump()["label"] == region.label
+
+
+def test_the_demo_runs_from_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("regionpose.segmentation.image")
+    code, said, _ = run(capsys, "demo", "--from", "seeds", "--out", tmp_path / "out")
+    assert code == 0
+    assert "error against the truth" in said
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert result["truth_errors"]["rotation_deg"] < 2.0
+    assert result["overlap_error"] < 0.1
+
+
+def sensors(demo_out: Path) -> list[Path | str]:
+    files = demo_folder()
+    pose = demo_out / "result.json"
+    return [files / "cloud.ply", files / "image.jpg", "--camera", files / "camera_info.yaml", "--pose", pose, "--quiet"]
+
+
+def test_fuse_colours_a_cloud_as_the_estimate_did(
+    demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "coloured.ply"
+    code, said, _ = run(capsys, "fuse", *sensors(demo_out), "--out", out, "--json")
+    assert code == 0
+    facts = json.loads(said)
+    assert 0 < facts["visible_points"] < facts["points"]
+    assert out.read_bytes() == (demo_out / "cloud.ply").read_bytes()
+    assert run(capsys, "fuse", *sensors(demo_out), "--out", out)[0] == 2
+
+
+def test_project_writes_pixels_and_a_picture(
+    demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, picture = tmp_path / "pixels.csv", tmp_path / "depth.png"
+    code, said, _ = run(capsys, "project", *sensors(demo_out), "--out", table, "--json")
+    assert code == 0
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert len(rows) == json.loads(said)["points_inside"] > 1000
+    cloud, camera = read_cloud(demo_folder() / "cloud.ply"), load_camera(demo_folder() / "camera_info.yaml")
+    seen = read_pose(demo_out / "result.json").transform(cloud.points[rows[:, 0].astype(int)])
+    np.testing.assert_allclose(rows[:, 1:3], camera.project(seen), atol=1e-4)
+    np.testing.assert_allclose(rows[:, 3], seen[:, 2], atol=1e-6)
+    assert run(capsys, "project", *sensors(demo_out), "--out", picture)[0] == 0
+    assert picture.read_bytes() == (demo_out / "depth.png").read_bytes()
+    code, _, err = run(capsys, "project", *sensors(demo_out), "--out", tmp_path / "pixels.txt")
+    assert code == 2 and "needed .png or .csv" in err
+
+
+def test_segmented_regions_make_a_scene_of_the_same_pose(
+    demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "regions"
+    code, said, _ = run(capsys, "segment", demo_folder() / "scene_masks.yaml", "--out", out, "--json", "--quiet")
+    assert code == 0
+    assert json.loads(said)["regions"][0]["name"] == "door"
+    assert {"01-door.png", "01-door.npy", "scene.yaml"} <= {path.name for path in out.iterdir()}
+    assert run(capsys, "estimate", out / "scene.yaml", "--out", tmp_path / "again", "--quiet")[0] == 0
+    first, again = (read_pose(path / "result.json").matrix for path in (demo_out, tmp_path / "again"))
+    np.testing.assert_allclose(again, first, atol=1e-9)
+
+
+def test_segment_never_replaces_single_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "regions"
+    out.mkdir()
+    (out / "01-door.npy").write_text("mine", encoding="utf-8")
+    code, _, err = run(capsys, "segment", demo_folder() / "scene_masks.yaml", "--out", out, "--quiet")
+    assert code == 2 and "01-door.npy: the file exists" in err
+    assert [path.name for path in out.iterdir()] == ["01-door.npy"]
+
+
+def test_segment_grows_a_plane_in_a_cloud(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from regionpose.demo.scene import load
+
+    demo = load()
+    region, cloud = demo.region("chalkboard"), demo_folder() / "cloud.ply"
+    seed = ",".join(str(value) for value in region.seed_point)
+    code, said, _ = run(capsys, "segment", cloud, "--seed", seed, "--out", tmp_path / "a.npy", "--json", "--quiet")
+    assert code == 0
+    indices = np.load(tmp_path / "a.npy")
+    assert json.loads(said)["points"] == len(indices)
+    common = len(np.intersect1d(indices, region.point_indices))
+    assert common > 0.95 * len(region.point_indices) and common > 0.9 * len(indices)
+    assert run(capsys, "segment", cloud, "--seed", seed, "--out", tmp_path / "a.ply", "--quiet")[0] == 0
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").points, demo.points[indices])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["cloud.ply"], "--seed: found nothing; needed x,y,z"),
+        (["cloud.ply", "--seed", "1,2"], "--seed: found 2 numbers; needed x,y,z"),
+        (["image.jpg", "--seed", "a,b"], "--seed: found 'a,b'; needed x,y"),
+        (["image.jpg", "--seed", "1,2", "--out", "mask.txt"], "needed .png"),
+        (["scene.yaml", "--seed", "1,2"], "its regions have their own"),
+    ],
+)
+def test_segment_says_what_it_needs(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run(capsys, "segment", demo_folder() / words[0], *words[1:])
+    assert code == 2 and said in err
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "key"),
+    [
+        ("cloud.ply", "cloud", "points"),
+        ("camera_info.yaml", "calibration", "fx"),
+        ("image.jpg", "image", "width_px"),
+        ("scene.yaml", "scene file", "regions"),
+    ],
+)
+def test_info_tells_what_a_file_holds(name: str, kind: str, key: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = run(capsys, "info", demo_folder() / name, "--json")
+    facts = json.loads(said)
+    assert code == 0 and facts["kind"] == kind and facts[key]
+    assert run(capsys, "info", demo_folder() / name)[0] == 0
+
+
+def test_info_reads_results_and_refuses_the_rest(
+    demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said, _ = run(capsys, "info", demo_out / "result.json", "--json")
+    assert code == 0 and json.loads(said)["regions"][0] == "door"
+    (tmp_path / "note.yaml").write_text("hello", encoding="utf-8")
+    for path in (tmp_path / "note.yaml", tmp_path / "nowhere.ply", tmp_path):
+        code, said, err = run(capsys, "info", path)
+        assert (code, said) == (2, "") and err.count("\n") == 1 and str(path) in err
+
+
+def test_schema_prints_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = run(capsys, "schema")
+    assert code == 0 and json.loads(said)["title"] == "regionpose scene file"
+
+
+def test_poses_are_read_from_every_kind_of_file(tmp_path: Path) -> None:
+    inverse = POSE.inverse()
+    quaternion = inverse.rotation.as_quat().tolist()
+    np.save(tmp_path / "a.npy", POSE.matrix)
+    np.savetxt(tmp_path / "b.txt", POSE.matrix[:3])
+    calib = {"results": {"T_lidar_camera": [*inverse.translation.tolist(), *quaternion]}}
+    (tmp_path / "c.json").write_text(json.dumps(calib), encoding="utf-8")
+    for name in ("a.npy", "b.txt", "c.json"):
+        np.testing.assert_allclose(read_pose(tmp_path / name).matrix, POSE.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a.json", "{}"), ("b.json", "{"), ("c.txt", "1 2 3"), ("d.txt", "word"), ("e.json", '{"T_lidar_camera": [1]}')],
+)
+def test_files_without_a_pose_are_refused(name: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=name):
+        read_pose(tmp_path / name)
+
+
+def test_an_image_seed_gives_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("regionpose.segmentation.image")
+    picture = np.full((60, 80, 3), 200, dtype=np.uint8)
+    picture[20:40, 30:60] = (30, 60, 160)
+    Image.fromarray(picture).save(tmp_path / "image.png")
+    words: list[str | Path] = [
+        "segment",
+        tmp_path / "image.png",
+        "--seed",
+        "45,30",
+        "--out",
+        tmp_path / "mask.png",
+        "--quiet",
+        "--json",
+    ]
+    code, _, _ = run(capsys, *words)
+    assert code == 0
+    mask = np.asarray(Image.open(tmp_path / "mask.png")) > 0
+    assert abs(int(mask.sum()) - 600) < 60

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import re
+from base64 import b64decode
+from html.parser import HTMLParser
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from regionpose.report import Figure, Report, data_url, report_html
+from regionpose.scene import SceneEstimate, estimate_scene, load_scene, scene_result
+from regionpose.splat import BACKGROUND, View, splatted, viewpoints
+from scene_files import write_scene
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> SceneEstimate:
+    return estimate_scene(load_scene(write_scene(tmp_path_factory.mktemp("scene"))))
+
+
+def page(run: SceneEstimate, title: str = "A title") -> str:
+    picture = np.full((20, 30, 3), 90, dtype=np.uint8)
+    remarks = [("<b>weak</b> & poor", "look")]
+    report = Report(title, "check", "Head < line", remarks, scene_result(run), [Figure(picture, "one")], [])
+    return report_html(report)
+
+
+class Balance(HTMLParser):
+    """Collects tags that are opened and not closed, and the resources that a page loads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loaded: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loaded += [value or "" for name, value in attrs if name in {"src", "href", "srcset", "data"}]
+        if tag not in {"meta", "img", "br", "link"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_report_is_whole_html_that_loads_nothing(run: SceneEstimate) -> None:
+    html, balance = page(run), Balance()
+    balance.feed(html)
+    assert balance.open == []
+    assert balance.loaded and all(url.startswith("data:image/jpeg;base64,") for url in balance.loaded)
+    assert not re.search(r"https?://|@import|url\(", html)
+
+
+def test_text_from_files_is_escaped(run: SceneEstimate) -> None:
+    html = page(run, "<script>alert(1)</script>")
+    assert "<script>" not in html and "<b>weak" not in html
+    assert "&lt;b&gt;weak&lt;/b&gt; &amp; poor" in html
+
+
+def test_the_report_says_what_the_result_holds(run: SceneEstimate) -> None:
+    html, result = page(run), scene_result(run)
+    for region in result["regions"]:
+        assert f"<td>{region['name']}</td><td>{100 * region['overlap_error']:.2f} %</td>" in html
+    for entry in result["inputs"]:
+        assert entry["sha256"] in html
+    assert "camera_from_world" in html and "world_from_camera" in html and "T_lidar_camera" in html
+    assert f"{result['translation_sigma_m'][2] * 1000:.2f}" in html
+
+
+def test_unknown_numbers_are_said_to_be_unknown(run: SceneEstimate) -> None:
+    result = scene_result(run)
+    result["covariance"] = [[None] * 6] * 6
+    result["rotation_sigma_deg"] = result["translation_sigma_m"] = [None] * 3
+    result["overlap_error"] = result["boundary_noise_px"] = None
+    html = report_html(Report("t", "doubtful", "h", [], result, []))
+    assert html.count("unknown") >= 9
+
+
+def test_large_pictures_are_scaled_down() -> None:
+    url = data_url(np.zeros((900, 3200, 3), dtype=np.uint8))
+    held = Image.open(BytesIO(b64decode(url.partition(",")[2])))
+    assert held.size == (1600, 450)
+
+
+def test_a_splat_lies_where_a_pinhole_camera_sees_it_and_hides_what_is_behind() -> None:
+    view = View(np.array([0.0, -5.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]), field_deg=90.0)
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.5, 0.0, 1.0], [0.0, -9.0, 0.0]])
+    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], dtype=np.uint8)
+    picture = splatted(points, colours, view, 200, 100)
+    assert picture[51, 101].tolist() == [255, 0, 0]
+    assert picture[31, 151].tolist() == [0, 0, 255]
+    drawn = {tuple(colour) for colour in picture.reshape(-1, 3).tolist()}
+    assert drawn == {BACKGROUND, (255, 0, 0), (0, 0, 255)}
+
+
+def test_viewpoints_look_at_the_points_from_two_sides() -> None:
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-1.0, 1.0, (400, 3)) + np.array([0.0, 6.0, 0.0])
+    left, right = viewpoints(points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    for view in (left, right):
+        np.testing.assert_allclose(view.rotation @ view.rotation.T, np.eye(3), atol=1e-12)
+        assert view.eye[2] > view.target[2], "raised"
+        seen = (points - view.eye) @ view.rotation.T
+        assert (seen[:, 2] > 0).all()
+    # The camera looks along y with z up, so its left is at negative x.
+    assert left.eye[0] < 0 < right.eye[0]
+
+
+def test_views_work_without_points_and_straight_from_above() -> None:
+    view = View(np.array([0.0, 0.0, 5.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    assert np.isfinite(view.rotation).all()
+    empty = splatted(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint8), view, 40, 30)
+    assert (empty == BACKGROUND).all()
+
+
+def test_the_report_is_written_beside_the_result(tmp_path: Path, run: SceneEstimate) -> None:
+    from regionpose.scene import Stages
+    from regionpose.scene.bundle import bundle
+
+    made = bundle(run, Stages())
+    made.writers["report.html"](tmp_path / "report.html")
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert html.startswith("<!doctype html>") and html.count("<figure>") == 1
