@@ -8,7 +8,7 @@ SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/
 .PHONY: demo test lint bench clean
 
 demo: $(STAMP)
-	$(BIN)/python -m regionpose.demo --out demo --force
+	$(BIN)/regionpose demo --out demo --force
 
 test: $(STAMP)
 	cargo test --quiet

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,21 +72,6 @@ def overlay_regions(
             _write(draw, _canvas(rings[0].mean(axis=0)), label, font)
     _draw_legend(draw, font)
     return np.asarray(picture.resize(size, Image.Resampling.BOX))
-
-
-def save_png(path: str | os.PathLike[str], picture: Picture, *, overwrite: bool = False) -> Path:
-    """Write a picture (h, w, 3) uint8 whole or not at all; FileExistsError unless `overwrite`."""
-    target = Path(path)
-    if target.exists() and not overwrite:
-        raise FileExistsError(f"{target} exists; needed a new name or overwrite=True")
-    with tempfile.NamedTemporaryFile(dir=target.parent, suffix=".png", delete=False) as file:
-        temporary = Path(file.name)
-    try:
-        Image.fromarray(picture).save(temporary)
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return target
 
 
 def _colour_image(image: ArrayLike) -> Picture:

@@ -134,7 +134,7 @@ def _spacing(points: Any) -> float | None:
     if len(points) < 2:
         return None
     sample = points[:: max(1, len(points) // SPACING_SAMPLE)]
-    distances, _ = cKDTree(points).query(sample, k=2)
+    distances = np.asarray(cKDTree(points).query(sample, k=2)[0])
     return float(np.median(distances[:, 1]))
 
 
