@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.segmentation.cloud import grow_plane
+    from regionpose.segmentation.planes import find_planes
     from regionpose.solver import (
         Alternative,
         PoseError,
@@ -40,6 +41,7 @@ __all__ = [
     "alpha_shape",
     "estimate_pose",
     "estimate_poses",
+    "find_planes",
     "grow_plane",
     "load_camera",
     "planar_moments",
@@ -54,6 +56,7 @@ _MODULES = {
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "segmentation.cloud": ("grow_plane",),
+    "segmentation.planes": ("find_planes",),
     "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -232,7 +232,7 @@ def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.
     """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
     extent = float(np.ptp(points, axis=0).max())
     sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
-    return len(inliers) * float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi * np.e)))
+    return len(inliers) * (0.5 + float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi))))
 
 
 def bridging_radius(points: Array) -> float:

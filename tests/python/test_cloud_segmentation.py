@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from regionpose.evaluation.noise import SpinningLidar, lidar_points
 from regionpose.outline import outline_of_points
-from regionpose.segmentation.cloud import find_planes, grow_plane, nearest_to_ray
+from regionpose.segmentation.cloud import grow_plane, nearest_to_ray
+from regionpose.segmentation.planes import find_planes
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
