@@ -52,7 +52,7 @@ SEED_SIGMAS = 5.0
 DISTANCE_SIGMAS = 3.0
 """Distance from the plane up to which a point belongs to it, in standard deviations of the noise around the seed."""
 
-LEAST_DISTANCE_SHARE = 0.05
+LEAST_DISTANCE_SHARE = 0.02
 """Least such distance over the bridging radius, for clouds without noise."""
 
 SPACING_POINTS = 384
@@ -75,7 +75,7 @@ RIM_CELLS = 1
 """Cells around those with the right normal in which points join by distance: edges between two planes mix normals
 there."""
 
-GROWTH_ROUNDS = 40
+GROWTH_ROUNDS = 16
 """Most rounds of growth; each doubles the extent, so that they end when the patch does."""
 
 FIT_POINTS = 20_000
@@ -84,9 +84,12 @@ FIT_POINTS = 20_000
 MOST_CELLS = 2000
 """Cells across the grid at the most, which bounds its memory; beyond it cells are wider than needed."""
 
-SETTLED_SHARE = 1e-3
+SETTLED_SHARE = 5e-3
 """Change in the number of members below which a patch has stopped growing; points at the distance itself come and
-go."""
+go, most of them in small patches."""
+
+SETTLED_POINTS = 2
+"""The same as a number of points."""
 
 SETTLED_REACH = 1.02
 """Growth of the extent below which it has."""
@@ -178,7 +181,7 @@ def grown(cloud: Array, patch: Patch, seed: Array, angle_deg: float, progress: P
             progress(1.0 - 1.0 / (round_ + 2))
         if len(joined) < 3:
             break
-        settled = abs(len(joined) - len(patch.members)) <= SETTLED_SHARE * len(joined)
+        settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_SHARE * len(joined), SETTLED_POINTS)
         patch = _refitted(cloud, patch, joined)
         extent = float(np.abs((cloud[joined] - seed) @ patch.axes[:2].T).max())
         if settled and extent <= SETTLED_REACH * reach:
@@ -206,34 +209,58 @@ def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: fl
     flat = (cloud[near] - seed) @ patch.axes[:2].T
     within = (np.abs(flat) <= reach).all(axis=1)
     near, flat = near[within], flat[within]
+    cells = np.floor((flat + reach) / cell).astype(np.intp)
     on_plane = np.abs(heights[near]) <= patch.distance
-    cells = np.floor((flat + reach) / cell).astype(np.intp) + RIM_CELLS
-    side = int(np.ceil(2.0 * reach / cell)) + 2 * RIM_CELLS + 1
-    occupied = _counts(cells[on_plane], side) > 0
-    normals_agree = _cells_along(np.column_stack([flat, heights[near]]), cells, side, angle_deg)
-    core = _connected(occupied & normals_agree, np.full(2, int(reach / cell) + RIM_CELLS))
-    rim = (
-        ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
-        if core.any()
-        else core
-    )
-    kept: Indices = near[on_plane & rim[cells[:, 0], cells[:, 1]]]
+    middle = np.full(2, int(reach / cell))
+    # Normals are taken where the patch can reach alone: the rest of the plane may be a hundred times as large.
+    around = _surroundings(cells[on_plane], middle, int(np.ceil(2.0 * reach / cell)) + 1)
+    low, shape = around.low, around.cells.shape
+    inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
+    inside = inside[around.cells[tuple((cells[inside] - low).T)]]
+    near, flat, cells, on_plane = near[inside], flat[inside], cells[inside] - low, on_plane[inside]
+    occupied = _counts(cells[on_plane], shape) > 0
+    core = occupied & _cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
+    core = _connected(core, middle - low)
+    rim = ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
+    kept: Indices = near[on_plane & rim[tuple(cells.T)]]
     return kept
 
 
-def _counts(cells: Indices, side: int, weights: Array | None = None) -> Array:
-    counts = np.bincount(cells[:, 0] * side + cells[:, 1], weights=weights, minlength=side * side)
-    return counts.reshape(side, side).astype(np.float64)
+class Surroundings(NamedTuple):
+    """A window of cells, its lowest cell in the grid, and which of its cells are connected to the seed's or next to
+    such.
+    """
+
+    low: Indices
+    cells: Mask
 
 
-def _cells_along(local: Array, cells: Indices, side: int, angle_deg: float) -> Mask:
-    """Cells (side, side) whose points, with those of the cells around, have a normal along the patch's.
+def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
+    """Cells in and around the connected part of the filled cells (n, 2) of a square grid that is nearest to the
+    seed's.
+    """
+    connected = _connected(_counts(filled, (side, side)) > 0, seed)
+    rows, columns = (np.flatnonzero(connected.any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return Surroundings(seed, np.zeros((1, 1), dtype=np.bool_))
+    window = np.pad(connected[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], 1)
+    grown_window: Mask = ndimage.binary_dilation(window, np.ones((3, 3), dtype=np.bool_))
+    return Surroundings(np.array([rows[0] - 1, columns[0] - 1]), grown_window)
+
+
+def _counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
+    counts = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
+    return counts.reshape(shape).astype(np.float64)
+
+
+def _cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:
+    """Cells of a grid whose points, with those of the cells around, have a normal along the patch's.
 
     The normal is the direction of least spread of the points (u, v, height) in the block of nine cells.
     """
 
     def block(weights: Array | None) -> Array:
-        return ndimage.uniform_filter(_counts(cells, side, weights), 3, mode="constant") * 9.0
+        return ndimage.uniform_filter(_counts(cells, shape, weights), 3, mode="constant") * 9.0
 
     count = block(None)
     filled = np.argwhere(count > 0.5)
@@ -246,7 +273,7 @@ def _cells_along(local: Array, cells: Indices, side: int, angle_deg: float) -> M
             product = block(local[:, a] * local[:, b])[rows, columns] / total - mean[:, a] * mean[:, b]
             spread[:, a, b] = spread[:, b, a] = product
     normals = np.linalg.eigh(spread)[1][:, :, 0]
-    agree = np.zeros((side, side), dtype=np.bool_)
+    agree = np.zeros(shape, dtype=np.bool_)
     agree[rows, columns] = (np.abs(normals[:, 2]) >= np.cos(np.radians(angle_deg))) | (total < LEAST_IN_BLOCK)
     return agree
 

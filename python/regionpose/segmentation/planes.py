@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from regionpose.segmentation.cloud import check_positive, checked_cloud
 from regionpose.segmentation.patch import (
     ANGLE_DEG,
-    LEAST_DISTANCE_SHARE,
     LEAST_IN_BLOCK,
     MOST_CELLS,
     SEED_THICKNESS,
@@ -36,15 +35,21 @@ LEAST_PATCH = 50
 LEAST_THINNED = 24
 """Points of a patch in the thinned cloud at the least; fewer pass for flat by chance."""
 
-SEED_LOT = 400
-"""Seeds looked at together; a plane that holds 1 % of what is left is missed by all with odds of 2 %, which ends the
-search."""
+SEED_LOT = 128
+"""Seeds looked at together, of which the flattest grow first."""
+
+BARREN_LOTS = 3
+"""Lots in a row without a patch that end the search; a plane that holds 1 % of what is left is missed with odds of
+2 %."""
 
 SCALES = (32, 96, 384)
 """Neighbours of a seed among which its flatness is judged; the first may all lie on one scan line."""
 
 FLAT = 0.1
 """Thickness over width of a neighbourhood whose noise is taken for the sensor's: beyond it the surface may be rough."""
+
+LEAST_NOISE_SHARE = 0.02
+"""Least noise of the sensor over the distance between neighbours, for clouds without noise."""
 
 ROUGHNESS = 4.0
 """Noise of a patch over that of the sensor at the most: range noise grows with distance and slant by two to three."""
@@ -94,70 +99,75 @@ class Search:
 
     def __init__(self, cloud: Array, least: float, settings: tuple[float | None, float | None, float]) -> None:
         """`least`: points of a patch. `settings`: distance, radius and angle of `grow_plane`."""
+        self.left = np.arange(len(cloud))
         self.rest = cloud.copy()
+        self.untried = np.ones(len(cloud), dtype=np.bool_)
         self.least = max(LEAST_THINNED, int(least))
         self.distance, self.radius, self.angle_deg = settings
-        self.untried = np.ones(len(cloud), dtype=np.bool_)
         self.generator = np.random.default_rng(0)
         self.noise = np.inf
 
     def patches(self, progress: Progress | None) -> list[Patch]:
         """All patches, in the order in which they are found."""
         found: list[Patch] = []
-        while self.untried.any():
+        count, barren = len(self.left), 0
+        while self.untried.any() and barren < BARREN_LOTS:
             lot = self._patches_of_lot()
-            found += lot
+            barren = 0 if lot else barren + 1
+            found += [patch._replace(members=self.left[patch.members]) for patch in lot]
+            self._shrink()
             if progress is not None:
-                progress(float(1.0 - np.isfinite(self.rest[:, 0]).mean()))
-            if not lot:
-                break
+                progress(1.0 - len(self.left) / count)
         if progress is not None:
             progress(1.0)
         return found
 
+    def _shrink(self) -> None:
+        """Leave the points of patches out of what the following lots look at."""
+        free = np.isfinite(self.rest[:, 0])
+        self.left, self.rest, self.untried = self.left[free], self.rest[free], self.untried[free]
+
     def _patches_of_lot(self) -> list[Patch]:
         """Patches from one lot of random seeds, the flattest first."""
-        free = np.flatnonzero(np.isfinite(self.rest[:, 0]))
-        choice = np.flatnonzero(self.untried[free])
+        choice = np.flatnonzero(self.untried)
         lot = choice[self.generator.permutation(len(choice))[:SEED_LOT]]
-        self.untried[free[lot]] = False
-        near = free[_neighbours(self.rest[free], lot)]
+        near = _neighbours(self.rest, lot)
         thickness, sigma = _flatness(self.rest[near])
         if not np.isfinite(self.noise) and (thickness < FLAT).any():
-            self.noise = float(np.median(sigma[thickness < FLAT]))
-        flat = [row for row in np.argsort(thickness) if thickness[row] <= SEED_THICKNESS]
-        return [patch for row in flat if (patch := self._patch(near[row])) is not None]
+            steps = np.linalg.norm(self.rest[near[:, 1]] - self.rest[near[:, 0]], axis=1)
+            self.noise = float(max(np.median(sigma[thickness < FLAT]), LEAST_NOISE_SHARE * np.median(steps)))
+        flat = np.argsort(thickness, kind="stable")
+        flat = flat[(thickness[flat] <= SEED_THICKNESS) & (sigma[flat] <= ROUGHNESS * self.noise)]
+        found = [patch for row in flat if self.untried[lot[row]] and (patch := self._patch(near[row])) is not None]
+        self.untried[lot] = False
+        return found
 
     def _patch(self, near: Indices) -> Patch | None:
         """The patch around the first of some neighbouring points, if it is one; its points leave the rest."""
         near = near[np.isfinite(self.rest[near, 0])]
         if len(near) < LEAST_IN_BLOCK:
             return None
-        seed = self.rest[near[0]]
+        seed = self.rest[near[0]].copy()
         try:
             start = start_patch(self.rest, seed, near, self.distance, self.radius)
         except ValueError:
             return None
-        # A start that is tried once won't grow otherwise the next time.
+        # Another seed on the same points would grow to much the same patch.
         self.untried[start.members] = False
-        if self._is_rough(start.sigma, start):
+        if start.sigma > ROUGHNESS * self.noise:
             return None
         patch = grown(self.rest, start, seed, self.angle_deg, None)
+        self.untried[patch.members] = False
         if len(patch.members) < self.least or not self._is_planar(patch):
             return None
-        self.untried[patch.members] = False
         self.rest[patch.members] = np.nan
         return patch
-
-    def _is_rough(self, sigma: float, patch: Patch) -> bool:
-        """Whether the noise exceeds what the sensor explains, or the spacing in clouds without noise."""
-        return sigma > ROUGHNESS * self.noise + LEAST_DISTANCE_SHARE * patch.cell
 
     def _is_planar(self, patch: Patch) -> bool:
         """Whether the patch passes the three tests: thickness, noise, points beside it."""
         local = (self.rest[patch.members] - patch.origin) @ patch.axes.T
         spread = np.sqrt(np.linalg.eigvalsh(np.cov(local.T)))
-        if spread[0] > MOST_THICKNESS * spread[1] or self._is_rough(float(spread[0]), patch):
+        if spread[0] > min(MOST_THICKNESS * spread[1], ROUGHNESS * self.noise):
             return False
         beside = _in_same_cells(self.rest, patch, self.rest[patch.members], LAYER * patch.distance)
         return len(beside) - len(patch.members) <= MOST_BESIDE * len(patch.members)
