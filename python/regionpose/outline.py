@@ -19,6 +19,9 @@ from regionpose.scan_lines import ScanLines, scan_lines
 
 Array = NDArray[np.float64]
 
+PLANE_POINTS = 100_000
+"""Points to which the plane of an outline is fitted; more change it by less than a hundredth of the noise."""
+
 PLANE_TRIALS = 200
 """Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""
 
@@ -78,6 +81,9 @@ LONG_EDGE = 4.0
 """Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
 
 
+MOST_SAMPLES = 50_000
+"""Samples from which an outline is taken: 200 or more across the patch tell its area to a ten-thousandth."""
+
 SPARSE_AREA = 0.05
 """Standard deviation of the area, as a share, above which too few scan lines cross a patch to tell its outline."""
 
@@ -118,7 +124,7 @@ def outline_of_points(
     """
     given = _checked_points(points)
     checked = None if radius is None else checked_radius(radius)
-    origin, axes, _ = robust_plane(given)
+    origin, axes, _ = robust_plane(given[:: max(1, len(given) // PLANE_POINTS)])
     flat = _flat_samples(given, origin, axes, sensor_origin)
     return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
 
@@ -137,6 +143,7 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
 
     A SparseSamplingWarning tells that few scan lines cross the patch, or that the outline misses a part of it.
     """
+    points = _thinned(points)
     lines = scan_lines(points, radius) if correct_sampling else None
     if lines is not None:
         rings = lines.rings()
@@ -147,6 +154,16 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     if radius is None:
         _warn_of_lost_samples(points, rings)
     return rings
+
+
+def _thinned(points: Array) -> Array:
+    """The samples (n, 2), or where they are many one a cell of a grid, which keeps them even."""
+    extent = np.ptp(points, axis=0)
+    size = float(np.sqrt(np.prod(np.maximum(extent, extent.max() / MOST_SAMPLES)) / MOST_SAMPLES))
+    if len(points) <= MOST_SAMPLES or size == 0.0:
+        return points
+    cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
+    return points[np.unique(cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1], return_index=True)[1]]
 
 
 def _warn_of_few_lines(lines: ScanLines) -> None:
@@ -164,8 +181,9 @@ def _warn_of_few_lines(lines: ScanLines) -> None:
 
 def _warn_of_lost_samples(points: Array, rings: list[Array]) -> None:
     region = shapely.Polygon(rings[0], rings[1:])
-    rim = np.sqrt(region.area / len(points))
-    lost = 1.0 - float(shapely.dwithin(shapely.points(points), region, rim).mean())
+    around = region.buffer(np.sqrt(region.area / len(points)))
+    shapely.prepare(around)
+    lost = 1.0 - float(shapely.intersects_xy(around, points[:, 0], points[:, 1]).mean())
     if lost > LOST_SHARE:
         warnings.warn(
             f"{100.0 * lost:.0f} % of {len(points)} points lie outside the outline: the patch falls into parts where it"
@@ -367,7 +385,8 @@ def _checked_points(points: ArrayLike) -> Array:
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
         raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
-    if len(np.unique(given, axis=0)) < 3:
+    others = given[(given != given[0]).any(axis=1)] if len(given) else given
+    if len(others) < 2 or (others == others[0]).all():
         raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
     return given
 

@@ -71,7 +71,7 @@ ANGLE_DEG = 20.0
 LEAST_IN_BLOCK = 4
 """Points in and around a cell below which its normal is unknown, and the cell joins by distance alone."""
 
-RIM_CELLS = 1
+RIM_CELLS = 2
 """Cells around those with the right normal in which points join by distance: edges between two planes mix normals
 there."""
 

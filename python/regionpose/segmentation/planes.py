@@ -158,19 +158,21 @@ class Search:
             return None
         patch = grown(self.rest, start, seed, self.angle_deg, None)
         self.untried[patch.members] = False
-        if len(patch.members) < self.least or not self._is_planar(patch):
+        if len(patch.members) < self.least or self._is_thick(patch):
             return None
+        layer = _in_same_cells(self.rest, patch, self.rest[patch.members], LAYER * patch.distance)
+        if len(layer) > (1.0 + MOST_BESIDE) * len(patch.members):
+            return None
+        # What noise puts before and behind the patch is no patch of its own.
+        self.untried[layer] = False
         self.rest[patch.members] = np.nan
         return patch
 
-    def _is_planar(self, patch: Patch) -> bool:
-        """Whether the patch passes the three tests: thickness, noise, points beside it."""
+    def _is_thick(self, patch: Patch) -> bool:
+        """Whether the patch is too thick for its width, or for the noise of the sensor."""
         local = (self.rest[patch.members] - patch.origin) @ patch.axes.T
-        spread = np.sqrt(np.linalg.eigvalsh(np.cov(local.T)))
-        if spread[0] > min(MOST_THICKNESS * spread[1], ROUGHNESS * self.noise):
-            return False
-        beside = _in_same_cells(self.rest, patch, self.rest[patch.members], LAYER * patch.distance)
-        return len(beside) - len(patch.members) <= MOST_BESIDE * len(patch.members)
+        thickness, width, _ = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(local.T)), 0.0))
+        return bool(thickness > min(MOST_THICKNESS * width, ROUGHNESS * self.noise))
 
 
 def _neighbours(cloud: Array, chosen: Indices) -> Indices:
