@@ -61,6 +61,13 @@ is not told from a strip of clutter."""
 LAYER = 3.0
 """Distance from the plane, over that of its members at the most, up to which points before and behind it count."""
 
+FRINGE = 1.5
+"""Distance from the plane, over that of its members at the most, up to which noise puts points of the surface: no patch
+is made of these."""
+
+MOST_FRINGE = 0.5
+"""Share of a patch that may be such points of patches found before."""
+
 MOST_BESIDE = 0.25
 """Points before and behind a patch over its members at the most; a volume filled evenly has two."""
 
@@ -102,6 +109,7 @@ class Search:
         self.left = np.arange(len(cloud))
         self.rest = cloud.copy()
         self.untried = np.ones(len(cloud), dtype=np.bool_)
+        self.fringe = np.zeros(len(cloud), dtype=np.bool_)
         self.least = max(LEAST_THINNED, int(least))
         self.distance, self.radius, self.angle_deg = settings
         self.generator = np.random.default_rng(0)
@@ -125,7 +133,8 @@ class Search:
     def _shrink(self) -> None:
         """Leave the points of patches out of what the following lots look at."""
         free = np.isfinite(self.rest[:, 0])
-        self.left, self.rest, self.untried = self.left[free], self.rest[free], self.untried[free]
+        self.left, self.rest = self.left[free], self.rest[free]
+        self.untried, self.fringe = self.untried[free], self.fringe[free]
 
     def _patches_of_lot(self) -> list[Patch]:
         """Patches from one lot of random seeds, the flattest first."""
@@ -158,13 +167,14 @@ class Search:
             return None
         patch = grown(self.rest, start, seed, self.angle_deg, None)
         self.untried[patch.members] = False
-        if len(patch.members) < self.least or self._is_thick(patch):
+        if len(patch.members) < self.least or self._is_thick(patch) or self.fringe[patch.members].mean() > MOST_FRINGE:
             return None
         layer = _in_same_cells(self.rest, patch, self.rest[patch.members], LAYER * patch.distance)
         if len(layer) > (1.0 + MOST_BESIDE) * len(patch.members):
             return None
-        # What noise puts before and behind the patch is no patch of its own.
-        self.untried[layer] = False
+        fringe = _in_same_cells(self.rest, patch, self.rest[patch.members], FRINGE * patch.distance)
+        self.fringe[fringe] = True
+        self.untried[fringe] = False
         self.rest[patch.members] = np.nan
         return patch
 
