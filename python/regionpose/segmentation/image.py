@@ -51,7 +51,7 @@ NEAR_BEST_SHARE = 0.85
 CONTRAST_FLOOR = 0.02
 """Difference of both sides in linear light (0 to 1) below which mixing says nothing and the outline stays as grown."""
 
-TEXTURE_SPREAD = 0.2
+TEXTURE_SPREAD = 0.3
 """Spread of the mixing share away from the outline above which a pixel alone can't tell the sides apart."""
 
 STRAY_SHARE = 0.25
