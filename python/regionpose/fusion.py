@@ -93,7 +93,7 @@ def blend_colors(
         seen = np.flatnonzero(_visible(projection, colours.shape[:2], _checked_tolerance(depth_tolerance)))
         weight = projection.distances[seen] ** -2.0
         if facing is not None:
-            rays = (given[seen] - pose.camera_center) / projection.distances[seen, None]
+            rays = (given[seen] + pose.rotation.as_matrix().T @ pose.translation) / projection.distances[seen, None]
             weight = weight * np.abs(np.sum(rays * facing[seen], axis=1)).astype(np.float32)
         sums[seen] += weight[:, None] * _sampled(colours, projection.pixels[seen])
         weights[seen] += weight

@@ -15,8 +15,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
+from shapely.geometry.polygon import orient
 from skimage.draw import polygon2mask
 
+from regionpose import _core
 from regionpose.regions import ImageRegion
 
 Array = NDArray[np.float64]
@@ -75,7 +77,7 @@ def masks_from_segmenter(
     other floats logits. The outline of probabilities lies at 1/2, of logits at 0. `coverage`: return probabilities (float32),
     whose outline has sub-pixel places, instead of bool masks.
     """
-    given = _stacked(masks)
+    given = _stacked(_arrays_of(masks))
     held = kind or _guessed_kind(given)
     if held not in {"mask", "probability", "logit"}:
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
@@ -87,13 +89,19 @@ def masks_from_segmenter(
     return [share if coverage else np.asarray(share > 0.5) for share in shares]
 
 
-def _stacked(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[np.generic]:
-    if isinstance(masks, Sequence) and masks and all(isinstance(entry, Mapping) for entry in masks):
-        without = [index for index, entry in enumerate(masks) if "segmentation" not in entry]
-        if without:
-            raise ValueError(f"mask {without[0]} has no 'segmentation'; it holds {sorted(masks[without[0]])}")
-        masks = [np.asarray(entry["segmentation"]) for entry in masks]
-    given = np.asarray(masks)
+def _arrays_of(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[np.generic]:
+    if not isinstance(masks, Sequence) or not any(isinstance(entry, Mapping) for entry in masks):
+        return np.asarray(masks)
+    arrays = []
+    for index, entry in enumerate(masks):
+        if not isinstance(entry, Mapping) or "segmentation" not in entry:
+            raise ValueError(f"mask {index} has no 'segmentation'; needed one in each, or arrays only")
+        arrays.append(np.asarray(entry["segmentation"]))
+    return np.asarray(arrays)
+
+
+def _stacked(given: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Masks (n, h, w) of numbers."""
     if given.ndim == 4 and given.shape[1] == 1:
         given = given[:, 0]
     given = given[None] if given.ndim == 2 else given
@@ -153,7 +161,8 @@ def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
     channels = pixels.astype(np.uint32)
     colours = channels[..., :3] if channels.shape[2] >= 3 else np.repeat(channels[..., :1], 3, axis=2)
     packed = (colours[..., 0] << 16) | (colours[..., 1] << 8) | colours[..., 2]
-    return np.where(channels[..., -1] > 0, packed, 0) if channels.shape[2] in {2, 4} else packed
+    shown = channels[..., -1] > 0 if channels.shape[2] in {2, 4} else True
+    return np.asarray(np.where(shown, packed, 0), dtype=np.uint32)
 
 
 def _json_items(path: Path, image: str | int | None) -> Iterator[_Item]:
@@ -200,7 +209,8 @@ def _coco_items(path: Path, content: dict[str, object], image: str | int | None)
         if isinstance(segmentation, dict):
             yield _Item(name, [], _run_length_mask(segmentation, size, item), size)
         elif isinstance(segmentation, list) and segmentation:
-            yield _Item(name, [_points(part, f"{item}, polygon {k}", 3) for k, part in enumerate(segmentation)], None, size)
+            polygons = [_points(part, f"{item}, polygon {k}", 3) for k, part in enumerate(segmentation)]
+            yield _Item(name, polygons, None, size)
         else:
             raise ValueError(f"{item} has the segmentation {segmentation!r}; needed polygons or a run-length code")
 
@@ -222,7 +232,7 @@ def _run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: st
         runs = np.array(_decoded(counts) if isinstance(counts, str) else counts, dtype=np.int64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{item} has counts that aren't run lengths; needed whole numbers or COCO's text") from error
-    if tuple(np.ravel(code.get("size", ()))) != size:  # type: ignore[arg-type]
+    if code.get("size") not in (list(size), size):
         raise ValueError(f"{item} has size {code.get('size')}; the image's is {list(size)} (h, w)")
     if runs.ndim != 1 or (runs < 0).any() or runs.sum() != size[0] * size[1]:
         raise ValueError(f"{item} has run lengths for {runs.sum()} pixels; needed {size[0] * size[1]}")
@@ -231,7 +241,10 @@ def _run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: st
 
 
 def _decoded(text: str) -> list[int]:
-    """Run lengths of COCO's text: 5 bits a character from the lowest, 0x20 says more follow, from the 4th on differences."""
+    """Run lengths of COCO's text: 5 bits a character, the lowest first; 0x20 says that more follow.
+
+    From the fourth on they're differences from the last but one.
+    """
     runs: list[int] = []
     value, shift = 0, 0
     for character in text:
@@ -289,7 +302,9 @@ def _region_of(item: _Item) -> ImageRegion:
     if len(item.polygons) == 1:
         return ImageRegion.from_polygon([item.polygons[0]])
     union = shapely.union_all([shapely.make_valid(shapely.Polygon(polygon)) for polygon in item.polygons])
-    parts = [part for part in shapely.get_parts(union) if isinstance(part, shapely.Polygon)]
-    if len(parts) == 1:
-        return ImageRegion.from_polygon([np.asarray(ring.coords)[:-1] for ring in (parts[0].exterior, *parts[0].interiors)])
-    return ImageRegion.from_mask(_mask_of(item))
+    rings = []
+    for part in shapely.get_parts(union):
+        if isinstance(part, shapely.Polygon):
+            facing = orient(part)
+            rings += [np.asarray(ring.coords)[:-1] for ring in (facing.exterior, *facing.interiors)]
+    return ImageRegion(tuple(_core.plane_rings(rings, polygon=False)))
