@@ -5,6 +5,7 @@ from regionpose.calibration import load_camera
 from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.segmentation.cloud import grow_plane
 from regionpose.solver import (
     Alternative,
     PoseError,
@@ -30,6 +31,7 @@ __all__ = [
     "alpha_shape",
     "estimate_pose",
     "estimate_poses",
+    "grow_plane",
     "load_camera",
     "planar_moments",
     "spherical_moments",

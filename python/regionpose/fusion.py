@@ -21,13 +21,15 @@ BLOCK = 1 << 18
 """Points mapped at a time, so that a cloud's temporaries stay small beside the cloud."""
 
 DEPTH_TOLERANCE = 0.03
-"""Share of the distance by which a point may lie behind the surface in front: range noise and the slope within a cell."""
+"""Share of the distance by which a point may lie behind the surface in front: range noise and the slope within a
+cell."""
 
 MOST_CELLS = 1_000_000
 """Cells of the depth image at the most; larger images share a cell among several pixels."""
 
 LAYER_RATIO, LAYER_STEP = 1.5, 1.25
-"""Far over near distance of a layer, and from layer to layer: a surface lies in one of them where it's up to 1.2 times as far."""
+"""Far over near distance of a layer, and from layer to layer: a surface lies in one of them where it's up to 1.2 times
+as far."""
 
 GAP_SAMPLES, GAP_NEIGHBOURS = 400, 64
 """Points of a layer whose gaps are measured, and neighbours looked at: a scan line's spacing and the next scan line."""
@@ -57,12 +59,14 @@ class _Projection(NamedTuple):
 def colorize(
     points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
 ) -> tuple[Bytes, Mask]:
-    """Colours (n, 3), uint8, of world points (n, 3) in an image (h, w) or (h, w, 3), and which points (n,) the camera sees.
+    """Colours (n, 3), uint8, of world points (n, 3) in an image (h, w) or (h, w, 3), and which points (n,) the camera
+    sees.
 
-    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points hide what lies
-    behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes the gaps between
-    neighbours at a like distance, however sparse (a morphological closing of the depth image, layer by layer), and ends
-    at its outermost points. `image`: uint8, uint16 or floats in [0, 1]. ValueError for other shapes or types.
+    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points
+    hide what lies behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes
+    the gaps between neighbours at a like distance, however sparse (a morphological closing of the depth image, layer
+    by layer), and ends at its outermost points. `image`: uint8, uint16 or floats in [0, 1]. ValueError for other
+    shapes or types.
     """
     given, colours = _checked_points(points), checked_image(image)
     projection = _projected(given, camera, pose, colours.shape[:2])
@@ -81,8 +85,8 @@ def blend_colors(
 ) -> tuple[Bytes, Mask]:
     """Colours (n, 3), uint8, of world points (n, 3) in several images, and which points (n,) any of the cameras sees.
 
-    Each image weighs `cos(angle) / distance^2`, its share of pixels per area; the angle is the one between the ray and the
-    point's normal (n, 3), of either side, and counts as 0 without normals. Visibility as in `colorize`.
+    Each image weighs `cos(angle) / distance^2`, its share of pixels per area; the angle is the one between the ray and
+    the point's normal (n, 3), of either side, and counts as 0 without normals. Visibility as in `colorize`.
     """
     given = _checked_points(points)
     facing = None if normals is None else _checked_normals(normals, len(given))
@@ -120,7 +124,8 @@ def checked_image(image: ArrayLike) -> Bytes:
 
 
 def project_points(points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h, w)."""
+    """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h,
+    w)."""
     projection = _projected(_checked_points(points), camera, pose, size)
     return projection.pixels, projection.distances
 
@@ -128,7 +133,9 @@ def project_points(points: ArrayLike, camera: Camera, pose: Pose, size: tuple[in
 def _checked_points(points: ArrayLike) -> NDArray[np.floating]:
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers")
+        raise ValueError(
+            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
+        )
     return given
 
 
@@ -170,7 +177,8 @@ def _visible(projection: _Projection, size: tuple[int, int], tolerance: float) -
     shape = int(np.ceil(size[0] / side)), int(np.ceil(size[1] / side))
     columns, rows = np.floor((projection.pixels[kept] + 0.5) / side).astype(np.int32).T
     cells = np.minimum(rows, shape[0] - 1) * np.int32(shape[1]) + np.minimum(columns, shape[1] - 1)
-    nearness = 1.0 / np.maximum(projection.distances[kept], np.finfo(np.float32).tiny)
+    distances = np.maximum(projection.distances[kept], np.finfo(np.float32).tiny)
+    nearness = np.asarray(1.0 / distances, dtype=np.float32)
     front = _front_surface(cells, nearness, shape)
     # A cell beside the end of a surface doesn't count as behind it: its own pixels may see past.
     hidden = nearness * (1.0 + tolerance) < minimum_filter(front, size=3).ravel()[cells]
@@ -181,8 +189,8 @@ def _visible(projection: _Projection, size: tuple[int, int], tolerance: float) -
 def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int, int]) -> Floats:
     """Nearness (1 / distance) of the foremost surface in each cell, 0 where there is none.
 
-    Points at a like distance form a layer; a grey closing as wide as the layer's gaps fills them with the farther of their sides
-    and doesn't reach beyond the layer's outermost points.
+    Points at a like distance form a layer; a grey closing as wide as the layer's gaps fills them with the farther of
+    their sides and doesn't reach beyond the layer's outermost points.
     """
     front = np.zeros(shape, dtype=np.float32)
     np.maximum.at(front.ravel(), cells, nearness)
@@ -214,8 +222,8 @@ def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> Non
 def _gap(rows: NDArray[np.int32], columns: NDArray[np.int32], widest: int) -> float:
     """Cells between neighbours of a layer: along the wider spaced of its two directions, as scan lines have them.
 
-    Each sampled point's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider spacing also
-    on a side of the layer, where one direction has none.
+    Each sampled point's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider
+    spacing also on a side of the layer, where one direction has none.
     """
     places = np.unique(np.column_stack([rows, columns]).astype(np.float32), axis=0)
     if len(places) < 4:
@@ -239,7 +247,10 @@ def _sampled(image: Bytes, pixels: Floats) -> Floats:
     result = np.empty((len(pixels), 3), dtype=np.float32)
     for start in range(0, len(pixels), BLOCK):
         x, y = np.clip(pixels[start : start + BLOCK], 0.0, np.array([width - 1, height - 1], dtype=np.float32)).T
-        left, top = np.minimum(x.astype(np.int32), max(width - 2, 0)), np.minimum(y.astype(np.int32), max(height - 2, 0))
+        left, top = (
+            np.minimum(x.astype(np.int32), max(width - 2, 0)),
+            np.minimum(y.astype(np.int32), max(height - 2, 0)),
+        )
         right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
         across, down = (x - left)[:, None], (y - top)[:, None]
         upper = image[top, left] * (1.0 - across) + image[top, right] * across

@@ -5,17 +5,24 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
+from shapely.geometry.base import BaseGeometry
 
 from regionpose import _core
+from regionpose.scan_lines import scan_lines
 
 Array = NDArray[np.float64]
 
 PLANE_TRIALS = 200
-"""Planes through three random points that are tried: a share of 40 % outliers leaves a wrong best with odds of 1e-21."""
+"""Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""
+
+MEDIAN_POINTS = 2000
+"""Points from which a trial plane's median distance is taken; more change it by under 3 %."""
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -26,11 +33,39 @@ INLIER_SIGMAS = 3.0
 REFITS = 10
 """Least squares fits to the inliers at the most; they settle in two or three."""
 
+LINE_WIDTH_SHARE = 0.05
+"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any
+error."""
+
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
 
 RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
+
+
+REGION_THICKNESS = 0.02
+"""Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
+of a face stand out from it, and the image shows them as part of it."""
+
+LEAST_APPROACH = 0.1
+"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one takes them far."""
+
+INNER_SHARE = 0.2
+"""Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
+
+MITRE_LIMIT = 2.0
+"""Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
+
+MOST_GROWTH = 2.0
+"""Bound of the growth in spacings; half a spacing is expected."""
+
+
+GROWTH_PRECISION = 1e-6
+"""Precision of the growth in spacings; the spacing itself is known far less well."""
+
+LONG_EDGE = 4.0
+"""Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
 
 
 class Outline(NamedTuple):
@@ -41,31 +76,148 @@ class Outline(NamedTuple):
     rings: list[Array]
 
 
-def outline_of_points(points: ArrayLike, *, radius: float | None = None) -> Outline:
-    """The robust plane of points (n, 3) and the outline of those on it, by an alpha shape.
+def outline_of_points(
+    points: ArrayLike,
+    *,
+    radius: float | None = None,
+    correct_sampling: bool = True,
+    sensor_origin: ArrayLike | None = None,
+) -> Outline:
+    """The robust plane of points (n, 3) and the outline of the patch of it that they sample, holes kept.
 
-    ValueError for values that are not finite, fewer than 3 points, points that are identical or on one line, or a radius
-    that is not positive.
+    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline there: on
+    the scan lines of a lidar half a step beyond the last return and half a gap beyond the last line (`scan_lines`), for
+    other samples as far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through
+    the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay
+    open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are
+    moved onto the plane along their beams, which range noise doesn't move sideways. ValueError for values that are not
+    finite, fewer than 3 points, points that are identical or on one line, or a radius that is not positive.
     """
     given = _checked_points(points)
-    origin, axes, inliers = robust_plane(given)
-    flat = (given[inliers] - origin) @ axes[:2].T
-    chosen = bridging_radius(flat) if radius is None else radius
-    return Outline(origin, axes[:2], _main_part(_core.alpha_shape(flat, chosen)))
+    checked = None if radius is None else checked_radius(radius)
+    origin, axes, _ = robust_plane(given)
+    flat = _flat_samples(given, origin, axes, sensor_origin)
+    return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
+
+
+def checked_radius(radius: object) -> float:
+    """`radius` as a positive number, infinite for the convex hull; ValueError that says what was found otherwise."""
+    if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
+        raise ValueError(f"radius is a {type(radius).__name__}; needed a positive number of metres")
+    if not radius > 0.0:
+        raise ValueError(f"radius is {radius}; needed a positive number of metres")
+    return float(radius)
+
+
+def flat_outline(points: Array, *, radius: float | None = None, correct_sampling: bool = True) -> list[Array]:
+    """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes."""
+    if correct_sampling:
+        lines = scan_lines(points, radius)
+        if lines is not None:
+            return lines.rings()
+    rings = _main_part(_core.alpha_shape(points, bridging_radius(points) if radius is None else radius))
+    return grown_rings(points, rings) if correct_sampling else rings
+
+
+def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
+    """The rings moved outwards until they hold the area that the samples (n, 2) stand for.
+
+    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many
+    as samples, whatever the lattice's spacing in either direction. The growth is even where the spacing is.
+    """
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    held = int(shapely.intersects_xy(polygon.buffer(1e-9 * np.sqrt(polygon.area)), points[:, 0], points[:, 1]).sum())
+    boundary = sum(map(len, rings))
+    if held - boundary < INNER_SHARE * held:
+        return rings
+    cell = polygon.area / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
+    squared = _spacing_squared(points)
+    even = shapely.Polygon(rings[0] @ squared, [ring @ squared for ring in rings[1:]])
+    spacing = np.sqrt(cell)
+
+    def grown(distance: float) -> BaseGeometry:
+        return even.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+    # The area that is missing at the largest growth would be that of a polygon thinner than a sample.
+    if grown(MOST_GROWTH * spacing).area <= held * cell:
+        return rings
+    distance = brentq(
+        lambda d: grown(d).area - held * cell, 0.0, MOST_GROWTH * spacing, xtol=GROWTH_PRECISION * spacing
+    )
+    return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
+
+
+def oriented_rings(region: BaseGeometry) -> list[Array]:
+    """The largest polygon's rings (n, 2): the outer one counter-clockwise, then its holes the other way."""
+    largest = max(shapely.get_parts(region), key=lambda part: part.area)
+    turned = shapely.geometry.polygon.orient(largest)
+    return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
+
+
+def _spacing_squared(points: Array) -> Array:
+    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on
+    average.
+    """
+    edges = _delaunay_edges(points)
+    steps = points[edges[:, 0]] - points[edges[:, 1]]
+    lengths = np.linalg.norm(steps, axis=1)
+    # Along the hull edges are longer than any spacing.
+    steps = steps[lengths <= LONG_EDGE * np.median(lengths)]
+    spread, directions = np.linalg.eigh(steps.T @ steps / len(steps))
+    if spread[0] <= 0.0:
+        return np.eye(2)
+    stretch = (spread[0] * spread[1]) ** 0.25 / np.sqrt(spread)
+    matrix: Array = (directions * stretch) @ directions.T
+    return matrix
+
+
+def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> Array:
+    """The samples (n, 2) of the region near the plane, moved onto it along the normal or the beams."""
+    heights = (points - origin) @ axes[2]
+    sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
+    extent = float(np.ptp(points, axis=0).max())
+    near = np.abs(heights) <= max(INLIER_SIGMAS * sigma, REGION_THICKNESS * extent)
+    moved = points[near] - origin
+    if sensor_origin is not None:
+        sensor = np.asarray(sensor_origin, dtype=np.float64)
+        if sensor.shape != (3,) or not np.isfinite(sensor).all():
+            raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed 3 finite coordinates")
+        beams = points[near] - sensor
+        beams /= np.maximum(np.linalg.norm(beams, axis=1, keepdims=True), np.finfo(float).tiny)
+        approach = beams @ axes[2]
+        steep = np.abs(approach) >= LEAST_APPROACH
+        moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
+    flat: Array = moved @ axes[:2].T
+    return flat
 
 
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the inliers' indices.
+    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
 
-    The start is the plane through three points with the least median distance (Rousseeuw 1984), then least squares over the
-    points within three standard deviations until they stay the same.
+    Least squares over the points within three standard deviations until they stay the same, from two starts: all
+    points, and the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with
+    outliers, but may lie askew along a single scan line; the better fit is the one under which the points are likelier,
+    outliers being anywhere.
     """
-    origin, axes = _least_median_plane(points)
+    everything = _refitted(points, *_least_squares_plane(points))
+    majority = _refitted(points, *_least_median_plane(points))
+    if _width_share(points[majority[2]]) < LINE_WIDTH_SHARE <= _width_share(points[everything[2]]):
+        return everything
+    return min(everything, majority, key=lambda fit: _code_length(points, *fit))
+
+
+def _width_share(points: Array) -> float:
+    """The points' second spread over their first: 0 on a line."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(spread[1] / max(spread[0], np.finfo(float).tiny))
+
+
+def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     inliers = np.arange(len(points))
+    extent = float(np.ptp(points, axis=0).max())
     for _ in range(REFITS):
         distances = np.abs((points - origin) @ axes[2])
         sigma = MAD_TO_SIGMA * np.median(distances)
-        extent = float(np.ptp(points, axis=0).max())
         kept = np.flatnonzero(distances <= max(INLIER_SIGMAS * sigma, np.finfo(float).eps * extent * 64))
         if len(kept) < 3:
             break
@@ -76,6 +228,13 @@ def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     return origin, axes, inliers
 
 
+def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp]) -> float:
+    """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
+    extent = float(np.ptp(points, axis=0).max())
+    sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
+    return len(inliers) * float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi * np.e)))
+
+
 def bridging_radius(points: Array) -> float:
     """Radius of an alpha shape that holds 98 % of the points (n, 2) together, from the gaps of their spanning tree.
 
@@ -84,7 +243,9 @@ def bridging_radius(points: Array) -> float:
     try:
         edges = _delaunay_edges(points)
     except QhullError as error:
-        raise ValueError(f"{len(points)} points are identical or on one line; needed points that span a plane") from error
+        raise ValueError(
+            f"{len(points)} points are identical or on one line; needed points that span a plane"
+        ) from error
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
     tree = minimum_spanning_tree(graph).tocoo()
@@ -118,7 +279,10 @@ def _delaunay_edges(points: Array) -> NDArray[np.int32]:
 
 def _main_part(rings: list[Array]) -> list[Array]:
     """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
-    areas = [0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1))) for ring in rings]
+    areas = [
+        0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)))
+        for ring in rings
+    ]
     outer = int(np.argmax(areas))
     low, high = rings[outer].min(axis=0), rings[outer].max(axis=0)
     holes = [ring for ring, area in zip(rings, areas, strict=True) if area < 0 and _within(ring, low, high)]
@@ -132,7 +296,9 @@ def _within(ring: Array, low: Array, high: Array) -> bool:
 def _checked_points(points: ArrayLike) -> Array:
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers")
+        raise ValueError(
+            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
+        )
     given = given.astype(np.float64)
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
@@ -143,18 +309,20 @@ def _checked_points(points: ArrayLike) -> Array:
 
 
 def _least_median_plane(points: Array) -> tuple[Array, Array]:
-    """The plane with the least median distance among those through three random points, and least squares over all points."""
+    """The plane with the least median distance among those through three random points and least squares over all."""
     generator = np.random.default_rng(0)
     triples = points[generator.integers(len(points), size=(PLANE_TRIALS, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     norms = np.linalg.norm(normals, axis=1)
     proper = norms > np.finfo(float).tiny
+    anchors, normals = triples[proper, 0], normals[proper] / norms[proper, None]
     best = _least_squares_plane(points)
-    least = np.median(np.abs((points - best[0]) @ best[1][2]))
-    for triple, normal in zip(triples[proper], normals[proper] / norms[proper, None], strict=True):
-        median = np.median(np.abs((points - triple[0]) @ normal))
-        if median < least:
-            least, best = median, (triple[0], _axes_of(normal))
+    judges = points if len(points) <= MEDIAN_POINTS else points[generator.integers(len(points), size=MEDIAN_POINTS)]
+    least = np.median(np.abs((judges - best[0]) @ best[1][2]))
+    medians = np.median(np.abs(judges @ normals.T - np.sum(anchors * normals, axis=1)), axis=0)
+    if len(medians) and medians.min() < least:
+        chosen = int(np.argmin(medians))
+        return anchors[chosen], _axes_of(normals[chosen])
     return best
 
 

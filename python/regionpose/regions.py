@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -25,7 +25,13 @@ SIMPLIFY_TOLERANCE_PX = 0.01
 """Vertices of a mask's contour within this distance (pixels) of the line through their neighbours are redundant."""
 
 BEND_TOLERANCE_PX = 0.01
-"""A straight pixel edge is split until the great-circle arcs between its parts stay within this distance (pixels) of it."""
+"""A straight pixel edge is split until the great-circle arcs between its parts are within this distance (pixels)."""
+
+BEND_MARGIN = 1.5
+"""Bends counted for each one that is seen at the probes: the edge may bend more between them."""
+
+PROBES = (0.25, 0.5, 0.75)
+"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
 
 MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
@@ -42,7 +48,8 @@ class TriangleMesh(Protocol):
 class ImageRegion:
     """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
 
-    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to the first.
+    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
+    the first.
     `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon.
     """
 
@@ -62,9 +69,10 @@ class ImageRegion:
     def from_mask(cls, mask: ArrayLike) -> ImageRegion:
         """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
 
-        The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway between
-        pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the image border is closed
-        half a pixel outside the outermost centres. ValueError for another shape or type, an empty mask, or values outside [0, 1].
+        The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
+        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the image border is
+        closed half a pixel outside the outermost centres. ValueError for another shape or type, an empty mask, or
+        values outside [0, 1].
         """
         coverage = _checked_mask(mask)
         return cls(tuple(_core.plane_rings(_contours(coverage), polygon=False)), coverage)
@@ -84,8 +92,8 @@ class ImageRegion:
     def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
         """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
 
-        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbours tile the sphere.
-        ValueError without a mask, or where the camera sees no ray.
+        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbours tile the
+        sphere. ValueError without a mask, or where the camera sees no ray.
         """
         if self.mask is None:
             raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
@@ -108,32 +116,47 @@ class WorldRegion:
 
     @classmethod
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
-        """The planar region inside the first ring and outside the others; vertices (n, 3) in metres, turning either way.
+        """The planar region inside the first ring and outside the others; vertices (n, 3), metres, turning either way.
 
-        One (n, 3) array stands for one ring. The vertices are moved onto their least squares plane. ValueError for fewer than 3
-        vertices, values that are not finite, a vertex farther from the plane than 1 % of the extent, crossing edges,
-        no area, or a hole that is not inside the first ring.
+        One (n, 3) array stands for one ring. The vertices are moved onto their least squares plane. ValueError for
+        fewer than 3 vertices, values that are not finite, a vertex farther from the plane than 1 % of the extent,
+        crossing edges, no area, or a hole that is not inside the first ring.
         """
         return cls(_core.WorldRegion.from_rings(_ring_list(rings, 3)))
 
     @classmethod
-    def from_points(cls, points: ArrayLike, *, radius: float | None = None) -> WorldRegion:
-        """The planar region that points (n, 3) sample: their robust plane, and their outline by an alpha shape of `radius`.
+    def from_points(
+        cls,
+        points: ArrayLike,
+        *,
+        radius: float | None = None,
+        correct_sampling: bool = True,
+        sensor_origin: ArrayLike | None = None,
+    ) -> WorldRegion:
+        """The planar region that points (n, 3) sample: their robust plane and the outline of the patch.
 
-        Without `radius` (metres) it is chosen from the spacing of the points, so that the region hangs together. ValueError
-        for fewer than 3 points, values that are not finite, or points that are identical or on one line.
+        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch
+        ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
+        without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
+        moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points
+        that are identical or on one line, or a radius that is not positive.
         """
-        outline = outline_of_points(points, radius=radius)
+        outline = outline_of_points(
+            points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
+        )
         return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
         """The region covered by an open triangle mesh (`vertices` (n, 3), `faces` (k, 3)), planar or not.
 
-        The surface must not hide itself from the camera. ValueError for a closed mesh, inconsistent triangles, or crossing
-        boundaries.
+        The surface must not hide itself from the camera. ValueError for a closed mesh, inconsistent triangles, or
+        crossing boundaries.
         """
-        return cls(_core.WorldRegion.from_mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)))
+        if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+            raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
+        vertices = _real_array(mesh.vertices, "mesh.vertices", "(n, 3)").astype(np.float64)
+        return cls(_core.WorldRegion.from_mesh(vertices, _real_array(mesh.faces, "mesh.faces", "(k, 3)")))
 
     @property
     def rings(self) -> list[Array]:
@@ -155,33 +178,65 @@ class WorldRegion:
         """Whether the region lies in one plane."""
         return self.core.is_planar
 
+    def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
+        """What pickling keeps: the plane and the outline, or the surface."""
+        if self.core.surface is not None:
+            return _surface_region, self.core.surface
+        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline)
+
+
+def _planar_region(origin: Array, axes: Array, outline: list[Array]) -> WorldRegion:
+    return WorldRegion(_core.WorldRegion.from_outline(origin, axes, outline))
+
+
+def _surface_region(vertices: Array, triangles: NDArray[np.int64]) -> WorldRegion:
+    return WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
+
 
 def _ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
     """Rings as a list of arrays; one array of vertices is one ring."""
-    if isinstance(rings, np.ndarray) and rings.ndim == 2:
-        rings = [rings]
-    if not isinstance(rings, Iterable) or isinstance(rings, str | bytes):
+    unlisted = isinstance(rings, str | bytes | Mapping) or (isinstance(rings, np.ndarray) and rings.ndim == 0)
+    if unlisted or not isinstance(rings, Iterable):
         raise ValueError(f"rings is a {type(rings).__name__}; needed a list of (n, {columns}) arrays")
-    listed = list(rings)
-    if listed and np.ndim(listed[0]) == 1:
-        listed = [listed]
+    listed: list[object] = list(rings)
     if not listed:
         raise ValueError(f"rings is empty; needed at least one (n, {columns}) array")
+    if _is_vertex(listed[0]):
+        listed = [listed]
     return [_ring_array(ring, index, columns) for index, ring in enumerate(listed)]
 
 
-def _ring_array(ring: object, index: int, columns: int) -> Array:
+def _is_vertex(item: object) -> bool:
+    """Whether an item of a list is a row of numbers, so that the list is a ring."""
     try:
-        array = np.asarray(ring, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"ring {index} is not an array of numbers; needed (n, {columns})") from error
+        return np.asarray(item).ndim == 1
+    except ValueError:
+        return False
+
+
+def _ring_array(ring: object, index: int, columns: int) -> Array:
+    array = _real_array(ring, f"ring {index}", f"(n, {columns})")
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueError(f"ring {index} has shape {array.shape}; needed (n, {columns})")
+    return array.astype(np.float64)
+
+
+def _real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
+    """The values as an array of real numbers, of whatever kind they are."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{item} is not an array of numbers; needed {needed}") from error
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{item} has type {array.dtype}; needed real numbers {needed}")
     return array
 
 
 def _checked_mask(mask: ArrayLike) -> Mask:
-    given = np.asarray(mask)
+    try:
+        given = np.asarray(mask)
+    except (TypeError, ValueError) as error:
+        raise ValueError("mask has rows of unequal length; needed (h, w)") from error
     if given.ndim != 2 or 0 in given.shape:
         raise ValueError(f"mask has shape {given.shape}; needed (h, w)")
     if given.dtype.kind not in "biuf":
@@ -199,7 +254,9 @@ def _checked_mask(mask: ArrayLike) -> Mask:
 def _two_valued(mask: NDArray[np.generic]) -> NDArray[np.bool_]:
     values = np.unique(mask)
     if len(values) > 2 or (len(values) == 2 and values[0] != 0):
-        raise ValueError(f"mask holds {len(values)} integer values; needed 0 and one other (for labels, pass mask == label)")
+        raise ValueError(
+            f"mask holds {len(values)} integer values; needed 0 and one other (for labels, pass mask == label)"
+        )
     return np.asarray(mask != 0)
 
 
@@ -210,12 +267,14 @@ def _contours(coverage: Mask) -> list[Array]:
     # A value exactly at the level would let the contour touch itself at a pixel's centre.
     padded = np.pad(np.where(window == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), window), 1)
     offset = np.array([columns[0] - 1, rows[0] - 1])
-    return [_simplified(contour[:, ::-1] + offset) for contour in find_contours(padded, CONTOUR_LEVEL)]
+    contours: list[Array] = find_contours(padded, CONTOUR_LEVEL)  # type: ignore[no-untyped-call]
+    return [_simplified(contour[:, ::-1] + offset) for contour in contours]
 
 
 def _simplified(ring: Array) -> Array:
     """A closed contour without its redundant vertices and its repeated end."""
-    kept = shapely.get_coordinates(shapely.simplify(shapely.LinearRing(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
+    # As a line, not as a ring: of a ring the start may go too, which adds up to more than the tolerance.
+    kept = shapely.get_coordinates(shapely.simplify(shapely.LineString(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
     return kept if len(kept) >= 3 else ring[:-1]
 
 
@@ -247,13 +306,16 @@ def _visible(camera: Camera, pixels: Array, index: int) -> Array:
 
 
 def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
-    """Into how many parts each pixel edge has to be split: its sagitta falls with the square of their number."""
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
     following = np.roll(ring, -1, axis=0)
     ahead = np.roll(bearings, -1, axis=0)
-    middle = _visible(camera, 0.5 * (ring + following), index)
-    arc_middle = bearings + ahead
-    arc_middle /= np.linalg.norm(arc_middle, axis=1, keepdims=True)
-    chord = np.linalg.norm(ahead - bearings, axis=1)
-    pixels_per_radian = np.linalg.norm(following - ring, axis=1) / np.maximum(chord, np.finfo(float).tiny)
-    sagitta = np.linalg.norm(middle - arc_middle, axis=1) * pixels_per_radian
-    return np.clip(np.ceil(np.sqrt(sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)
+    length = np.linalg.norm(following - ring, axis=1)
+    normal = np.cross(bearings, ahead)
+    sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    sagitta = np.zeros(len(ring))
+    for share in PROBES:
+        between = _visible(camera, ring + share * (following - ring), index)
+        off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
+        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * share * (1.0 - share)))
+    parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS)
+    return parts.astype(np.int64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,11 +20,13 @@ Array = NDArray[np.float64]
 System = Literal["plane", "sphere"]
 Integration = Literal["boundary", "mesh", "pixels"]
 Driver = Literal["scipy", "native"]
+Start = Literal["global", "paper"]
+Item = TypeVar("Item")
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
 
-TOLERANCE = 1e-12
-"""Relative change of cost and increment at which the scipy driver stops, as the native one."""
+TOLERANCE = 1e-11
+"""Relative change of cost and pose at which the scipy driver stops, as the native one."""
 
 GRADIENT_TOLERANCE = 1e-15
 """Cosine between residual and Jacobian at which the scipy driver stops: MINPACK refuses to be told never to."""
@@ -34,6 +36,13 @@ MOST_EVALUATIONS = 140
 
 OUT_OF_VIEW = 1e6
 """Residual where a region leaves the view, so that the step there is refused."""
+
+
+class Prior(TypedDict):
+    """What is known of the pose beforehand, as the core takes it."""
+
+    initial: tuple[Array, Array] | None
+    up: ArrayLike | None
 
 
 class PoseError(ValueError):
@@ -68,11 +77,12 @@ class Alternative(Pose):
 class PoseEstimate:
     """The pose of a camera and what is known of it.
 
-    `pose`: camera_from_world. `covariance`: (6, 6) of the left increment `[omega (rad), tau (metres)]`,
-    `P' = exp(omega) P + tau`. `overlap_error`: area of the symmetric difference of projected and observed regions over the
+    `pose`: camera_from_world. `covariance`: (6, 6) of the left increment `[omega (rad), tau (metres)]`, `P' =
+    exp(omega) P + tau`. `overlap_error`: area of the symmetric difference of projected and observed regions over the
     observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
-    `boundary_noise`: standard deviation of the contour that the fit shows, pixels. `alternatives`: other minima that fit as
-    well, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's iteration ended.
+    `boundary_noise`: standard deviation of the contour that the fit shows, pixels. `alternatives`: other minima that
+    fit as well, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's
+    iteration ended.
     """
 
     pose: Pose
@@ -108,16 +118,19 @@ def estimate_pose(
     integration: Integration = "boundary",
     driver: Driver = "scipy",
 ) -> PoseEstimate:
-    """The pose `camera_from_world` from which each world region looks like the image region of the same place in the lists.
+    """The pose `camera_from_world` from which each world region looks like the image region of its place in the list.
 
-    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up in the
-    image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own start alone
-    (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere; `integration`: sums over the
-    boundary, a mesh, or (sphere, observed side) the mask's pixels. `driver` runs the final least squares.
+    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
+    in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
+    start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
+    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `driver` runs the final
+    least squares.
 
-    A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a ValueError) where
-    no pose shows every region.
+    A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
+    ValueError) where no pose shows every region.
     """
+    if driver not in ("scipy", "native"):
+        raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
     _check_camera(camera, image_regions)
     problem = _core.Problem(
         _observed_regions(camera, image_regions, integration),
@@ -126,20 +139,23 @@ def estimate_pose(
         integration=integration,
     )
     start, prior = _start_and_prior(initial, up)
-    candidates = problem.candidates(start=start, **prior)
-    minima = [_minimum(problem, driver, rotation, translation) for rotation, translation in candidates]
+    if driver == "native":
+        return _pose_estimate(problem.estimate(start=start, **prior))
+    problem, candidates = problem.search(start=start, **prior)
+    minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
     return _pose_estimate(problem.judged(minima, **prior))
 
 
 def estimate_poses(problems: Iterable[Problem], *, threads: int | None = None) -> list[PoseEstimate]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
-    They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for any
-    number of them. ValueError names the problem that is refused.
+    They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
+    any number of them. ValueError names the problem that is refused.
     """
     sides = []
-    for index, (camera, image_regions, world_regions) in enumerate(problems):
+    for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)")):
         try:
+            camera, image_regions, world_regions = _problem_parts(problem)
             _check_camera(camera, image_regions)
             observed = _observed_regions(camera, image_regions, "boundary")
             sides.append((observed, [region.core for region in _checked_regions(world_regions, WorldRegion)]))
@@ -147,6 +163,13 @@ def estimate_poses(problems: Iterable[Problem], *, threads: int | None = None) -
             raise ValueError(f"problem {index}: {error}") from error
     estimates = _core.estimate_batch(sides, threads=threads)
     return [_pose_estimate(estimate, f"problem {index}: ") for index, estimate in enumerate(estimates)]
+
+
+def _problem_parts(problem: Problem) -> Problem:
+    parts = _listed(problem, "(camera, image_regions, world_regions)")
+    if len(parts) != 3:
+        raise ValueError(f"found {len(parts)} items; needed (camera, image_regions, world_regions)")
+    return problem
 
 
 def _check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
@@ -157,20 +180,27 @@ def _check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
             continue
         if region.mask.shape != (camera.height, camera.width):
             needed = (camera.height, camera.width)
-            raise ValueError(f"image region {index} has a mask of shape {region.mask.shape}; the camera's image is {needed}")
+            raise ValueError(
+                f"image region {index} has a mask of shape {region.mask.shape}; the camera's image is {needed}"
+            )
 
 
 def _checked_regions(regions: Sequence[Region], kind: type[Region]) -> list[Region]:
-    listed = list(regions)
+    listed = _listed(regions, f"a list of {kind.__name__}s")
     for index, region in enumerate(listed):
         if not isinstance(region, kind):
             raise ValueError(f"region {index} is a {type(region).__name__}; needed a {kind.__name__}")
     return listed
 
 
-def _observed_regions(
-    camera: Camera, regions: Sequence[ImageRegion], integration: str
-) -> list[_core.ObservedRegion]:
+def _listed(items: Iterable[Item], needed: str) -> list[Item]:
+    try:
+        return list(items)
+    except TypeError as error:
+        raise ValueError(f"found a {type(items).__name__}; needed {needed}") from error
+
+
+def _observed_regions(camera: Camera, regions: Sequence[ImageRegion], integration: str) -> list[_core.ObservedRegion]:
     observed = []
     for index, region in enumerate(regions):
         try:
@@ -184,31 +214,22 @@ def _observed_regions(
     return observed
 
 
-def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[str, dict[str, object]]:
-    direction = None if up is None else np.asarray(up, dtype=np.float64)
+def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[Start, Prior]:
     if isinstance(initial, Pose):
-        return "global", {"initial": (initial.rotation.as_matrix(), initial.translation), "up": direction}
+        return "global", {"initial": (initial.rotation.as_matrix(), initial.translation), "up": up}
     if initial is None:
-        return "global", {"initial": None, "up": direction}
-    if initial == "paper":
-        return "paper", {"initial": None, "up": direction}
+        return "global", {"initial": None, "up": up}
+    if isinstance(initial, str) and initial == "paper":
+        return "paper", {"initial": None, "up": up}
     raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
 
 
-def _minimum(problem: _core.Problem, driver: str, rotation: Array, translation: Array) -> _core.Minimum:
-    if driver == "native":
-        return problem.solve_from(rotation, translation)
-    if driver == "scipy":
-        return _scipy_minimum(problem, rotation, translation)
-    raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
-
-
 def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
-    """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches over one left increment of the candidate."""
+    """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
     increments = _Increments(problem, rotation, translation)
     result = least_squares(
         increments.residual,
-        np.zeros(6),
+        increments.unit,
         jac=increments.jacobian,
         method="lm",
         x_scale="jac",
@@ -217,40 +238,47 @@ def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) 
         gtol=GRADIENT_TOLERANCE,
         max_nfev=MOST_EVALUATIONS,
     )
-    moved = _core.moved_pose(rotation, translation, result.x)
+    moved = _core.moved_pose(rotation, translation, result.x - increments.unit)
     return _core.Minimum(*moved, 2.0 * result.cost, bool(result.success), str(result.message), int(result.nfev))
 
 
 class _Increments:
-    """The whitened equations as functions of one left increment (6,) of a pose."""
+    """The whitened equations as functions of one left increment (6,) of a pose, counted from `unit`.
+
+    The unit is a radian about each axis and the distance along each, so that the solver's relative tolerance means
+    those.
+    """
 
     def __init__(self, problem: _core.Problem, rotation: Array, translation: Array) -> None:
         first = problem.evaluate(rotation, translation)
-        self._at = np.zeros(6)
-        self._evaluation = first
+        distance = problem.distance(rotation, translation)
+        self.unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
+        self._at, self._evaluation = self.unit, first
         self._problem, self._start = problem, (rotation, translation)
         self._count = 0 if first is None else len(first[0])
 
-    def residual(self, increment: Array) -> Array:
+    def residual(self, counted: Array) -> Array:
         """Residuals (m,), large where a region is out of view."""
-        evaluation = self._evaluated(increment)
+        evaluation = self._evaluated(counted)
         return np.full(self._count, OUT_OF_VIEW) if evaluation is None else evaluation[0]
 
-    def jacobian(self, increment: Array) -> Array:
+    def jacobian(self, counted: Array) -> Array:
         """Derivatives (m, 6) by the increment."""
-        evaluation = self._evaluated(increment)
+        evaluation = self._evaluated(counted)
         return np.zeros((self._count, 6)) if evaluation is None else evaluation[1]
 
-    def _evaluated(self, increment: Array) -> tuple[Array, Array] | None:
-        if not np.array_equal(increment, self._at):
-            self._at = increment.copy()
-            self._evaluation = self._problem.evaluate(*self._start, increment=increment)
+    def _evaluated(self, counted: Array) -> tuple[Array, Array] | None:
+        if not np.array_equal(counted, self._at):
+            self._at = counted.copy()
+            self._evaluation = self._problem.evaluate(*self._start, increment=counted - self.unit)
         return self._evaluation
 
 
 def _pose_estimate(estimate: _core.Estimate | None, prefix: str = "") -> PoseEstimate:
     if estimate is None:
-        raise PoseError(f"{prefix}no pose shows every world region where its image region is; check that the pairs belong together")
+        raise PoseError(
+            f"{prefix}no pose shows every world region where its image region is; check that the pairs belong together"
+        )
     best = estimate.best
     alternatives = tuple(
         Alternative(*_pose_parts(solution.minimum), overlap_error=solution.overlap_error)

@@ -1,6 +1,6 @@
 //! Closed rings on the unit sphere, valid by construction.
 
-use nalgebra::{Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::region::check_finite;
@@ -34,8 +34,11 @@ impl BearingRings {
     /// # Errors
     /// Bearings that are zero or not finite, a region that does not fit a half space, and what [`PlaneRings::new`] refuses.
     pub fn new(rings: &[Vec<Bearing>]) -> Result<Self> {
+        if rings.is_empty() {
+            return Err(Error::NoRings);
+        }
         let directions = directions(rings)?;
-        let view = turn_onto_z(&first_axis(&directions)?);
+        let view = turn_onto_z(&first_axis(&directions));
         let project = |r: &Bearing| {
             let turned = view * r;
             (turned.z > MIN_COSINE).then(|| Vector2::new(turned.x, turned.y) / turned.z)
@@ -66,6 +69,9 @@ fn too_wide() -> Error {
 fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
     let mut directions = Vec::with_capacity(rings.len());
     for (ring, bearings) in rings.iter().enumerate() {
+        if bearings.len() < 3 {
+            return Err(Error::TooFewVertices { ring, found: bearings.len() });
+        }
         let item = format!("ring {ring} bearing");
         check_finite(&item, bearings)?;
         let unit = |(index, bearing): (usize, &Bearing)| {
@@ -77,21 +83,21 @@ fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
 }
 
 /// Mean direction of the boundary, or for a wide region the axis of its enclosing cone.
-fn first_axis(rings: &[Vec<Bearing>]) -> Result<Bearing> {
-    let mean = mean_direction(rings).ok_or_else(too_wide)?;
+fn first_axis(rings: &[Vec<Bearing>]) -> Bearing {
+    let mean = mean_direction(rings);
     let near = smallest_cosine(rings, &mean) > MEAN_AXIS_MIN_COSINE;
-    Ok(if near { mean } else { enclosing_cone_axis(rings, mean) })
+    if near { mean } else { enclosing_cone_axis(rings, mean) }
 }
 
-/// Mean of the boundary's bearings, each edge weighted by its chord.
-fn mean_direction(rings: &[Vec<Bearing>]) -> Option<Bearing> {
+/// Mean of the boundary's bearings, each edge weighted by its chord; the first bearing where they cancel or are all the same.
+fn mean_direction(rings: &[Vec<Bearing>]) -> Bearing {
     let mut sum = Vector3::zeros();
     for ring in rings {
         for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
             sum += (a + b) * (a - b).norm();
         }
     }
-    sum.try_normalize(0.0)
+    sum.try_normalize(0.0).unwrap_or(rings[0][0])
 }
 
 /// Axis of the narrowest cone around the bearings, by Badoiu and Clarkson's iteration towards the farthest one.
@@ -112,7 +118,11 @@ fn smallest_cosine(rings: &[Vec<Bearing>], axis: &Bearing) -> f64 {
 }
 
 /// The shortest rotation that brings a unit vector onto the z axis; half a turn about x where it points to -z.
+///
+/// Rodrigues' formula with the sine and cosine as they come, since an angle from its cosine holds 1e-8 near zero.
 pub(crate) fn turn_onto_z(axis: &Bearing) -> Rotation3<f64> {
-    Rotation3::rotation_between(axis, &Vector3::z())
-        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+    let sine = axis.x.hypot(axis.y);
+    let about = if sine > 0.0 { Vector3::new(axis.y / sine, -axis.x / sine, 0.0) } else { Vector3::x() };
+    let cross = about.cross_matrix();
+    Rotation3::from_matrix_unchecked(Matrix3::identity() + cross * sine + cross * cross * (1.0 - axis.z))
 }

@@ -16,7 +16,7 @@ const CENTROID_AXIS_MIN_COSINE: f64 = 0.3;
 /// Turns that bring the axis onto the centroid; each leaves the square of the region's angular size.
 const CENTROID_STEPS: usize = 3;
 
-/// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, section 6).
+/// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, eq. 6.1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chart {
     /// `chart_from_camera`.

@@ -41,20 +41,19 @@ pub fn sphere_derivative(moments: &SphereMoments, nu: &Vector3<f64>, e: [usize; 
     let e = e.map(|exponent| exponent as i32);
     let k = e.iter().sum::<i32>() as f64;
     let s = |e: [i32; 3]| spatial_moment_or_zero(moments, e);
-    let mut row = [0.0; 6];
-    for w in 0..3 {
+    let turned = |w: usize| {
         let (u, v) = ((w + 1) % 3, (w + 2) % 3);
-        row[w] = e[v] as f64 * s(raised(raised(e, v, -1), u, 1)) - e[u] as f64 * s(raised(raised(e, u, -1), v, 1));
-    }
-    for q in 0..3 {
-        row[3 + q] = (0..3)
+        e[v] as f64 * s(raised(raised(e, v, -1), u, 1)) - e[u] as f64 * s(raised(raised(e, u, -1), v, 1))
+    };
+    let shifted = |q: usize| -> f64 {
+        (0..3)
             .map(|c| {
                 let up = raised(e, c, 1);
                 nu[c] * (up[q] as f64 * s(raised(up, q, -1)) - (k + 3.0) * s(raised(up, q, 1)))
             })
-            .sum();
-    }
-    row
+            .sum()
+    };
+    [turned(0), turned(1), turned(2), shifted(0), shifted(1), shifted(2)]
 }
 
 fn moment_or_zero(moments: &PlaneMoments, i: i32, j: i32) -> f64 {

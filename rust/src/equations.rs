@@ -81,6 +81,9 @@ pub const SPHERE_EXPONENTS: [[usize; 3]; 17] = [
 /// The paper's share of [`PLANE_EXPONENTS`].
 const PAPER_PLANE_COUNT: usize = 13;
 
+/// The share of [`PLANE_EXPONENTS`] up to order 4.
+const PLANE_ORDER_4_COUNT: usize = 15;
+
 /// Most equations of one region in any system.
 pub const MOST_EQUATIONS: usize = PLANE_EXPONENTS.len();
 
@@ -91,6 +94,14 @@ impl System {
             (Self::Plane, Weighting::Uniform) => PAPER_PLANE_COUNT,
             (Self::Plane, Weighting::Whitened) => PLANE_EXPONENTS.len(),
             (Self::Sphere, _) => SPHERE_EXPONENTS.len(),
+        }
+    }
+
+    /// Number of the leading functions of low order: on the plane those up to order 4.
+    pub fn low_count(self) -> usize {
+        match self {
+            Self::Plane => PLANE_ORDER_4_COUNT,
+            Self::Sphere => SPHERE_EXPONENTS.len(),
         }
     }
 
@@ -129,7 +140,7 @@ pub fn add_plane_rows(moments: &PlaneMoments, chart: &Chart, nu: &Vector3<f64>, 
     }
 }
 
-/// Adds the derivatives of [`add_sphere_values`] by the camera's left increment.
+/// Adds the derivatives of [`add_sphere_values`] by the camera's left increment (`docs/math.md`, eq. 5.4 and 6.2).
 pub fn add_sphere_rows(moments: &SphereMoments, chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
     for (row, [l, m, n]) in rows.iter_mut().zip(SPHERE_EXPONENTS) {
         let factor = chart.scale.powi((l + m + 2) as i32);

@@ -1,24 +1,20 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
 
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use thiserror::Error as Message;
 
-use crate::chart::Chart;
 use crate::equations::Weighting;
+use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
-use crate::overlap::{OverlapAreas, overlap_areas};
+use crate::overlap::OverlapAreas;
 use crate::pose::Pose;
-use crate::residual::RegionEquations;
-use crate::rings::PlaneRings;
-use crate::solve::{Prior, Problem, Start};
+use crate::solve::{Prior, Problem, Search, Start};
 
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
+/// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
+const TIE_COST: f64 = 1e-3;
 
-/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
-/// deviations.
-const AMBIGUITY_COST: f64 = 25.0;
+/// Step, in radians, in which poses of equal cost are put in order.
+const TIE_STEP: f64 = 1e-3;
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -120,8 +116,9 @@ impl Problem {
     /// The pose from nothing but the regions and the prior, by the native solver.
     ///
     /// `None` where no pose shows every region in its chart.
-    pub fn estimate(&self, start: Start, prior: &Prior) -> Option<Estimate> {
-        self.judged(self.minima(&self.candidates(start, prior)), prior)
+    pub fn estimate(self, start: Start, prior: &Prior) -> Option<Estimate> {
+        let Search { problem, candidates } = self.search(start, prior);
+        problem.judged(problem.minima(&candidates), prior)
     }
 
     /// The verdict on minima found by any driver.
@@ -132,7 +129,9 @@ impl Problem {
         let noise = self.boundary_noise(least);
         let limit = self.ambiguity_limit(least);
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
-        // The sort is stable: without a prior the order of cost stays.
+        let tie = least + TIE_COST * noise * noise;
+        // Sorts are stable: what the prior does not decide, the cost does, and between equal costs the pose itself.
+        fitting.sort_by_key(|minimum| if minimum.cost <= tie { place(&minimum.pose) } else { [i64::MAX; 3] });
         fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
         let mut solutions = fitting.into_iter().map(|minimum| self.solution(minimum));
         let best = solutions.next()?;
@@ -140,19 +139,6 @@ impl Problem {
         let covariance = self.covariance(&best.minimum.pose, noise);
         let warnings = self.warnings(&best, &alternatives, &covariance);
         Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
-    }
-
-    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
-    pub(crate) fn ambiguity_limit(&self, least: f64) -> f64 {
-        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
-    }
-
-    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
-    fn boundary_noise(&self, cost: f64) -> f64 {
-        let count: usize =
-            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
-        let left = count.saturating_sub(6).max(1) as f64;
-        (cost / left).sqrt().max(NOISE_FLOOR)
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
@@ -165,24 +151,13 @@ impl Problem {
     }
 
     fn solution(&self, minimum: Minimum) -> Solution {
+        let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
-            (0..self.regions().len()).map(|k| self.overlap(k, &minimum.pose)).collect();
+            pairs.map(|(region, world)| region_overlap(region, world, &minimum.pose)).collect();
         let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
         let total =
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
-    }
-
-    fn overlap(&self, region: usize, pose: &Pose) -> Option<OverlapAreas> {
-        let equations = &self.regions()[region];
-        let chart = Chart { scale: 1.0, ..*equations.chart() };
-        let project = |ring: &Vec<Vector3<f64>>| -> Option<Vec<Vector2<f64>>> {
-            ring.iter().map(|x| chart.project(&pose.transform(x))).collect()
-        };
-        let rings = self.worlds()[region].rings();
-        let predicted = PlaneRings::new(rings.iter().map(project).collect::<Option<_>>()?).ok()?;
-        let observed = equations.outline().mapped(|p| Some(p / equations.chart().scale))?;
-        Some(overlap_areas(&observed, &predicted))
     }
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {
@@ -202,6 +177,12 @@ impl Problem {
         warnings.extend(weak_geometry(covariance, self.distance(&best.minimum.pose)));
         warnings
     }
+}
+
+/// Where a pose comes among those of equal cost: by its rotation vector, in steps that round-off does not cross but by chance.
+fn place(pose: &Pose) -> [i64; 3] {
+    let turn = pose.rotation.scaled_axis();
+    [turn.x, turn.y, turn.z].map(|component| (component / TIE_STEP).round() as i64)
 }
 
 /// How far a pose is from what was known beforehand, in radians; 0 without a prior.

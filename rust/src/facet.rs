@@ -106,7 +106,8 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 }
 
 impl Facet {
-    /// The plane along the chart's axes as `nu . P = 1`; `None` where it passes through the camera.
+    /// The plane along the chart's axes as `nu . P = 1` (`docs/math.md`, eq. 1.7); `None` where it passes through the
+    /// camera.
     pub fn nu(&self, chart_from_world: &Pose) -> Option<Vector3<f64>> {
         let normal = chart_from_world.rotation * self.normal;
         let offset = self.offset + normal.dot(&chart_from_world.translation);

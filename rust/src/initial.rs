@@ -13,8 +13,23 @@ use crate::rings::PlaneRings;
 /// that moments of order 8 can have.
 const ANGLES: usize = 72;
 
-/// Turns that leave a difference this many times the least are kept: perspective and noise disturb right and wrong alike.
-const LEAST_FACTOR: f64 = 4.0;
+/// Which turns are worth a candidate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turns {
+    /// Those that leave less than ten times the least difference: perspective and noise disturb right and wrong alike.
+    Likely,
+    /// Every local minimum.
+    All,
+}
+
+impl Turns {
+    fn factor(self) -> f64 {
+        match self {
+            Self::Likely => 10.0,
+            Self::All => f64::INFINITY,
+        }
+    }
+}
 
 /// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
 const POWER_SHARE: f64 = 0.05;
@@ -46,19 +61,25 @@ impl ComplexMoment {
     }
 }
 
-/// Poses at which a planar region looks like what its chart shows, up to second order exactly (`docs/math.md`, section 7).
+/// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
 ///
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
 /// which the poses take world coordinates. Symmetric shapes give candidates for each symmetry.
-pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
+pub fn closed_form(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    turns: Turns,
+) -> Vec<Pose> {
     let (Some(seen), Some(model)) = (WhitenedShape::of(outline), WhitenedShape::of(world.outline())) else {
         return Vec::new();
     };
     let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
     let target = seen.mean / chart.scale;
     let mut poses = Vec::new();
-    for turn in best_turns(&seen, &model) {
+    for turn in best_turns(&seen, &model, turns) {
         let affine = back * turn.matrix() * model.transform / chart.scale;
         for (rotation, depth) in two_fold(&affine) {
             let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
@@ -68,8 +89,9 @@ pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, ori
     poses
 }
 
-/// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the distance
-/// at which both areas agree; `up` (world) is turned to the camera's -y as far as that leaves the ray alone.
+/// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the
+/// distance at which both areas agree (`docs/math.md`, eq. 7.9); `up` (world) is turned to the camera's -y as far as
+/// that leaves the ray alone.
 ///
 /// Without `up` the plane's own axes are taken as they come.
 pub fn facing(
@@ -124,7 +146,8 @@ fn posed(
 /// The two rotations whose first-order view at the optical axis is `affine`, and the depth of both (after the planar
 /// decomposition of Collins and Bartoli 2014).
 ///
-/// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`.
+/// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`
+/// (`docs/math.md`, eq. 7.6 to 7.8).
 fn two_fold(affine: &Matrix2<f64>) -> Vec<(Rotation3<f64>, f64)> {
     let gram = affine.transpose() * affine;
     let half = gram.trace() / 2.0;
@@ -173,12 +196,12 @@ impl Turn {
 
 /// The turns that bring the model's moments near the observed ones: local minima, with and without a mirror, that are not
 /// far worse than the best.
-fn best_turns(seen: &WhitenedShape, model: &WhitenedShape) -> Vec<Turn> {
+fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, wanted: Turns) -> Vec<Turn> {
     let mut turns = local_minima(seen, model, false);
     turns.extend(local_minima(seen, model, true));
     let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
     let power: f64 = seen.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum();
-    let limit = (LEAST_FACTOR * least).max(POWER_SHARE * power);
+    let limit = (wanted.factor() * least).max(POWER_SHARE * power);
     turns.retain(|turn| turn.difference <= limit);
     turns
 }
@@ -199,7 +222,8 @@ fn local_minima(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> 
         .collect()
 }
 
-/// Squared difference between the observed moments and the model's after a mirror and a turn.
+/// Squared difference between the observed moments and the model's after a mirror and a turn
+/// (`docs/math.md`, eq. 7.5).
 fn difference(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool, angle: f64) -> f64 {
     let turn = Complex::from_polar(1.0, angle);
     let pairs = seen.moments.iter().zip(&model.moments);
@@ -225,7 +249,7 @@ impl WhitenedShape {
     }
 }
 
-/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem.
+/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem (`docs/math.md`, eq. 7.2).
 fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     let root = matrix.determinant();
     if root.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
@@ -236,7 +260,8 @@ fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     square_root.try_inverse()
 }
 
-/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment.
+/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment
+/// (`docs/math.md`, eq. 7.4).
 fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
     let mut list = Vec::new();
     for order in SHAPE_ORDERS {

@@ -37,7 +37,8 @@ pub struct Minimum {
 
 /// The minimum of the squared residuals of `regions` that is reached from `start`.
 ///
-/// The parameter is one left increment of `start`, with its exact derivative, so that no re-centring is needed.
+/// The parameter is one left increment of `start`, with its exact derivative, so that no re-centring is needed; it counts from
+/// [`step_unit`], so that the tolerance on the pose is in radians and in shares of the distance.
 pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting, stopping: Stopping) -> Minimum {
     let problem = Increment::new(regions, start, weighting);
     // The crate's limit counts gradients of six parameters plus one.
@@ -57,19 +58,26 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
     }
 }
 
+/// One radian about each axis, and the distance of the (centred) world's origin along each.
+pub fn step_unit(start: &Pose) -> Tangent {
+    let distance = start.translation.norm();
+    Tangent::new(1.0, 1.0, 1.0, distance, distance, distance)
+}
+
 /// The least squares problem in the crate's terms.
 struct Increment<'a> {
     regions: &'a [RegionEquations],
     start: Pose,
     weighting: Weighting,
+    unit: Tangent,
     x: Tangent,
     evaluation: Option<Evaluation>,
 }
 
 impl<'a> Increment<'a> {
     fn new(regions: &'a [RegionEquations], start: &Pose, weighting: Weighting) -> Self {
-        let x = Tangent::zeros();
-        Self { regions, start: *start, weighting, x, evaluation: evaluate(regions, start, weighting) }
+        let (unit, x) = (step_unit(start), Tangent::zeros());
+        Self { regions, start: *start, weighting, unit, x, evaluation: evaluate(regions, start, weighting) }
     }
 
     fn pose(&self) -> Pose {
@@ -87,12 +95,12 @@ impl LeastSquaresProblem<f64, Dyn, U6> for Increment<'_> {
     type JacobianStorage = Owned<f64, Dyn, U6>;
 
     fn set_params(&mut self, x: &Tangent) {
-        self.x = *x;
+        self.x = x - self.unit;
         self.evaluation = evaluate(self.regions, &self.pose(), self.weighting);
     }
 
     fn params(&self) -> Tangent {
-        self.x
+        self.x + self.unit
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {

@@ -1,4 +1,28 @@
 //! Absolute pose of a central camera from planar regions, without correspondences.
+//!
+//! A region is seen in the image as closed rings of [bearings](bearing_rings::Bearing) and known in the world as a planar patch or an
+//! open surface. [`Problem`] pairs both sides, [`Problem::estimate`] finds the pose from nothing else, with its covariance, the
+//! other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
+//! the formulas are derived in the document on its mathematics.
+//!
+//! Cameras end at bearings: any central camera, up to regions 87 degrees off their own axis, is served by the same code.
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use regionpose::{Integration, ObservedRegion, Prior, Problem, Start, System, WorldRegion};
+//!
+//! // An L-shaped sign in the world (metres), and its corners as a camera 4 m before it sees them.
+//! let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+//! let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+//! let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
+//!
+//! let observed = ObservedRegion::new(vec![bearings], 20_000.0); // its area in pixels
+//! let world = WorldRegion::from_rings(&[sign])?;
+//! let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary)?;
+//! let estimate = problem.estimate(Start::Global, &Prior::default()).expect("a pose in view");
+//! assert!((estimate.best.minimum.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
+//! # Ok::<(), regionpose::Error>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod batch;
@@ -9,6 +33,7 @@ pub mod equations;
 pub mod error;
 pub mod estimate;
 pub mod facet;
+pub mod fit;
 pub mod initial;
 pub mod least_squares;
 pub mod mesh;
@@ -20,3 +45,17 @@ pub mod residual;
 pub mod rings;
 pub mod solve;
 pub mod whitening;
+
+pub use batch::in_parallel;
+pub use equations::System;
+pub use error::{Error, Result};
+pub use estimate::{Estimate, Solution, Warning};
+pub use facet::Integration;
+pub use pose::Pose;
+pub use region::{ObservedRegion, WorldRegion};
+pub use solve::{Prior, Problem, Start};
+
+/// The README's Rust blocks, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

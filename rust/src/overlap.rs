@@ -5,8 +5,9 @@
 //!
 //! No polygon is clipped. With `s_e = +1` for an edge that has its region below and `-1` for one that has it above, a
 //! region's indicator is the sum over its edges of `s_e [y < y_e(x)]`, so the area common to two regions is
-//! `sum over e, f of s_e s_f * area below min(y_e, y_f)`, over the x that both edges span. Every term depends
-//! continuously on the vertices: edges that touch or coincide need no care, and nothing is snapped to a grid.
+//! `sum over e, f of s_e s_f * area below min(y_e, y_f)`, over the x that both edges span (`docs/math.md`, eq. 8.3).
+//! Every term depends continuously on the vertices: edges that touch or coincide need no care, and nothing is snapped
+//! to a grid.
 
 use std::ops::Add;
 
@@ -26,7 +27,8 @@ pub struct OverlapAreas {
 }
 
 impl OverlapAreas {
-    /// Overlap error: solid angle of the symmetric difference over that of the observed region (paper section 4, delta).
+    /// Overlap error: solid angle of the symmetric difference over that of the observed region (paper section 4, delta;
+    /// `docs/math.md`, eq. 8.1).
     ///
     /// 0 for equal regions; 1 plus the ratio of the areas for regions apart; NaN without an observed region.
     pub fn error(&self) -> f64 {
@@ -150,7 +152,8 @@ fn area_below_both(e: &SlopingEdge, f: &SlopingEdge) -> f64 {
 ///
 /// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (r + s)`, `s^2 = 1 + x^2`,
 /// `r^2 = s^2 + y^2`, this is the area between a great-circle arc and the equator:
-/// `tan(area / 2) = tan(d / 2) (u_a + u_b) / (1 + u_a u_b)`, `u = tan(phi / 2)`, `d` the difference of longitudes.
+/// `tan(area / 2) = tan(d / 2) (u_a + u_b) / (1 + u_a u_b)`, `u = tan(phi / 2)`, `d` the difference of longitudes
+/// (`docs/math.md`, eq. 8.4 and 8.5).
 fn area_below(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
     let half = |p: Vector2<f64>| {
         let s = (1.0 + p.x * p.x).sqrt();

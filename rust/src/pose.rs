@@ -71,7 +71,7 @@ impl Pose {
         Self { rotation: self.rotation * other.rotation, translation: self.transform(&other.translation) }
     }
 
-    /// `exp(omega) P + tau` after this pose: the pose moved by a left increment (`docs/math.md`, section 1).
+    /// `exp(omega) P + tau` after this pose: the pose moved by a left increment (`docs/math.md`, eq. 1.2).
     pub fn moved(&self, increment: &Tangent) -> Self {
         let turn = Rotation3::new(increment.fixed_rows::<3>(0).into_owned());
         let rotation = orthonormalized((turn * self.rotation).matrix());
@@ -80,14 +80,16 @@ impl Pose {
 
     /// Angle of the rotation between two poses, in radians.
     ///
-    /// Taken from the chord `|R1 - R2| = 2 sqrt(2) sin(angle / 2)`, which keeps small angles exact.
+    /// Taken from the chord `|R1 - R2| = 2 sqrt(2) sin(angle / 2)`, which keeps small angles exact
+    /// (`docs/math.md`, eq. 1.6).
     pub fn angle_to(&self, other: &Self) -> f64 {
         let chord = (self.rotation.matrix() - other.rotation.matrix()).norm() / (2.0 * 2.0_f64.sqrt());
         2.0 * chord.min(1.0).asin()
     }
 }
 
-/// The rotation nearest to a matrix that is nearly one, by two steps of Newton's iteration for the polar factor.
+/// The rotation nearest to a matrix that is nearly one, by two steps of Newton's iteration for the polar factor
+/// (`docs/math.md`, eq. 1.6).
 fn orthonormalized(matrix: &Matrix3<f64>) -> Rotation3<f64> {
     let step = |m: Matrix3<f64>| m * (Matrix3::identity() * 1.5 - m.transpose() * m * 0.5);
     Rotation3::from_matrix_unchecked(step(step(*matrix)))
@@ -99,7 +101,7 @@ pub fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// Derivative of the left increment at `pose.moved(x)` with respect to `x`: the chain from [`Pose::moved`]'s parameter
-/// to the derivatives of [`crate::derivatives`] (`docs/math.md`, section 1).
+/// to the derivatives of [`crate::derivatives`] (`docs/math.md`, eq. 1.5).
 ///
 /// With the left Jacobian `L` of SO(3): `d omega = L(omega) dx_omega` and `d tau = dx_tau + tau x d omega`.
 pub fn increment_derivative(x: &Tangent) -> Matrix6<f64> {
@@ -111,7 +113,8 @@ pub fn increment_derivative(x: &Tangent) -> Matrix6<f64> {
     derivative
 }
 
-/// Left Jacobian of SO(3): `I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2` with `a = |w|`.
+/// Left Jacobian of SO(3): `I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2` with `a = |w|`
+/// (`docs/math.md`, eq. 1.4).
 fn left_jacobian(omega: &Vector3<f64>) -> Matrix3<f64> {
     let angle = omega.norm();
     let (first, second) = if angle < SMALL_ANGLE {

@@ -215,13 +215,13 @@ pub(crate) fn check_finite(item: &str, points: &[Vector3<f64>]) -> Result<()> {
 
 fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {
     let allowed = PLANARITY_TOLERANCE * extent(&rings.concat());
-    for (ring, vertices) in rings.iter().enumerate() {
-        let distance = vertices.iter().map(|x| frame.height(x).abs()).fold(0.0, f64::max);
-        if distance > allowed {
-            return Err(Error::NotPlanar { ring, distance, allowed });
-        }
+    let farthest = |vertices: &Vec<Vector3<f64>>| vertices.iter().map(|x| frame.height(x).abs()).fold(0.0, f64::max);
+    // One bent ring tilts the plane of all: the ring farthest off is the one to name.
+    let worst = rings.iter().map(farthest).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    match worst {
+        Some((ring, distance)) if distance > allowed => Err(Error::NotPlanar { ring, distance, allowed }),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 fn check_indices(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<()> {

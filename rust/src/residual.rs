@@ -18,7 +18,7 @@ use crate::moments::sphere::spherical_moments;
 use crate::pose::Pose;
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::rings::PlaneRings;
-use crate::whitening::Whitening;
+use crate::whitening::{BoundaryCovariance, Orders, Whitening};
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -37,6 +37,8 @@ pub struct RegionEquations {
     outline: PlaneRings,
     observed: Vec<f64>,
     facets: Vec<Facet>,
+    pixel_area: f64,
+    covariance: BoundaryCovariance,
     whitening: Whitening,
 }
 
@@ -55,8 +57,20 @@ impl RegionEquations {
         let (chart, outline) = Chart::of(&observed.rings)?;
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        let whitening = Whitening::new(system, &chart, &outline, observed.checked_pixel_area()?);
-        Ok(Self { system, chart, outline, observed: values, facets, whitening })
+        let pixel_area = observed.checked_pixel_area()?;
+        let covariance = BoundaryCovariance::new(system, &chart, &outline, pixel_area);
+        let whitening = Whitening::new(&covariance, 0.0, Orders::All);
+        Ok(Self { system, chart, outline, observed: values, facets, pixel_area, covariance, whitening })
+    }
+
+    /// The same equations, whitened for a boundary noise of `sigma` pixels.
+    pub fn whitened_for(self, sigma: f64, orders: Orders) -> Self {
+        Self { whitening: Whitening::new(&self.covariance, sigma, orders), ..self }
+    }
+
+    /// The observed area in pixels.
+    pub fn pixel_area(&self) -> f64 {
+        self.pixel_area
     }
 
     /// The region's chart.

@@ -81,6 +81,14 @@ impl PlaneRings {
         Some(Self { rings, lower, upper })
     }
 
+    /// The rings after a map that may have turned all of them round: outer ones counter-clockwise again.
+    pub(crate) fn facing(mut self) -> Self {
+        if self.area() < 0.0 {
+            self.rings.iter_mut().for_each(|ring| ring.reverse());
+        }
+        self
+    }
+
     /// Edges of all rings as (start, end), ring by ring; the region lies to their left.
     pub fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + '_ {
         self.rings.iter().flat_map(|ring| ring_edges(ring))

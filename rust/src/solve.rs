@@ -5,17 +5,22 @@ use nalgebra::Vector3;
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
-use crate::initial::{closed_form, facing};
+use crate::fit::Fit;
+use crate::initial::{Turns, closed_form, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::residual::{Evaluation, RegionEquations, evaluate};
+use crate::whitening::Orders;
 
 /// A candidate of one region: enough to tell it from the others, not yet a solution.
 const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
 
 /// A candidate of all regions together.
 const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
+
+/// The paper's start is followed all the way down, from wherever it lies.
+const PAPER: Stopping = Stopping { tolerance: 1e-6, evaluations: 210 };
 
 /// A candidate on the whitened scale, where it can be seen whether it fits.
 const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
@@ -29,12 +34,24 @@ const WORTH_A_LOOK: f64 = 1e3;
 /// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
 const SMALL_COST: f64 = 1e-4;
 
-/// A final solution: both drivers end within 1e-7 of one another.
-const FINAL: Stopping = Stopping { tolerance: 1e-12, evaluations: 140 };
+/// A final solution: the last step is far shorter than the 1e-7 within which both drivers end.
+const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 140 };
 
 /// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
 /// of the symmetric difference is then of the order of the region itself.
 const SINGLE_REGION_COST: f64 = 0.05;
+
+/// Overlap error above which the search takes a second look, from every turn.
+const SECOND_LOOK: f64 = 0.02;
+
+/// Boundary noise, in pixels, up to which outlines count as clean: a binary mask's is uniform over a pixel, 0.29.
+const CLEAN: f64 = 0.5;
+
+/// Share of the overlap error to which all moments have to bring it down to be preferred to those of low order.
+const MUCH_BETTER: f64 = 0.8;
+
+/// Starts of one region that are followed where other regions can tell them apart; the second look follows all.
+const STARTS_PER_REGION: usize = 4;
 
 /// Candidates carried into the joint system at most.
 const MOST_CANDIDATES: usize = 32;
@@ -44,6 +61,14 @@ const SAME_CANDIDATE: f64 = 0.01;
 
 /// Poses nearer than this are one minimum.
 const SAME_MINIMUM: f64 = 1e-4;
+
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
+
+/// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
+/// deviations.
+const AMBIGUITY_COST: f64 = 25.0;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -62,6 +87,24 @@ pub struct Prior {
     pub initial: Option<Pose>,
     /// The direction, in the world, that is up in the image.
     pub up: Option<Vector3<f64>>,
+}
+
+/// What a search found: where to solve from, best first, and the problem on the scale of the noise that was found.
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// The problem, whitened for the boundary noise of its best candidate.
+    pub problem: Problem,
+    /// Distinct poses near minima of the whitened equations, none so much worse than the best that it could not fit.
+    pub candidates: Vec<Pose>,
+}
+
+impl Search {
+    /// Overlap error of the best candidate, infinite without one.
+    fn overlap_error(&self) -> f64 {
+        let Problem { regions, worlds, .. } = &self.problem;
+        let fit = self.candidates.first().and_then(|pose| Fit::of(regions, worlds, pose));
+        fit.map_or(f64::INFINITY, |fit| fit.overlap_error)
+    }
 }
 
 /// Regions seen in one image and known in the world, ready to be solved.
@@ -118,18 +161,54 @@ impl Problem {
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 
-    /// Poses from which to solve, best first: distinct, near minima of the whitened equations, and none so much worse than
-    /// the best that it could not fit.
-    pub fn candidates(&self, start: Start, prior: &Prior) -> Vec<Pose> {
-        let starts = match start {
-            Start::Global => self.global_starts(prior),
-            Start::Paper => self.paper_starts(prior),
+    /// The candidates for the pose, and this problem whitened for the boundary noise that the best of them shows.
+    ///
+    /// Where the outlines are not clean, moments of low order are safer; all are kept if their best candidate covers the
+    /// observed regions much better, as it does where only high orders tell the turns of a symmetric shape apart.
+    pub fn search(self, start: Start, prior: &Prior) -> Search {
+        let mut poses = match start {
+            Start::Global => self.solved_together(self.global_starts(prior, Turns::Likely)),
+            Start::Paper => self.solved_together(self.paper_starts(prior)),
         };
-        let mut poses = self.narrowed(starts);
-        if self.regions.len() > 1 {
-            let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
-            poses = self.narrowed(poses.iter().map(joint).collect());
+        let mut fit = self.fit_of_best(&poses);
+        if start == Start::Global && fit.is_none_or(|fit| fit.overlap_error > SECOND_LOOK) {
+            poses = self.solved_together(self.global_starts(prior, Turns::All));
+            fit = self.fit_of_best(&poses);
         }
+        let noise = fit.map_or(0.0, |fit| fit.boundary_noise);
+        let all = self.clone().whitened(noise, Orders::All).searched(&poses);
+        if fit.is_none_or(|fit| fit.boundary_noise < CLEAN) {
+            return all;
+        }
+        let low = self.whitened(noise, Orders::Low).searched(&poses);
+        if all.overlap_error() < MUCH_BETTER * low.overlap_error() { all } else { low }
+    }
+
+    fn whitened(self, noise: f64, orders: Orders) -> Self {
+        let regions = self.regions.into_iter().map(|region| region.whitened_for(noise, orders)).collect();
+        Self { regions, ..self }
+    }
+
+    fn searched(self, poses: &[Pose]) -> Search {
+        Search { candidates: self.fitting(poses), problem: self }
+    }
+
+    /// Minima of all regions' unweighted equations near the starts, best first.
+    fn solved_together(&self, starts: Vec<Pose>) -> Vec<Pose> {
+        let poses = self.narrowed(starts);
+        if self.regions.len() == 1 {
+            return poses;
+        }
+        let joint = |pose: &Pose| minimize(&self.regions, pose, Weighting::Uniform, JOINT).pose;
+        self.narrowed(poses.iter().map(joint).collect())
+    }
+
+    fn fit_of_best(&self, poses: &[Pose]) -> Option<Fit> {
+        Fit::of(&self.regions, &self.worlds, &self.uncentred(poses.first()?))
+    }
+
+    /// The candidates that could fit as well as the best once the whitened equations are solved, best first.
+    fn fitting(&self, poses: &[Pose]) -> Vec<Pose> {
         let minima = poses.iter().map(|pose| minimize(&self.regions, pose, Weighting::Whitened, COARSE)).collect();
         let minima = distinct(minima, SAME_CANDIDATE);
         let least = minima.first().map_or(0.0, |minimum| minimum.cost);
@@ -155,31 +234,58 @@ impl Problem {
         kept.into_iter().map(|m| Minimum { pose: self.uncentred(&m.pose), ..m }).collect()
     }
 
+    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
+    pub fn ambiguity_limit(&self, least: f64) -> f64 {
+        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
+    }
+
+    /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
+    pub fn boundary_noise(&self, cost: f64) -> f64 {
+        let count: usize =
+            self.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
+        let left = count.saturating_sub(6).max(1) as f64;
+        (cost / left).sqrt().max(NOISE_FLOOR)
+    }
+
     /// Distance from the camera to the middle of the regions.
     pub fn distance(&self, pose: &Pose) -> f64 {
         pose.transform(&self.origin).norm()
     }
 
-    fn global_starts(&self, prior: &Prior) -> Vec<Pose> {
+    fn global_starts(&self, prior: &Prior, turns: Turns) -> Vec<Pose> {
         let mut starts: Vec<Pose> = prior.initial.iter().map(|pose| self.centred(pose)).collect();
         for (region, world) in self.regions.iter().zip(&self.worlds) {
-            let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin);
+            let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin, turns);
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
+            }
+            if turns == Turns::Likely && self.regions.len() > 1 {
+                poses = self.best_together(poses);
             }
             starts.extend(poses.iter().filter_map(|pose| single_region(region, pose)));
         }
         starts
     }
 
+    /// The starts of one region at which the others fit best, those out of view last.
+    fn best_together(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
+        let cost = |pose: &Pose| {
+            let evaluation = evaluate(&self.regions, pose, Weighting::Uniform);
+            evaluation.map_or(f64::INFINITY, |evaluation| evaluation.residual.norm_squared())
+        };
+        let mut costs: Vec<(f64, Pose)> = poses.drain(..).map(|pose| (cost(&pose), pose)).collect();
+        costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        costs.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
+    }
+
     fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {
         if let Some(initial) = &prior.initial {
-            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, JOINT).pose];
+            return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, PAPER).pose];
         }
         let (first, world) = (&self.regions[..1], &self.worlds[0]);
         facing(first[0].chart(), first[0].outline(), world, &self.origin, prior.up.as_ref())
             .iter()
-            .map(|pose| minimize(first, pose, Weighting::Uniform, JOINT).pose)
+            .map(|pose| minimize(first, pose, Weighting::Uniform, PAPER).pose)
             .collect()
     }
 

@@ -7,11 +7,8 @@ use crate::equations::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::rings::PlaneRings;
 
-/// Noise of the boundary along its normal, in pixels, for which the second-order part of the covariance is taken.
-///
-/// Polynomials that vanish on the whole boundary (the product of a quadrilateral's sides) have no first-order noise; this
-/// term keeps them from being trusted without end. One pixel is what segmenters reach.
-const BOUNDARY_NOISE: f64 = 1.0;
+/// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
+const LEAST_NOISE: f64 = 0.29;
 
 /// Pivots of the covariance below this share of the largest are taken for round-off and their functions left out.
 const PIVOT_CUT: f64 = 1e-13;
@@ -25,8 +22,71 @@ const MIDPOINT: [Node; 1] = gauss_legendre();
 /// Exact for products of two moments of order 6.
 const LONG_EDGE: [Node; 7] = gauss_legendre();
 
-/// The square root of the moments' covariance: scales residuals so that they have unit covariance where every pixel of the
-/// boundary has independent noise of one pixel (`docs/math.md`, eq. 6.4).
+/// Which moments are compared on the whitened scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Orders {
+    /// All of the system: they hold more of a clean outline.
+    All,
+    /// On the plane those up to order 4: outlines of real segmentations and scans are bent and cut rather than rough, which
+    /// high orders feel most.
+    Low,
+}
+
+/// How a region's moments scatter when its boundary does, for any size of that noise (`docs/math.md`, eq. 6.4).
+///
+/// In units of the noise's variance, with independent pixels of the boundary and `w_n` the functions' normal derivatives:
+/// `pixel^3 (w w^T) + sigma^2 pixel^5 / 2 (w_n w_n^T) + sigma^2 pixel^4 / 4 b b^T`, the products and `b = w_n` integrated along the
+/// boundary. Functions that vanish on the whole boundary (the product of a quadrilateral's sides) have no first-order noise; the
+/// terms of second order keep them from being trusted without end.
+#[derive(Debug, Clone)]
+pub struct BoundaryCovariance {
+    first: DMatrix<f64>,
+    second: DMatrix<f64>,
+    bias: DVector<f64>,
+    /// Number of the leading functions, those of low order.
+    low: usize,
+}
+
+impl BoundaryCovariance {
+    /// That of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
+    pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
+        let count = system.count(Weighting::Whitened);
+        let (mut first, mut second) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
+        let mut bias = DVector::zeros(count);
+        for (a, b) in rings.edges() {
+            let length = (b - a).norm();
+            let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
+            let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
+            for &(at, weight) in nodes {
+                let (value, slope) = functions(system, chart, &(a + (b - a) * at), &normal);
+                first.ger(weight * length, &value, &value, 1.0);
+                second.ger(weight * length, &slope, &slope, 1.0);
+                bias.axpy(weight * length, &slope, 1.0);
+            }
+        }
+        let pixel = pixel_area.sqrt().recip();
+        Self {
+            first: first * pixel.powi(3),
+            second: second * (0.5 * pixel.powi(5)),
+            bias: bias * (0.5 * pixel * pixel),
+            low: system.low_count(),
+        }
+    }
+
+    /// The covariance for a noise of standard deviation `sigma` pixels, over its variance.
+    fn at(&self, sigma: f64, orders: Orders) -> DMatrix<f64> {
+        let variance = sigma.max(LEAST_NOISE).powi(2);
+        let mut covariance = &self.first + &self.second * variance;
+        covariance.ger(variance, &self.bias, &self.bias, 1.0);
+        let count = match orders {
+            Orders::All => covariance.nrows(),
+            Orders::Low => self.low,
+        };
+        covariance.view((0, 0), (count, count)).into_owned()
+    }
+}
+
+/// The inverse square root of the moments' covariance: scales residuals to pixels of boundary noise.
 #[derive(Debug, Clone)]
 pub struct Whitening {
     /// Functions in the order of their pivots; those that depend on the others are left out.
@@ -36,16 +96,13 @@ pub struct Whitening {
 }
 
 impl Whitening {
-    /// The whitening of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
-    pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
-        let pixel = 1.0 / pixel_area.sqrt();
-        let covariance = boundary_covariance(system, chart, rings, pixel);
-        let (pivots, factor) = pivoted_cholesky(covariance);
+    /// The whitening for a boundary noise of `sigma` pixels.
+    pub fn new(covariance: &BoundaryCovariance, sigma: f64, orders: Orders) -> Self {
+        let (pivots, factor) = pivoted_cholesky(covariance.at(sigma, orders));
         let identity = DMatrix::identity(pivots.len(), pivots.len());
         let inverse = factor.solve_lower_triangular(&identity).unwrap_or(identity);
-        let inverse =
-            (0..pivots.len()).flat_map(|row| inverse.row(row).columns(0, row + 1).iter().copied().collect::<Vec<_>>());
-        Self { inverse: inverse.collect(), pivots }
+        let rows = (0..pivots.len()).flat_map(|row| (0..=row).map(move |column| (row, column)));
+        Self { inverse: rows.map(|at| inverse[at]).collect(), pivots }
     }
 
     /// Number of independent equations.
@@ -78,7 +135,7 @@ fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
     let largest = rest.diagonal().max();
     for _ in 0..count {
         let (pivot, value) = rest.diagonal().argmax();
-        if !(value > PIVOT_CUT * largest) {
+        if value <= PIVOT_CUT * largest || value.is_nan() {
             break;
         }
         let column = rest.column(pivot) / value.sqrt();
@@ -92,25 +149,6 @@ fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
     let factor =
         DMatrix::from_fn(rank, rank, |row, column| if row < column { 0.0 } else { columns[column][pivots[row]] });
     (pivots, factor)
-}
-
-/// `pixel^3 times the integral over the boundary of (w w^T + (pixel sigma)^2 / 2 w_n w_n^T) ds`, `w_n` the normal derivative.
-fn boundary_covariance(system: System, chart: &Chart, rings: &PlaneRings, pixel: f64) -> DMatrix<f64> {
-    let count = system.count(Weighting::Whitened);
-    let mut covariance = DMatrix::zeros(count, count);
-    let second_order = 0.5 * (pixel * BOUNDARY_NOISE).powi(2);
-    for (a, b) in rings.edges() {
-        let length = (b - a).norm();
-        let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
-        let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
-        for &(at, weight) in nodes {
-            let (value, slope) = functions(system, chart, &(a + (b - a) * at), &normal);
-            let ds = weight * length * pixel.powi(3);
-            covariance.ger(ds, &value, &value, 1.0);
-            covariance.ger(ds * second_order, &slope, &slope, 1.0);
-        }
-    }
-    covariance
 }
 
 /// The system's functions at a chart point, and their derivatives along a direction.
@@ -136,11 +174,14 @@ fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (
     let r = point / depth;
     let dr = (step - r * r.dot(&step)) / depth;
     let element = depth.powi(-3);
+    // The element falls with the distance from the axis: its relative slope.
+    let fall = -3.0 * r.dot(&step) / depth;
     let (x, y, z) = (powers(r.x * chart.scale), powers(r.y * chart.scale), powers(r.z));
     let value = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| element * x[l] * y[m] * z[n]);
     let slope = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| {
         let (dx, dy) = (dr.x * chart.scale * lowered(l, &x), dr.y * chart.scale * lowered(m, &y));
-        element * (dx * y[m] * z[n] + x[l] * dy * z[n] + x[l] * y[m] * dr.z * lowered(n, &z))
+        let of_element = fall * x[l] * y[m] * z[n];
+        element * (of_element + dx * y[m] * z[n] + x[l] * dy * z[n] + x[l] * y[m] * dr.z * lowered(n, &z))
     });
     (DVector::from_iterator(SPHERE_EXPONENTS.len(), value), DVector::from_iterator(SPHERE_EXPONENTS.len(), slope))
 }

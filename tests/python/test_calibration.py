@@ -306,5 +306,6 @@ def test_ocamcalibs_inverse_polynomial_agrees_with_the_inverted_one() -> None:
     angles = np.linspace(0.1, 1.6, 50)
     rho = sum(coefficient * (angles - np.pi / 2.0) ** power for power, coefficient in enumerate(inverse))
     camera = load_camera(path)
+    assert isinstance(camera, OcamCamera)
     pixels = camera.project(np.stack([np.sin(angles), np.zeros(50), np.cos(angles)], axis=1))
     assert np.abs(pixels[:, 0] - camera.center[0] - rho).max() < 1.0

@@ -53,7 +53,8 @@ def image_grid(step: float = 16.0) -> np.ndarray:
 
 def angles_off_axis(bearings: np.ndarray) -> np.ndarray:
     """Angles to the z axis, in radians."""
-    return np.arctan2(np.hypot(bearings[:, 0], bearings[:, 1]), bearings[:, 2])
+    angles: np.ndarray = np.arctan2(np.hypot(bearings[:, 0], bearings[:, 1]), bearings[:, 2])
+    return angles
 
 
 def directions(angles: np.ndarray, turns: np.ndarray) -> np.ndarray:
@@ -265,7 +266,7 @@ def test_many_rows_are_mapped_like_few() -> None:
 
 
 def test_cameras_are_values() -> None:
-    camera = OcamCamera(np.array([300.0, 0.0, -1e-3]), [10, 20], np.eye(2), 640, 480)
+    camera = OcamCamera(np.array([300.0, 0.0, -1e-3]), [10, 20], np.eye(2), 640, 480)  # type: ignore[arg-type]
     assert camera == eval(repr(camera))
     assert hash(camera) == hash(eval(repr(camera)))
     assert PinholeCamera(1, 2, 3, 4) != PinholeCamera(1, 2, 3, 5)
@@ -276,7 +277,7 @@ def test_cameras_are_values() -> None:
 def test_the_matrix_and_the_camera_hold_the_same() -> None:
     matrix = [[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]]
     k = (0.1, 0.2, 0.3, 0.4)
-    cameras = [
+    cameras: list[PinholeCamera | FisheyeCamera | UnifiedCamera] = [
         PinholeCamera.from_matrix(matrix, np.reshape(k, (1, 4)), 640, 480),
         FisheyeCamera.from_matrix(matrix, np.reshape(k, (4, 1)), 640, 480),
         UnifiedCamera.from_matrix(matrix, k, 640, 480, xi=1.2),
@@ -293,23 +294,29 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         (lambda: PinholeCamera(0.0, 1, 0, 0), "fx: found 0.0; needed a number above 0"),
         (lambda: PinholeCamera(1, -2, 0, 0), "fy: found -2.0"),
         (lambda: PinholeCamera(1, 1, math.nan, 0), "cx: found nan; needed a finite number"),
-        (lambda: PinholeCamera(1, 1, 0, "middle"), "cy: found 'middle'; needed a number"),
+        (lambda: PinholeCamera(1, 1, 0, "middle"), "cy: found 'middle'; needed a number"),  # type: ignore[arg-type]
         (
             lambda: PinholeCamera(1, 1, 0, 0, distortion=(1, 2, 3)),
             "distortion: found 3 coefficients; needed 0, 4, 5 or 8",
         ),
         (lambda: PinholeCamera(1, 1, 0, 0, distortion=(0, 0, math.inf, 0)), r"distortion\[2\]: found inf"),
-        (lambda: PinholeCamera(1, 1, 0, 0, 640.5, 480), "width: found 640.5; needed a whole number"),
+        (
+            lambda: PinholeCamera(1, 1, 0, 0, 640.5, 480),  # type: ignore[arg-type]
+            "width: found 640.5; needed a whole number",
+        ),
         (lambda: PinholeCamera(1, 1, 0, 0, 640, 0), "height: found 0; needed a whole number above 0"),
-        (lambda: PinholeCamera.from_matrix([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]), "skew of 0.5"),
+        (lambda: PinholeCamera.from_matrix(((1, 0.5, 0), (0, 1, 0), (0, 0, 1))), "skew of 0.5"),
         (lambda: PinholeCamera.from_matrix(np.eye(4)), r"matrix: found an array of shape \(4, 4\)"),
         (lambda: FisheyeCamera(1, 1, 0, 0, k=(1, 2)), "k: found 2 coefficients; needed 4"),
-        (lambda: FisheyeCamera(1, 1, 0, 0, k=3), "k: found 3; needed a sequence of numbers"),
+        (lambda: FisheyeCamera(1, 1, 0, 0, k=3), "k: found 3; needed a sequence of numbers"),  # type: ignore[arg-type]
         (lambda: OcamCamera((), (0, 0)), "polynomial: found no coefficients"),
         (lambda: OcamCamera((-300.0, 0.0), (0, 0)), "polynomial: found -300.0; needed a first coefficient a0 above 0"),
         (lambda: OcamCamera((1.0,), (0, 0, 0)), "center: found 3 numbers; needed 2"),
         (lambda: OcamCamera((1.0,), (0, 0), ((1, 2), (2, 4))), "stretch: found .* invertible"),
-        (lambda: OcamCamera((1.0,), (0, 0), (1, 2)), r"stretch: found an array of shape \(2,\)"),
+        (
+            lambda: OcamCamera((1.0,), (0, 0), (1, 2)),  # type: ignore[arg-type]
+            r"stretch: found an array of shape \(2,\)",
+        ),
         (lambda: UnifiedCamera(-0.1, 1, 1, 0, 0), "xi: found -0.1; needed a number of at least 0"),
         (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels: found an array of shape \(2,\); needed \(n, 2\)"),
         (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points: found an array of shape \(3, 2\); needed \(n, 3\)"),

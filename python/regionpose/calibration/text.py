@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,11 @@ class CalibrationText:
     @classmethod
     def read(cls, path: str | Path) -> CalibrationText:
         """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large."""
+        if not isinstance(path, str | os.PathLike):
+            raise CalibrationError(f"path is a {type(path).__name__}; needed the path of a calibration file")
         location = Path(path)
+        if location.is_dir():
+            raise CalibrationError(f"{location}: found a directory; needed a calibration file")
         size = location.stat().st_size
         if size > MAX_BYTES:
             raise CalibrationError(f"{location}: found {size} bytes; needed a calibration file of at most {MAX_BYTES}")

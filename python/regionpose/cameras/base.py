@@ -66,10 +66,14 @@ class Camera(ABC):
 
 def _rows(values: ArrayLike, name: str, columns: int) -> Array:
     """`values` as a float array (n, columns)."""
+    needed = f"needed numbers of shape (n, {columns})"
     try:
-        rows = np.asarray(values, dtype=np.float64)
+        given = np.asarray(values)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: found {_brief(values)}; needed numbers of shape (n, {columns})") from error
+        raise ValueError(f"{name}: found {_brief(values)}; {needed}") from error
+    if given.dtype.kind not in "iuf":
+        raise ValueError(f"{name}: found an array of type {given.dtype}; {needed}")
+    rows = given.astype(np.float64, copy=False)
     if rows.ndim != 2 or rows.shape[1] != columns:
         raise ValueError(f"{name}: found an array of shape {rows.shape}; needed (n, {columns})")
     return rows
@@ -92,6 +96,8 @@ def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> 
 def finite_number(name: str, value: SupportsFloat) -> float:
     """`value` as a finite float; ValueError that names it otherwise."""
     try:
+        if isinstance(value, str | bytes) or np.asarray(value).dtype.kind == "c":
+            raise TypeError("text and complex numbers are no real numbers")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name}: found {_brief(value)}; needed a number") from error

@@ -27,6 +27,10 @@ POLE_TOLERANCE = 1e-12
 """Denominator, 1 on the axis, below which the disc ends at a pole: the rounding of a polynomial at its root."""
 
 
+POLE_MARGIN = 1e-9
+"""Share of a pole's radius by which the disc stays inside it: distorted radii are then up to 1e9 times its radius."""
+
+
 @dataclass(frozen=True)
 class RadialTangential:
     """Distortion by 0, 4, 5 or 8 coefficients `(k1, k2, p1, p2, k3, k4, k5, k6)`.
@@ -36,7 +40,8 @@ class RadialTangential:
     the map is used. Without tangential terms it ends exactly at the fold, the first radius at which the distorted
     radius stops growing, or at a pole. With them it is a disc in which the symmetric Jacobian
     `(f + 2 q . m) 1 + 2 f' m m^T + 2 (q m^T + m q^T)` is positive definite in every direction: the field is convex
-    there, so the map is one-to-one. `distorted_limit` bounds the distorted radii of the disc.
+    there, so the map is one-to-one (docs/math.md, eq. 9.2 to 9.5). `distorted_limit` bounds the distorted radii of the
+    disc.
     """
 
     coefficients: tuple[float, ...]
@@ -153,14 +158,16 @@ class RadialTangential:
         return _sum(rising, -np.convolve(self.numerator, derivative(self.denominator)))
 
     def _largest_distorted_radius(self) -> float:
-        """Bound of the distorted radii in the disc, reached when there are no tangential terms."""
-        s = np.array(self.limit * self.limit)
-        with np.errstate(all="ignore"):
-            at_pole = float(polynomial(self.denominator, s)) <= POLE_TOLERANCE
-            if math.isinf(self.limit) or at_pole:
-                return math.inf
-            radius = self.limit * float(self._factor(s)[0])
-        return radius + 3.0 * math.hypot(*self.tangential) * self.limit * self.limit
+        """Bound of the distorted radii in the disc, reached when there are no tangential terms.
+
+        Just inside a pole the radii are past any image, unless the numerator has the same root and they stay finite.
+        """
+        if math.isinf(self.limit):
+            return math.inf
+        at_pole = abs(float(polynomial(self.denominator, np.array(self.limit**2)))) <= POLE_TOLERANCE
+        radius = self.limit * (1.0 - POLE_MARGIN) if at_pole else self.limit
+        distorted = radius * float(self._factor(np.array(radius * radius))[0])
+        return distorted + 3.0 * math.hypot(*self.tangential) * radius * radius
 
 
 def _trimmed(coefficients: tuple[float, ...]) -> Array:

@@ -29,9 +29,9 @@ class FisheyeCamera(Camera):
     """Fisheye camera: a ray at angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + ... + k4 t^8)`.
 
     The distance is on the plane that focal lengths and centre, in pixels, map to the image (Kannala and Brandt 2006,
-    radially symmetric part, as in OpenCV's fisheye module). Angles reach beyond 90 degrees, to the fold of the
-    polynomial or to 180 degrees. ValueError on a focal length that is not positive, a number that is not finite,
-    other than four coefficients.
+    radially symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to
+    the fold of the polynomial or to 180 degrees. ValueError on a focal length that is not positive, a number that is
+    not finite, other than four coefficients.
     """
 
     fx: float

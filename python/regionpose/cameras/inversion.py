@@ -89,8 +89,9 @@ def bracketed_roots(residual: Residual, start: Array, upper: float) -> Array:
     """Roots (n,) in [0, upper] of n functions, each negative below its root and positive above it.
 
     `residual(x, rows)` gives value and slope of the functions numbered `rows` at `x`; `start` (n,) are first guesses.
-    Newton steps that leave the bracket or do not halve are replaced by bisection, so a slope of zero at the end of
-    the bracket (a fold) does no harm. `upper` may be infinite: the bracket is then doubled until it holds the root.
+    Newton steps (docs/math.md, eq. 9.10) that leave the bracket or do not halve are replaced by bisection, so a slope
+    of zero at the end of the bracket (a fold) does no harm. `upper` may be infinite: the bracket is then doubled until
+    it holds the root.
     """
     root = np.where(start < upper, start, 0.5 * upper)
     low = np.zeros_like(root)

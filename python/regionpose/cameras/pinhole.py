@@ -26,9 +26,9 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 class PinholeCamera(Camera):
     """Perspective camera, `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
 
-    `distortion` holds 0, 4, 5 or 8 coefficients in OpenCV's order `(k1, k2, p1, p2, k3, k4, k5, k6)`; focal lengths
-    and centre are in pixels. ValueError on a focal length that is not positive, a number that is not finite, another
-    count of coefficients.
+    See docs/math.md, eq. 9.1. `distortion` holds 0, 4, 5 or 8 coefficients in OpenCV's order
+    `(k1, k2, p1, p2, k3, k4, k5, k6)`; focal lengths and centre are in pixels. ValueError on a focal length that is not
+    positive, a number that is not finite, another count of coefficients.
     """
 
     fx: float

@@ -27,10 +27,10 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 class UnifiedCamera(Camera):
     """Unified camera: the point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)`.
 
-    Mei and Rives 2007; Kalibr's omni and OpenCV's omnidir model. `distortion` and the intrinsics in pixels are those
-    of PinholeCamera; `xi = 0` is a pinhole camera. Directions are seen up to `z = -xi` when `xi <= 1`, up to
-    `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion. ValueError on a negative xi, a focal length that
-    is not positive, a number that is not finite, a wrong count of coefficients.
+    Mei and Rives 2007 (docs/math.md, eq. 9.8); Kalibr's omni and OpenCV's omnidir model. `distortion` and the
+    intrinsics in pixels are those of PinholeCamera; `xi = 0` is a pinhole camera. Directions are seen up to `z = -xi`
+    when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion. ValueError on a negative xi,
+    a focal length that is not positive, a number that is not finite, a wrong count of coefficients.
     """
 
     xi: float
@@ -113,6 +113,9 @@ class UnifiedCamera(Camera):
 
 
 def _lift(xi: float, radius: Array | float) -> Array:
-    """`z + xi` of the near point of the unit sphere seen at `radius` on the plane; NaN outside its outline."""
+    """`z + xi` of the point of the unit sphere seen at `radius` on the plane; NaN outside its outline.
+
+    Of two points on the ray, the one farther from the shifted centre (docs/math.md, eq. 9.9).
+    """
     square = np.square(radius)
     return np.asarray((xi + np.sqrt(1.0 + (1.0 - xi * xi) * square)) / (1.0 + square))

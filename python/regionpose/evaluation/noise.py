@@ -19,7 +19,7 @@ from skimage.measure import find_contours
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Array, Window
-from regionpose.evaluation.planar import PlaneFrame, area_vector
+from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon
 
 Mask = NDArray[np.bool_]
 
@@ -163,7 +163,8 @@ def squares_on_region(
         return frame.rings(region)
     before = disturbance(region, squares, count - 1, length, grid)
     last = _fitting_piece(region, before, squares, count - 1, length, target - before.area)
-    changed = before.union(last, grid_size=grid)
+    # Touching squares may leave lines beside the polygons, which the overlay refuses.
+    changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
 
 

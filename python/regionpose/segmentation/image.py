@@ -1,7 +1,7 @@
 """Image regions grown from a seed.
 
-The work is done in three steps: smoothing (a median) and the choice of the tolerance on a reduced image, then the outline at
-full resolution, placed by how the colours of both sides mix in each pixel.
+The work is done in three steps: smoothing (a median) and the choice of the tolerance on a reduced image, then the
+outline at full resolution, placed by how the colours of both sides mix in each pixel.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 WORK_PIXELS = 300_000
-"""Size of the reduced image: a region worth a pose keeps hundreds of pixels, and growing takes a fraction of a second."""
+"""Size of the reduced image: a region worth a pose keeps hundreds of pixels, and growing takes a fraction of a
+second."""
 
 SMOOTHING_SHARE = 1 / 400
 """Default radius of the median over the image's diagonal: the joints of a brick wall that fills the image vanish."""
@@ -43,10 +44,12 @@ SMALLEST_SHARE, LARGEST_SHARE = 5e-4, 0.8
 """Shares of the image between which the tolerance is looked for: below are single bricks, above is everything."""
 
 GOOD_SHARE = 0.65
-"""Of the tolerances that score this share of the best, the first connected range wins: the smaller region around the seed."""
+"""Of the tolerances that score this share of the best, the first connected range wins: the smaller region around the
+seed."""
 
 NEAR_BEST_SHARE = 0.85
-"""Within that range the least tolerance of this share of the best score: a larger one mostly reaches into the mixed pixels."""
+"""Within that range the least tolerance of this share of the best score: a larger one mostly reaches into the mixed
+pixels."""
 
 CONTRAST_FLOOR = 0.02
 """Difference of both sides in linear light (0 to 1) below which mixing says nothing and the outline stays as grown."""
@@ -74,7 +77,8 @@ class _Reduced(NamedTuple):
 
 
 class _Growth(NamedTuple):
-    """A region at the working size, the colour and the tolerance it was grown with, and its score (0 for a given tolerance)."""
+    """A region at the working size, the colour and the tolerance it was grown with, and its score (0 for a given
+    tolerance)."""
 
     mask: Mask
     colour: Floats
@@ -92,15 +96,16 @@ def grow_image_region(
     coverage: bool = False,
     linear_light: bool = False,
 ) -> Mask | Floats:
-    """Mask (h, w) of the surface around `seed`: the connected pixels whose colour is within `tolerance` of the region's.
+    """Mask (h, w) of the surface around `seed`: the connected pixels whose colour is within `tolerance` of the
+    region's.
 
-    `image`: (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`. `seed`: (x, y) in
-    pixels, x right, y down. `tolerance`: CIELAB units; without it, the one whose outline shows a high contrast, is short and
-    moves least (after the maximally stable regions of Matas et al. 2002), and among similar ones the smallest.
-    `smoothing`: radius in pixels of a median that wipes out texture thinner than itself, 0 for none, without it 1/400
-    of the diagonal. `coverage`: return the share of each pixel in [0, 1] (float32) instead of a bool mask, from how the colours
-    of both sides mix in it; `ImageRegion.from_mask` takes either. ValueError for another image, a seed outside it, or a
-    negative option.
+    `image`: (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`. `seed`: (x, y)
+    in pixels, x right, y down. `tolerance`: CIELAB units; without it, the one whose outline shows a high contrast, is
+    short and moves least (after the maximally stable regions of Matas et al. 2002), and among similar ones the
+    smallest. `smoothing`: radius in pixels of a median that wipes out texture thinner than itself, 0 for none, without
+    it 1/400 of the diagonal. `coverage`: return the share of each pixel in [0, 1] (float32) instead of a bool mask,
+    from how the colours of both sides mix in it; `ImageRegion.from_mask` takes either. ValueError for another image, a
+    seed outside it, or a negative option.
     """
     given = _checked_image(image)
     x, y = _checked_seed(seed, given.shape)
@@ -157,9 +162,10 @@ def _reduced(image: NDArray[np.generic], smoothing: float | None) -> _Reduced:
 
 
 def _as_bytes(image: NDArray[np.generic]) -> Bytes:
-    if image.dtype == np.uint16:
-        return (image >> 8).astype(np.uint8)
-    return np.asarray(image if image.dtype == np.uint8 else np.round(image * 255.0), dtype=np.uint8)
+    if image.dtype == np.uint8:
+        return image.astype(np.uint8, copy=False)
+    scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 255.0
+    return np.round(np.asarray(image, dtype=np.float32) * np.float32(scale)).astype(np.uint8)
 
 
 def _median(levels: Bytes, radius: int) -> Bytes:
@@ -169,10 +175,12 @@ def _median(levels: Bytes, radius: int) -> Bytes:
 
 
 def _grown(reduced: _Reduced, start: tuple[int, int], tolerance: float | None) -> _Growth:
-    """The region at the working size, grown from the colour around the seed and again from the colour of what was found."""
+    """The region at the working size, grown from the colour around the seed and again from the colour of what was
+    found."""
     row, column = start
-    near = slice(max(row - reduced.radius, 0), row + reduced.radius + 1), slice(
-        max(column - reduced.radius, 0), column + reduced.radius + 1
+    near = (
+        slice(max(row - reduced.radius, 0), row + reduced.radius + 1),
+        slice(max(column - reduced.radius, 0), column + reduced.radius + 1),
     )
     once = _region_around(reduced.lab, start, np.median(reduced.lab[near].reshape(-1, 3), axis=0), tolerance)
     again = _region_around(reduced.lab, start, np.median(reduced.lab[once.mask], axis=0), tolerance)
@@ -195,7 +203,8 @@ def _region_around(lab: Floats, start: tuple[int, int], colour: Floats, toleranc
 
 
 def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
-    """The least tolerance at which growth from the seed arrives at each pixel: the largest distance on the best path."""
+    """The least tolerance at which growth from the seed arrives at each pixel: the largest distance on the best
+    path."""
     marker = np.full_like(distances, distances.max())
     marker[start] = distances[start]
     return np.asarray(reconstruction(marker, distances, method="erosion"), dtype=np.float32)
@@ -204,8 +213,8 @@ def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
 def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
     """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth.
 
-    Every pair of neighbours lies on the outlines from the smaller step of the two to the larger, so that one pass over the pairs
-    adds up all outlines.
+    Every pair of neighbours lies on the outlines from the smaller step of the two to the larger, so that one pass over
+    the pairs adds up all outlines.
     """
     count = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
     area = np.cumsum(np.bincount(steps.ravel(), minlength=count + 1))[:count]
@@ -261,7 +270,8 @@ def _full_size(image: NDArray[np.generic], reduced: _Reduced, growth: _Growth, l
 
 
 def _linear(values: NDArray[np.generic], linear_light: bool) -> Floats:
-    """Linear light in [0, 1] with three channels, of sRGB values (IEC 61966-2-1) or of values that are linear already."""
+    """Linear light in [0, 1] with three channels, of sRGB values (IEC 61966-2-1) or of values that are linear
+    already."""
     scale = {"uint8": 255.0, "uint16": 65535.0}.get(str(values.dtype), 1.0)
     level = np.asarray(values, dtype=np.float32) / np.float32(scale)
     if not linear_light:
@@ -277,7 +287,8 @@ def _colour_distance(values: NDArray[np.generic], colour: Floats) -> Floats:
 
 
 def _nearby_mean(light: Floats, chosen: Mask, band: int, *, fallback: Floats) -> tuple[Floats, Mask]:
-    """Weighted mean colour (h, w, 3) of the chosen pixels nearby, the fallback where there are none, and where there are."""
+    """Weighted mean colour (h, w, 3) of the chosen pixels nearby, the fallback where there are none, and where there
+    are."""
     reach = 1.5 * band
     weight = ndimage.gaussian_filter(chosen.astype(np.float32), reach)
     sums = ndimage.gaussian_filter(light * chosen[..., None], (reach, reach, 0))
@@ -298,7 +309,8 @@ def _sampled(fields: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], 
 
 
 def _mixture(light: Floats, inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
-    """How colours (n, 3) mix from two others: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in - out|`."""
+    """How colours (n, 3) mix from two others: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in -
+    out|`."""
     step = inner - outer
     square = np.maximum(np.sum(step**2, axis=-1), 1e-12)
     share = np.sum((light - outer) * step, axis=-1) / square
@@ -326,7 +338,8 @@ def _smoothed(mask: Mask, radius: int) -> Mask:
 
 
 def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
-    """Share (h, w) of each pixel that the region covers, from the mixture of the colours a few pixels off its outline."""
+    """Share (h, w) of each pixel that the region covers, from the mixture of the colours a few pixels off its
+    outline."""
     core = ndimage.minimum_filter(mask, size=2 * SOFT_PIXELS + 1)
     outside = ndimage.minimum_filter(~mask, size=2 * SOFT_PIXELS + 1)
     rows, columns = np.nonzero(~(core | outside))
@@ -352,7 +365,7 @@ def _local_mean(
             held = np.flatnonzero(chosen[row, column])
             sums[held] += _linear(image[row[held], column[held]], linear_light)
             counts[held] += 1
-    return sums / np.maximum(counts, 1)[:, None], counts
+    return np.asarray(sums / np.maximum(counts, 1)[:, None], dtype=np.float32), counts
 
 
 def _one_piece(mask: Mask, seed: tuple[int, int], fill_holes: bool) -> Mask:

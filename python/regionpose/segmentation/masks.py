@@ -1,7 +1,7 @@
 """Masks and outlines that others made: label images, COCO and labelme files, arrays of a segmenter.
 
-COCO and labelme put (0, 0) at the outer corner of the first pixel; here an integer is a pixel's centre, so their polygons are moved by
-half a pixel.
+COCO and labelme put (0, 0) at the outer corner of the first pixel; here an integer is a pixel's centre, so their
+polygons are moved by half a pixel.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ def masks_from_segmenter(
 ) -> list[NDArray[np.bool_] | NDArray[np.float32]]:
     """Masks (h, w) of a segmenter's array (n, h, w), (n, 1, h, w) or (h, w), or of dictionaries with a "segmentation".
 
-    `kind` says what numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1] probabilities,
-    other floats logits. The outline of probabilities lies at 1/2, of logits at 0. `coverage`: return probabilities (float32),
-    whose outline has sub-pixel places, instead of bool masks.
+    `kind` says what numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1]
+    probabilities, other floats logits. The outline of probabilities lies at 1/2, of logits at 0. `coverage`: return
+    probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
     """
     given = _stacked(_arrays_of(masks))
     held = kind or _guessed_kind(given)

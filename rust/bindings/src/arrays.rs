@@ -1,7 +1,7 @@
 //! Arrays in and out: shapes checked with the item's name.
 
 use nalgebra::{Matrix3, SVector, Vector3};
-use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::error::Error;
@@ -12,17 +12,43 @@ pub fn value_error(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-fn real_array<'py>(
+fn real_array<'py>(item: &str, object: &Bound<'py, PyAny>, needed: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    if let Ok(array) = object.extract() {
+        return Ok(array);
+    }
+    let refused = |found: &str| PyValueError::new_err(format!("{item} is {found}; it needs to be {needed}"));
+    let other = || refused(&format!("a {} that is not an array of real numbers", kind_of(object)));
+    let array = object.py().import("numpy")?.call_method1("asarray", (object,)).map_err(|_| other())?;
+    let dtype = array.getattr("dtype")?;
+    // Text, dates, complex numbers and objects would be converted, more or less, in silence.
+    if !matches!(dtype.getattr("kind")?.extract()?, 'i' | 'u' | 'f') {
+        return Err(refused(&format!("an array of type {dtype}")));
+    }
+    array.call_method1("astype", ("float64",))?.extract()
+}
+
+fn kind_of(object: &Bound<'_, PyAny>) -> String {
+    object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string())
+}
+
+/// One of Python's values as this type, refused with the item's name.
+pub fn scalar<'a, 'py, T: FromPyObject<'a, 'py>>(
     item: &str,
-    object: &Bound<'py, PyAny>,
+    object: &'a Bound<'py, PyAny>,
     needed: &str,
-) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
-    object.extract().map_err(|_| {
-        let kind = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
-        PyValueError::new_err(format!(
-            "{item} is a {kind} that is not an array of real numbers; it needs to be {needed}"
-        ))
-    })
+) -> PyResult<T> {
+    object
+        .extract()
+        .map_err(|_| PyValueError::new_err(format!("{item} is a {}; it needs to be {needed}", kind_of(object))))
+}
+
+/// The same of a value that may be `None`.
+pub fn optional<'a, 'py, T: FromPyObject<'a, 'py>>(
+    item: &str,
+    object: Option<&'a Bound<'py, PyAny>>,
+    needed: &str,
+) -> PyResult<Option<T>> {
+    object.map(|object| scalar(item, object, needed)).transpose()
 }
 
 /// Rows of an (n, D) array.
@@ -35,6 +61,15 @@ pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult
     }
     let values: Vec<f64> = array.as_array().iter().copied().collect();
     Ok(values.chunks_exact(D).map(SVector::from_column_slice).collect())
+}
+
+/// Rows of an (n, D) array, refused where one is not finite.
+pub fn finite_points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<SVector<f64, D>>> {
+    let rows = points::<D>(item, object)?;
+    match rows.iter().position(|row| row.iter().any(|value| !value.is_finite())) {
+        Some(index) => Err(PyValueError::new_err(format!("{item} row {index} is not finite; it needs finite numbers"))),
+        None => Ok(rows),
+    }
 }
 
 /// Each ring's rows.

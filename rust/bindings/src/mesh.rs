@@ -2,7 +2,6 @@
 
 use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
@@ -10,13 +9,23 @@ use regionpose::mesh::even_mesh as even;
 use regionpose::mesh::triangulation::{self, MeshOptions};
 use regionpose::rings::PlaneRings;
 
-use crate::arrays::{array, points, value_error};
+use crate::arrays::{array, optional, points, scalar, value_error};
 
-type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
+/// Vertices and triangles.
+pub type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
 
-fn mesh_arrays<'py>(py: Python<'py>, mesh: &PlaneMesh) -> PyResult<MeshArrays<'py>> {
-    let indices: Vec<i64> = mesh.triangles.iter().flatten().map(|&index| index as i64).collect();
-    Ok((array(py, &mesh.vertices)?, PyArray1::from_vec(py, indices).reshape([mesh.triangles.len(), 3])?))
+/// Arrays of vertices (v, D) and triangles (k, 3).
+pub fn mesh_arrays<'py, const D: usize>(
+    py: Python<'py>,
+    vertices: &[SVector<f64, D>],
+    triangles: &[[usize; 3]],
+) -> PyResult<MeshArrays<'py>> {
+    let indices: Vec<i64> = triangles.iter().flatten().map(|&index| index as i64).collect();
+    Ok((array(py, vertices)?, PyArray1::from_vec(py, indices).reshape([triangles.len(), 3])?))
+}
+
+fn plane_mesh_arrays<'py>(py: Python<'py>, mesh: &PlaneMesh) -> PyResult<MeshArrays<'py>> {
+    mesh_arrays(py, &mesh.vertices, &mesh.triangles)
 }
 
 /// Arrays of rings.
@@ -27,7 +36,10 @@ pub fn ring_arrays<'py, const D: usize>(
     rings.iter().map(|ring| array(py, ring)).collect()
 }
 
-/// Rings checked and oriented; with `polygon`, every ring after the first has to be a hole in it.
+/// Rings (n, 2) checked and oriented: outer ones counter-clockwise, holes clockwise, repeated vertices left out.
+///
+/// With `polygon` the first ring is the outline and every other one has to be a hole in it; without, nesting decides.
+/// ValueError as of `planar_moments`, and for a hole outside the outline or inside another hole.
 #[pyfunction]
 #[pyo3(signature = (rings, *, polygon = true))]
 pub fn plane_rings<'py>(
@@ -40,40 +52,60 @@ pub fn plane_rings<'py>(
     ring_arrays(py, valid.map_err(value_error)?.rings())
 }
 
-/// Constrained Delaunay triangulation of a region.
+/// Vertices (v, 2) and triangles (k, 3) of a mesh that covers a planar region: vertex indices, counter-clockwise.
+///
+/// The constrained Delaunay triangulation of the rings, whose vertices come first and in order; Delaunay refinement
+/// (Ruppert 1995) adds vertices until no triangle has more than `max_area`, in the rings' unit squared, or an angle
+/// under `min_angle`, in degrees up to 30. Corners of the rings that are sharper stay.
+///
+/// `rings`: list of (n, 2) arrays, in any order and turning either way, as of `planar_moments`.
+///
+/// ValueError for rings as of `planar_moments`, an option out of range, or a refinement that needs too many vertices.
 #[pyfunction]
 #[pyo3(signature = (rings, *, max_area = None, min_angle = None))]
 pub fn triangulate<'py>(
     py: Python<'py>,
     rings: &Bound<'py, PyAny>,
-    max_area: Option<f64>,
-    min_angle: Option<f64>,
+    max_area: Option<&Bound<'py, PyAny>>,
+    min_angle: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let options = MeshOptions { max_area, min_angle };
+    let options = MeshOptions {
+        max_area: optional("max_area", max_area, "a number or None")?,
+        min_angle: optional("min_angle", min_angle, "a number or None")?,
+    };
     let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)));
-    mesh_arrays(py, &mesh.map_err(value_error)?)
+    plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
-/// Mesh of triangles of nearly one size and shape.
+/// Vertices (v, 2) and triangles (k, 3) of a mesh of a planar region, of nearly one size and shape.
+///
+/// `edge_length`: the length aimed at, in the rings' unit. ValueError for rings as of `planar_moments` or a length that
+/// is out of range.
 #[pyfunction]
 pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f64) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
     let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| even::even_mesh(&rings, edge_length)));
-    mesh_arrays(py, &mesh.map_err(value_error)?)
+    plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
-/// Outline of a point set.
+/// Rings of the outline of points (n, 2): a list of (m, 2) arrays, outer rings counter-clockwise, holes clockwise.
+///
+/// The boundary of the union of all Delaunay triangles whose circumradius is at most `radius`, in the points' unit: the
+/// alpha shape (Edelsbrunner, Kirkpatrick and Seidel 1983). Rings come by decreasing size, each from its leftmost
+/// vertex; where parts meet at one point they touch there. An infinite radius gives the convex hull; repeated points
+/// count once.
+///
+/// ValueError for points that are not finite, fewer than 3 distinct or on one line, a radius that is not positive, or
+/// one so small that no triangle is left; the message then says the smallest that leaves one.
 #[pyfunction]
 pub fn alpha_shape<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = self::points::<2>("points", points)?;
-    if radius.is_nan() {
-        return Err(PyValueError::new_err("radius is NaN; it needs to be a positive number"));
-    }
+    let radius = scalar("radius", radius, "a positive number")?;
     let rings = py.detach(|| outline::alpha_shape(&given, radius));
     ring_arrays(py, rings.map_err(value_error)?.rings())
 }

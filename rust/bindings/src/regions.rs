@@ -7,7 +7,7 @@ use regionpose::region::{self, Pixels, PlaneFrame};
 use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
-use crate::mesh::ring_arrays;
+use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};
 
 /// A region as the camera sees it: rings of bearings, and its area in pixels.
 #[pyclass(frozen, module = "regionpose._core")]
@@ -105,6 +105,13 @@ impl WorldRegion {
     #[getter]
     fn area(&self) -> f64 {
         self.0.outline().area()
+    }
+
+    /// Vertices (v, 3) and triangles (k, 3) of a region that is not planar, else None.
+    #[getter]
+    fn surface<'py>(&self, py: Python<'py>) -> PyResult<Option<MeshArrays<'py>>> {
+        let arrays = |surface: &region::Surface| mesh_arrays(py, &surface.vertices, &surface.triangles);
+        self.0.surface().map(arrays).transpose()
     }
 
     /// Whether the region lies in one plane.

@@ -12,7 +12,7 @@ use regionpose::least_squares;
 use regionpose::pose::Tangent;
 use regionpose::solve::{self, Prior, Start};
 
-use crate::arrays::{matrix, numbers, pose, rotation, translation, value_error, vector};
+use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
@@ -43,6 +43,10 @@ fn parsed_start(name: &str) -> PyResult<Start> {
         other => Err(unknown("start", other, "\"global\" or \"paper\"")),
     }
 }
+
+type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
@@ -175,35 +179,39 @@ pub struct Problem(solve::Problem);
 #[pymethods]
 impl Problem {
     #[new]
-    #[pyo3(signature = (observed, worlds, *, system = "plane", integration = "boundary"))]
+    #[pyo3(signature = (observed, worlds, *, system, integration))]
     fn new(
         py: Python<'_>,
         observed: Vec<PyRef<'_, ObservedRegion>>,
         worlds: Vec<PyRef<'_, WorldRegion>>,
-        system: &str,
-        integration: &str,
+        system: &Bound<'_, PyAny>,
+        integration: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let sides = Sides::new(&observed, &worlds);
-        let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+        let system: String = scalar("system", system, "\"plane\" or \"sphere\"")?;
+        let integration: String = scalar("integration", integration, "\"boundary\", \"mesh\" or \"pixels\"")?;
+        let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration)?);
         py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
     }
 
-    /// Poses (rotation (3, 3), translation (3,)) from which to solve, best first.
+    /// This problem whitened for the boundary noise that it shows, and poses (rotation (3, 3), translation (3,)) from which
+    /// to solve it, best first.
     #[pyo3(signature = (*, start = "global", initial = None, up = None))]
-    fn candidates<'py>(
+    fn search<'py>(
         &self,
         py: Python<'py>,
         start: &str,
         initial: Option<PoseArrays<'py>>,
         up: Option<Bound<'py, PyAny>>,
-    ) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+    ) -> PyResult<(Problem, Vec<RotationTranslation<'py>>)> {
         let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
-        let poses = py.detach(|| self.0.candidates(start, &prior));
-        poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
+        let search = py.detach(|| self.0.clone().search(start, &prior));
+        let poses = search.candidates.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose))));
+        Ok((Problem(search.problem), poses.collect::<PyResult<_>>()?))
     }
 
-    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None where a
-    /// region is out of view.
+    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None
+    /// where a region is out of view.
     #[pyo3(signature = (rotation, translation, *, increment = None, whitened = true))]
     fn evaluate<'py>(
         &self,
@@ -212,7 +220,7 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
         increment: Option<&Bound<'py, PyAny>>,
         whitened: bool,
-    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+    ) -> PyResult<Option<ResidualJacobian<'py>>> {
         let pose = pose(rotation, translation)?;
         let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
         let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
@@ -224,15 +232,22 @@ impl Problem {
         Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
     }
 
-    /// The whitened minimum that the native solver reaches from a candidate.
-    fn solve_from(
+    /// Distance from the camera to the middle of the regions.
+    fn distance(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.distance(&pose(rotation, translation)?))
+    }
+
+    /// The estimate by the native driver; None without a pose in view.
+    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    fn estimate<'py>(
         &self,
-        py: Python<'_>,
-        rotation: &Bound<'_, PyAny>,
-        translation: &Bound<'_, PyAny>,
-    ) -> PyResult<Minimum> {
-        let pose = pose(rotation, translation)?;
-        Ok(Minimum(py.detach(|| self.0.solve_from(&pose))))
+        py: Python<'py>,
+        start: &str,
+        initial: Option<PoseArrays<'py>>,
+        up: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Estimate>> {
+        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        Ok(py.detach(|| self.0.clone().estimate(start, &prior)).map(Estimate))
     }
 
     /// The verdict on minima found by any driver; None without one.
@@ -257,7 +272,7 @@ pub fn moved_pose<'py>(
     rotation: &Bound<'py, PyAny>,
     translation: &Bound<'py, PyAny>,
     increment: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<RotationTranslation<'py>> {
     let moved = pose(rotation, translation)?.moved(&tangent(increment)?);
     Ok((self::rotation(py, &moved)?, self::translation(py, &moved)))
 }
@@ -297,11 +312,12 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 pub fn estimate_batch(
     py: Python<'_>,
     problems: Vec<PySides<'_>>,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     system: &str,
     integration: &str,
 ) -> PyResult<Vec<Option<Estimate>>> {
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+    let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
     let solve = |sides: &Sides| {
         sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default()))

@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 
 /// Planar moments of a triangle to `order`, exact; negative when its vertices turn clockwise.
 ///
-/// `integral of x^i y^j = 2 area i! j! / (i + j + 2)! S_ij` by the recursion of the paper's eq. 18 to 24.
+/// `integral of x^i y^j = 2 area i! j! / (i + j + 2)! S_ij` by the recursion of the paper's eq. 18 to 24
+/// (`docs/math.md`, eq. 4.2).
 ///
 /// # Panics
 /// When `order` is above [`MAX_ORDER`].
@@ -30,7 +31,8 @@ pub fn triangle_plane_moments([a, b, c]: &[Vector2<f64>; 3], order: usize) -> Pl
     moments
 }
 
-/// One level of the recursion: `T_ij = v_x T_(i-1,j) + v_y T_(i,j-1) + inner_ij`, 1 at (0, 0).
+/// One level of the recursion: `T_ij = v_x T_(i-1,j) + v_y T_(i,j-1) + inner_ij`, 1 at (0, 0)
+/// (`docs/math.md`, eq. 4.3).
 fn multiply_by_powers(
     inner: &[f64; plane_count(MAX_ORDER)],
     vertex: &Vector2<f64>,
@@ -71,10 +73,11 @@ pub fn mesh_plane_moments(vertices: &[Vector2<f64>], triangles: &[[usize; 3]], o
 
 /// Spherical moments of a triangle of camera-frame points to `order`, by quadrature (paper section 2.1, eq. 10).
 ///
-/// Positive when the triangle turns counter-clockwise seen from the far side, that is from outside the sphere. The
-/// flat triangle is cut into `subdivision^2` equal ones (0 counts as 1), each with a 7-point rule of degree 5 for
-/// `integral of f(P / |P|) dS`, `dS = det(A, B, C) / |P|^3` of the barycentric element. The error falls with the
-/// sixth power of the pieces' size. A triangle in a plane through the camera's center has no moments.
+/// Positive when the triangle turns counter-clockwise seen from the far side, that is from outside the sphere. The flat
+/// triangle is cut into `subdivision^2` equal ones (0 counts as 1), each with a 7-point rule of degree 5 for
+/// `integral of f(P / |P|) dS`, `dS = det(A, B, C) / |P|^3` of the barycentric element (`docs/math.md`, eq. 4.4). The
+/// error falls with the sixth power of the pieces' size. A triangle in a plane through the camera's center has no
+/// moments.
 ///
 /// # Panics
 /// When `order` is above [`MAX_ORDER`].

@@ -4,7 +4,8 @@ use super::SphereMoments;
 use super::sphere::{Bearing, solid_angle};
 use crate::error::{Error, Result};
 
-/// Moments to `order` of a set of pixels: `sum over pixels of r^e dS`, each pixel at its center's bearing (unit).
+/// Moments to `order` of a set of pixels: `sum over pixels of r^e dS`, each pixel at its center's bearing (unit;
+/// `docs/math.md`, eq. 4.5).
 ///
 /// `solid_angles` holds a pixel's `dS` in steradians, times its coverage where the mask is soft; for pixels of angular
 /// size `h` the error is of order `h^2`. Fails when the two lists differ in length.

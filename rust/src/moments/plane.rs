@@ -28,9 +28,9 @@ pub fn planar_moments<'a>(rings: impl IntoIterator<Item = &'a [Vector2<f64>]>, o
 /// Adds the signed moments of one closed ring, whose last vertex joins the first, to `into`.
 ///
 /// With `a x b` the cross product of an edge's ends, `k = i + j`:
-/// `M_ij = 1 / (k + 2) * sum over edges of (a x b) * integral_0^1 x(s)^i y(s)^j ds`, by the fewest Gauss-Legendre
-/// nodes that are exact. Meant for rings near the origin; [`planar_moments`] serves the others. `order` is at most
-/// that of `into`, whose higher moments stay as they are.
+/// `M_ij = 1 / (k + 2) * sum over edges of (a x b) * integral_0^1 x(s)^i y(s)^j ds`, by the fewest Gauss-Legendre nodes
+/// that are exact (`docs/math.md`, eq. 2.3). Meant for rings near the origin; [`planar_moments`] serves the others.
+/// `order` is at most that of `into`, whose higher moments stay as they are.
 pub fn ring_moments(ring: &[Vector2<f64>], order: usize, into: &mut PlaneMoments) {
     let sums = into.values_mut();
     match order {
@@ -121,7 +121,8 @@ fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
 }
 
 impl PlaneMoments {
-    /// The moments of the region moved by `by`: `M'_ij = integral of (x + by_x)^i (y + by_y)^j dA` (binomial theorem).
+    /// The moments of the region moved by `by`: `M'_ij = integral of (x + by_x)^i (y + by_y)^j dA`
+    /// (binomial theorem; `docs/math.md`, eq. 2.4).
     pub fn shifted(&self, by: Vector2<f64>) -> Self {
         let mut moved = *self;
         // One coordinate at a time, Horner's scheme of repeated synthetic shifts: x^i becomes (x + b)^i in place.

@@ -6,8 +6,9 @@
 //! `k (k + 1) * integral of p dS = integral of lap p dS + U(p)`, `U(p) = sum over arcs of N . integral of grad p ds`.
 //!
 //! So the moments climb two degrees at a time from the solid angle and from zero, fed by the boundary sums `U` of all
-//! monomials. `r . r = 1` and `N . r = 0` on an arc give `U(z^2 p) = U(p) - U(x^2 p) - U(y^2 p)`: only the monomials
-//! `x^i y^j` and `x^i y^j z` are summed over arcs.
+//! monomials (`docs/math.md`, eq. 3.3 and 3.4). `r . r = 1` and `N . r = 0` on an arc give
+//! `U(z^2 p) = U(p) - U(x^2 p) - U(y^2 p)`: only the monomials `x^i y^j` and `x^i y^j z` are summed over arcs
+//! (`docs/math.md`, eq. 3.6).
 
 use nalgebra::Vector3;
 
@@ -18,7 +19,7 @@ use super::{MAX_ORDER, SphereMoments, plane_index, sphere_index};
 /// A unit vector from the camera's center.
 pub type Bearing = Vector3<f64>;
 
-/// Signed solid angle of a spherical triangle, in steradians (Van Oosterom and Strackee 1983).
+/// Signed solid angle of a spherical triangle, in steradians (Van Oosterom and Strackee 1983; `docs/math.md`, eq. 3.8).
 ///
 /// Positive when `a, b, c` turn counter-clockwise seen from outside the sphere; in (-2 pi, 2 pi).
 pub fn solid_angle([a, b, c]: &[Bearing; 3]) -> f64 {
@@ -185,7 +186,8 @@ impl<const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAST: usiz
         self.add_normal_derivatives(&monomials, &normal);
     }
 
-    /// Multiplies the fan, a complex number, by each triangle's: half the solid angle is the argument.
+    /// Multiplies the fan, a complex number, by each triangle's: half the solid angle is the argument
+    /// (`docs/math.md`, eq. 3.9).
     ///
     /// One arc tangent then serves all rings; the product is kept near size 1 so that it can't overflow.
     #[inline(always)]
@@ -258,7 +260,8 @@ impl<const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAST: usiz
     }
 }
 
-/// Turns the boundary sums in `moments`, and the solid angle in their first place, into moments, degree by degree.
+/// Turns the boundary sums in `moments`, and the solid angle in their first place, into moments, degree by degree
+/// (`docs/math.md`, eq. 3.4).
 fn climb(moments: &mut SphereMoments) {
     let order = moments.order();
     let values = moments.values_mut();
@@ -342,7 +345,8 @@ struct ArcMonomials<const LESS: usize, const LEAST: usize> {
 }
 
 impl<const LESS: usize, const LEAST: usize> ArcMonomials<LESS, LEAST> {
-    /// Adds some nodes of the rule: on the chord `P(s)`, `r = P / |P|` and `ds = |start x end| / |P|^2` of `s`.
+    /// Adds some nodes of the rule: on the chord `P(s)`, `r = P / |P|` and `ds = |start x end| / |P|^2` of `s`
+    /// (`docs/math.md`, eq. 3.7).
     #[inline(always)]
     fn add_nodes<const ORDER: usize, const NODES: usize>(&mut self, arcs: &ArcGroup, nodes: &[Node; NODES]) {
         let mut r = [[Lanes::ZERO; NODES]; 3];

@@ -1,0 +1,268 @@
+"""The core's kernels: rings, meshes, moments, and problems and what comes of them."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final, Literal, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "Estimate",
+    "Minimum",
+    "ObservedRegion",
+    "Problem",
+    "Solution",
+    "WorldRegion",
+    "__version__",
+    "alpha_shape",
+    "estimate_batch",
+    "even_mesh",
+    "mesh_planar_moments",
+    "mesh_spherical_moments",
+    "moved_pose",
+    "pixel_moments",
+    "planar_moments",
+    "plane_rings",
+    "quad_solid_angles",
+    "spherical_moments",
+    "triangulate",
+]
+__version__: Final[str]
+
+def planar_moments(rings: Iterable[ArrayLike], order: int) -> NDArray[np.float64]:
+    """Moments of a planar region, (order + 1, order + 1): `[i, j]` is the integral of `x^i y^j`, 0 above the order."""
+
+def spherical_moments(rings: Iterable[ArrayLike], order: int) -> NDArray[np.float64]:
+    """Moments of a region of the unit sphere, (order + 1,) * 3: `[l, m, n]` is the integral of `x^l y^m z^n`."""
+
+def mesh_planar_moments(vertices: ArrayLike, triangles: ArrayLike, order: int) -> NDArray[np.float64]:
+    """Moments, as of `planar_moments`, of triangles (k, 3) between vertices (v, 2)."""
+
+def mesh_spherical_moments(
+    vertices: ArrayLike, triangles: ArrayLike, order: int, *, subdivision: int = 4
+) -> NDArray[np.float64]:
+    """Moments, as of `spherical_moments`, of triangles (k, 3) between vertices (v, 3) seen from the origin."""
+
+def pixel_moments(bearings: ArrayLike, solid_angles: ArrayLike, order: int) -> NDArray[np.float64]:
+    """Moments, as of `spherical_moments`, of pixels with bearings (n, 3) and solid angles (n,) in steradians."""
+
+def quad_solid_angles(corners: ArrayLike) -> NDArray[np.float64]:
+    """Solid angles (n,), steradians, of quadrilaterals of bearings (4 n, 3), row by row four corners in turn."""
+
+def plane_rings(rings: Iterable[ArrayLike], *, polygon: bool = True) -> list[NDArray[np.float64]]:
+    """Rings (n, 2) checked and oriented; with `polygon`, every ring after the first has to be a hole in it."""
+
+def triangulate(
+    rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (v, 2) and triangles (k, 3) of a mesh of a region; `min_angle` in degrees."""
+
+def even_mesh(rings: Iterable[ArrayLike], edge_length: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (v, 2) and triangles (k, 3) of a mesh of a region, of nearly one size and shape."""
+
+def alpha_shape(points: ArrayLike, radius: float) -> list[NDArray[np.float64]]:
+    """Rings (m, 2) of the outline of points (n, 2), outer ones counter-clockwise, holes clockwise."""
+
+def moved_pose(
+    rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,), `[omega (rad), tau]`."""
+
+def estimate_batch(
+    problems: Sequence[tuple[Sequence[ObservedRegion], Sequence[WorldRegion]]],
+    *,
+    threads: int | None = None,
+    system: Literal["plane", "sphere"] = "plane",
+    integration: Literal["boundary", "mesh", "pixels"] = "boundary",
+) -> list[Estimate | None]:
+    """Estimates of many problems by the native solver, in order; None for a problem without a pose in view."""
+
+@final
+class ObservedRegion:
+    """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over."""
+
+    def __new__(
+        cls,
+        rings: Iterable[ArrayLike],
+        pixel_area: float,
+        *,
+        pixel_bearings: ArrayLike | None = None,
+        pixel_solid_angles: ArrayLike | None = None,
+    ) -> ObservedRegion: ...
+
+@final
+class WorldRegion:
+    """A region of the 3D data: planar with holes, or a triangulated open surface."""
+
+    @staticmethod
+    def from_rings(rings: Iterable[ArrayLike]) -> WorldRegion:
+        """The planar region inside the first ring (n, 3) and outside the others."""
+
+    @staticmethod
+    def from_outline(origin: ArrayLike, axes: ArrayLike, rings: Iterable[ArrayLike]) -> WorldRegion:
+        """The planar region of rings (n, 2) in a plane's coordinates `origin + u axes[0] + v axes[1]`."""
+
+    @staticmethod
+    def from_mesh(vertices: ArrayLike, triangles: ArrayLike) -> WorldRegion:
+        """The region covered by an open surface of triangles (k, 3) between vertices (v, 3)."""
+
+    @property
+    def rings(self) -> list[NDArray[np.float64]]:
+        """Boundary rings, each (n, 3)."""
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """A point of the plane, (3,)."""
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """Rows: the plane's axes u and v and its normal, (3, 3)."""
+
+    @property
+    def outline(self) -> list[NDArray[np.float64]]:
+        """Rings in plane coordinates, each (n, 2), outer ones counter-clockwise."""
+
+    @property
+    def area(self) -> float:
+        """Area in plane coordinates."""
+
+    @property
+    def surface(self) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+        """Vertices (v, 3) and triangles (k, 3) of a region that is not planar, else None."""
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the region lies in one plane."""
+
+@final
+class Minimum:
+    """Where a least squares ended: the pose `camera_from_world` and how it got there."""
+
+    def __new__(
+        cls,
+        rotation: ArrayLike,
+        translation: ArrayLike,
+        cost: float,
+        converged: bool,
+        termination: str,
+        evaluations: int,
+    ) -> Minimum: ...
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3)."""
+
+    @property
+    def translation(self) -> NDArray[np.float64]:
+        """(3,)."""
+
+    @property
+    def cost(self) -> float:
+        """Squared norm of the whitened residuals."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether a tolerance ended it."""
+
+    @property
+    def termination(self) -> str:
+        """What ended it."""
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the equations."""
+
+@final
+class Solution:
+    """A minimum and its overlap errors."""
+
+    @property
+    def minimum(self) -> Minimum:
+        """The pose and its cost."""
+
+    @property
+    def overlap_error(self) -> float:
+        """The paper's delta of all regions together, a fraction; NaN where a region cannot be projected."""
+
+    @property
+    def region_overlap_errors(self) -> NDArray[np.float64]:
+        """The same, region by region, (k,)."""
+
+@final
+class Estimate:
+    """The pose of a camera, and what is known of it."""
+
+    @property
+    def best(self) -> Solution:
+        """The best pose."""
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(6, 6) of the left increment `[omega (rad), tau]`."""
+
+    @property
+    def boundary_noise(self) -> float:
+        """Standard deviation of the contour that the fit shows, pixels."""
+
+    @property
+    def alternatives(self) -> list[Solution]:
+        """The other minima that fit as well, best first."""
+
+    @property
+    def warnings(self) -> list[tuple[str, str]]:
+        """(code, sentence) of each warning."""
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the equations over all minima."""
+
+@final
+class Problem:
+    """Regions seen in one image and known in the world, ready to be solved."""
+
+    def __new__(
+        cls,
+        observed: Sequence[ObservedRegion],
+        worlds: Sequence[WorldRegion],
+        *,
+        system: Literal["plane", "sphere"],
+        integration: Literal["boundary", "mesh", "pixels"],
+    ) -> Problem: ...
+    def search(
+        self,
+        *,
+        start: Literal["global", "paper"] = "global",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> tuple[Problem, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+        """The problem whitened for its boundary noise, and poses (rotation, translation) to solve from, best first."""
+
+    def evaluate(
+        self,
+        rotation: ArrayLike,
+        translation: ArrayLike,
+        *,
+        increment: ArrayLike | None = None,
+        whitened: bool = True,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6); None out of view."""
+
+    def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
+        """Distance from the camera to the middle of the regions."""
+
+    def estimate(
+        self,
+        *,
+        start: Literal["global", "paper"] = "global",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> Estimate | None:
+        """The estimate by the native driver; None without a pose in view."""
+
+    def judged(
+        self,
+        minima: Sequence[Minimum],
+        *,
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        up: ArrayLike | None = None,
+    ) -> Estimate | None:
+        """The verdict on minima found by any driver; None without one."""

@@ -1,0 +1,130 @@
+"""Clouds as arrays: .npy, .npz, and the bare float32 rows of KITTI and nuScenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionpose.clouds.cloud import Cloud, Scalars
+from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
+from regionpose.clouds.errors import cloud_error
+
+KITTI_COLUMNS = ("x", "y", "z", "intensity")
+NUSCENES_COLUMNS = ("x", "y", "z", "intensity", "ring")
+NUSCENES_ENDING = ".pcd.bin"
+
+FARTHEST_RETURN = 100_000.0
+"""Coordinates of bare rows are within this (metres) of the scanner; any other bytes read as floats exceed it soon."""
+
+POINT_KEYS = ("points", "xyz", "vertices", "pts")
+COLOUR_KEYS = ("colours", "colors", "rgb")
+TRIANGLE_KEYS = ("triangles", "faces")
+ORIGIN_KEY = "origin"
+
+
+def read_npy(path: Path, columns: Sequence[str] | None) -> Cloud:
+    """The cloud of one array: (n, k) or organized (h, w, k) rows, or a structured array with named columns."""
+    try:
+        stored = np.load(path, mmap_mode="r", allow_pickle=False)
+    # Damaged headers fail in numpy and in Python's tokenizer alike.
+    except Exception as error:
+        raise cloud_error(path, "array", f"{type(error).__name__}: {error}", "one whole array of numbers") from error
+    if stored.dtype.names is not None:
+        if columns is not None:
+            raise cloud_error(path, "columns", "names given", "none, since the array holds its own")
+        return cloud_of_columns(path, {name: stored[name].reshape(-1) for name in stored.dtype.names})
+    table = stored.reshape(-1, stored.shape[2]) if stored.ndim == 3 else stored
+    return cloud_of_table(path, table, columns)
+
+
+def read_npz(path: Path, columns: Sequence[str] | None) -> Cloud:
+    """The cloud of an archive of arrays: points (n, 3), colours, intensity, triangles, origin, other (n,) arrays.
+
+    Without points, the only array is read as a table, or arrays called x, y and z as columns.
+    """
+    arrays = _archive(path)
+    key = next((key for key in POINT_KEYS if key in arrays), None)
+    if key is None and len(arrays) == 1:
+        return cloud_of_table(path, next(iter(arrays.values())), columns)
+    if columns is not None:
+        raise cloud_error(path, "columns", "names given", "none, since the archive names its arrays")
+    if key is None:
+        return cloud_of_columns(path, arrays)
+    points = arrays[key]
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
+        raise cloud_error(path, key, f"{points.dtype} of shape {points.shape}", "numbers of shape (n, 3)")
+    return _cloud_of_arrays(path, arrays, points)
+
+
+def _archive(path: Path) -> dict[str, Scalars]:
+    """The arrays of an archive by name."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {name: np.asarray(archive[name]) for name in archive.files}
+    # Damaged archives fail in zipfile, zlib, struct and numpy alike.
+    except Exception as error:
+        raise cloud_error(path, "archive", f"{type(error).__name__}: {error}", "whole arrays of numbers") from error
+    unreadable = [name for name, array in arrays.items() if array.dtype.kind not in "biufUS"]
+    if unreadable or not arrays:
+        raise cloud_error(path, "archive", ", ".join(unreadable) or "no array", "arrays of numbers")
+    return arrays
+
+
+def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars) -> Cloud:
+    """The cloud of `points` and of what else the archive holds for each of them."""
+
+    def first(keys: Sequence[str]) -> Scalars | None:
+        return next((arrays[key] for key in keys if key in arrays), None)
+
+    origin = arrays.get(ORIGIN_KEY, np.zeros(3))
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise cloud_error(path, ORIGIN_KEY, f"shape {origin.shape}", "3 finite numbers")
+    colours = first(COLOUR_KEYS)
+    if colours is not None and (colours.ndim != 2 or colours.shape != points.shape):
+        raise cloud_error(path, "colours", f"shape {colours.shape}", f"{points.shape}")
+    known = {*POINT_KEYS, *COLOUR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
+    others: dict[str, ArrayLike] = {
+        name: array
+        for name, array in arrays.items()
+        if name not in known and array.shape == (len(points),) and array.dtype.kind in "biuf"
+    }
+    return Cloud.from_world_points(
+        points + origin,
+        colours=colours,
+        intensity=arrays.get("intensity"),
+        fields=others,
+        triangles=first(TRIANGLE_KEYS),
+        source=path,
+    )
+
+
+def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
+    """The cloud of bare little-endian float32 rows: x, y, z, intensity as KITTI's, with a ring as nuScenes' own.
+
+    Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255.
+    """
+    values = np.fromfile(path, dtype="<f4")
+    names = checked_names(path, _bin_columns(path, values) if columns is None else columns)
+    size, row = path.stat().st_size, values.itemsize * len(names)
+    if size % row:
+        raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
+    cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)
+    points = cloud.world_points
+    farthest = float(max(points.max(), -points.min()))
+    if farthest > FARTHEST_RETURN:
+        needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"
+        raise cloud_error(path, "coordinates", f"{farthest:.3g}", needed)
+    return cloud
+
+
+def _bin_columns(path: Path, values: Scalars) -> tuple[str, ...]:
+    """The columns of bare rows, by the name's ending and the values."""
+    width = len(NUSCENES_COLUMNS)
+    rings = values[width - 1 :: width]
+    named = path.name.lower().endswith(NUSCENES_ENDING)
+    if named or (len(values) % width == 0 and len(rings) and are_bytes(rings)):
+        return NUSCENES_COLUMNS
+    return KITTI_COLUMNS

@@ -1,0 +1,213 @@
+"""The cloud: points about a local origin, with colours, intensity, other scalars and triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose.clouds.errors import cloud_error
+
+Array = NDArray[np.float64]
+Scalars = NDArray[Any]
+
+ORIGIN_THRESHOLD = 10_000.0
+"""An axis whose median coordinate is further than this from zero (metres) gets a local origin: a scanner's own frame
+stays below it, the coordinates of maps lie above, and squares of coordinates below it are rounded by at most 1e-8
+square metres."""
+
+ORIGIN_STEP = 100.0
+"""The origin is a multiple of this (metres), so that taking it off coordinates of its size rounds nothing."""
+
+MEDIAN_SAMPLE = 10_000
+"""Points, evenly spread over the file, whose median gives the origin."""
+
+BYTE_LIMIT, WORD_LIMIT = 255, 65535
+"""Largest colour of 8 and of 16 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points of the world, each with what was measured there.
+
+    `points`: (n, 3) float64 about `origin`, in the file's unit (metres, as a rule). `origin`: (3,) float64, zero unless
+    the coordinates are large. `colours`: (n, 3) uint8 or None. `intensity`: (n,) float64 in the file's own scale, or
+    None. `fields`: other scalars (n,) by name. `triangles`: (k, 3) int64 indices of a mesh, or None. `source`: the file
+    read. `dropped`: points left out since a coordinate was NaN or infinite. The arrays are read-only views. CloudError
+    for shapes that disagree, coordinates that are not finite, and triangles that name no point.
+    """
+
+    points: Array
+    colours: NDArray[np.uint8] | None = None
+    intensity: Array | None = None
+    fields: Mapping[str, Scalars] = field(default_factory=dict)
+    triangles: NDArray[np.int64] | None = None
+    origin: Array = field(default_factory=lambda: np.zeros(3))
+    source: Path | None = None
+    dropped: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the parts and keep read-only views of them."""
+        count = len(self._keep("points", np.float64, (-1, 3)))
+        if not count:
+            raise cloud_error(self.source, "points", "none", "at least 1")
+        self._keep("origin", np.float64, (3,))
+        for name in ("points", "origin"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise cloud_error(self.source, name, "NaN or infinite coordinates", "finite numbers")
+        self._keep("colours", np.uint8, (count, 3))
+        self._keep("intensity", np.float64, (count,))
+        object.__setattr__(self, "fields", MappingProxyType(self._checked_fields(count)))
+        triangles = self._keep("triangles", np.int64, (-1, 3))
+        if triangles.size and (triangles.min() < 0 or triangles.max() >= count):
+            found = f"indices from {triangles.min()} to {triangles.max()}"
+            raise cloud_error(self.source, "triangles", found, f"indices from 0 to {count - 1}")
+
+    def _keep(self, name: str, kind: type[np.generic], shape: tuple[int, ...]) -> Scalars:
+        """The attribute `name` as a read-only array of `shape` (-1: any length), stored so unless it is None."""
+        given = getattr(self, name)
+        if given is None:
+            return np.empty((0, 3), dtype=kind)
+        view = _typed(np.asarray(given), kind)
+        lengths_agree = view is not None and all(
+            need in (-1, have) for need, have in zip(shape, view.shape, strict=False)
+        )
+        if view is None or view.ndim != len(shape) or not lengths_agree:
+            found = f"{np.asarray(given).dtype} of shape {np.shape(given)}"
+            wanted = str(shape).replace("-1", "n")
+            raise cloud_error(self.source, name, found, f"{np.dtype(kind).name} of shape {wanted}")
+        view = view.view()
+        view.setflags(write=False)
+        object.__setattr__(self, name, view)
+        return view
+
+    def _checked_fields(self, count: int) -> dict[str, Scalars]:
+        """The fields as read-only arrays of numbers (count,)."""
+        fields = {}
+        for name, values in self.fields.items():
+            scalars = np.asarray(values).view()
+            if scalars.shape != (count,) or scalars.dtype.kind not in "biuf":
+                found = f"{scalars.dtype} of shape {scalars.shape}"
+                raise cloud_error(self.source, f"field {name}", found, f"numbers of shape ({count},)")
+            scalars.setflags(write=False)
+            fields[name] = scalars
+        return fields
+
+    @classmethod
+    def from_world_points(
+        cls,
+        world_points: ArrayLike,
+        *,
+        colours: ArrayLike | None = None,
+        intensity: ArrayLike | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+        triangles: ArrayLike | None = None,
+        source: Path | None = None,
+    ) -> Cloud:
+        """The cloud of world coordinates (n, 3): points that are not finite dropped, the rest about a local origin.
+
+        An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
+        Colours (n, 3) of 8 bits are kept; of 16 bits, or fractions up to 1, they are brought to 8. Triangles that touch
+        a dropped point are dropped. CloudError when no point is finite.
+        """
+        world = np.asarray(world_points)
+        if world.ndim != 2 or world.shape[1] != 3 or world.dtype.kind not in "iuf":
+            raise cloud_error(source, "points", f"{world.dtype} of shape {world.shape}", "numbers of shape (n, 3)")
+        world = np.asarray(world, dtype=np.float64)
+        finite = np.isfinite(world[:, 0]) & np.isfinite(world[:, 1]) & np.isfinite(world[:, 2])
+        if not finite.any():
+            found = f"{len(world)} points, none with finite coordinates" if len(world) else "no points"
+            raise cloud_error(source, "points", found, "at least 1 with finite coordinates")
+        shades = None if colours is None else _kept_rows("colours", colours, finite, source)
+        points = _kept_rows("points", world, finite, source)
+        origin = _origin(points)
+        return cls(
+            points=points - origin if origin.any() else points,
+            colours=None if shades is None else _bytes_of_colours(shades, source),
+            intensity=None if intensity is None else _kept_rows("intensity", intensity, finite, source),
+            fields={
+                name: _kept_rows(f"field {name}", values, finite, source) for name, values in (fields or {}).items()
+            },
+            triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), finite, source),
+            origin=origin,
+            source=source,
+            dropped=len(world) - len(points),
+        )
+
+    @property
+    def world_points(self) -> Array:
+        """The points (n, 3) in world coordinates, `points + origin`."""
+        return self.points + self.origin if self.origin.any() else self.points
+
+    def __len__(self) -> int:
+        """The number of points."""
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        """The counts and what the cloud carries."""
+        parts = [f"{len(self)} points"]
+        parts += [name for name in ("colours", "intensity") if getattr(self, name) is not None]
+        parts += [f"fields {', '.join(self.fields)}"] if self.fields else []
+        parts += [f"{len(self.triangles)} triangles"] if self.triangles is not None else []
+        parts += [f"origin {self.origin.tolist()}"] if self.origin.any() else []
+        parts += [f"{self.dropped} dropped"] if self.dropped else []
+        return f"Cloud({', '.join(parts)})"
+
+
+def _typed(array: Scalars, kind: type[np.generic]) -> Scalars | None:
+    """`array` as `kind`, None where that would change its values: numbers as floats, integers alone as integers."""
+    if np.issubdtype(kind, np.floating):
+        return np.asarray(array, dtype=kind) if array.dtype.kind in "biuf" else None
+    if array.dtype == kind:
+        return array
+    fits = array.dtype.kind in "iu" and np.can_cast(array.dtype, kind, "same_kind") and kind is not np.uint8
+    return np.asarray(array, dtype=kind) if fits else None
+
+
+def _kept_rows(name: str, values: ArrayLike, finite: NDArray[np.bool_], source: Path | None) -> Scalars:
+    """The rows of `values` whose points are finite."""
+    array = np.asarray(values)
+    if array.shape[:1] != finite.shape:
+        raise cloud_error(source, name, f"shape {array.shape}", f"{len(finite)} rows, one a point")
+    return array if finite.all() else array[finite]
+
+
+def _origin(world: Array) -> Array:
+    """The local origin (3,) of finite world coordinates (n, 3)."""
+    median = np.median(world[:: max(1, len(world) // MEDIAN_SAMPLE)], axis=0)
+    origin = np.where(np.abs(median) > ORIGIN_THRESHOLD, np.round(median / ORIGIN_STEP) * ORIGIN_STEP, 0.0)
+    return np.asarray(origin, dtype=np.float64)
+
+
+def _bytes_of_colours(colours: Scalars, source: Path | None) -> NDArray[np.uint8]:
+    """Colours (n, 3) of 8 bits: fractions times 255, and the upper byte of 16 bits where a value exceeds 255."""
+    if colours.dtype == np.uint8:
+        return colours
+    needed = "numbers in [0, 1], [0, 255] or [0, 65535]"
+    if colours.dtype.kind not in "iuf":
+        raise cloud_error(source, "colours", colours.dtype, needed)
+    least, most = colours.min(), colours.max()
+    if not (least >= 0 and most <= WORD_LIMIT):
+        raise cloud_error(source, "colours", f"values from {least} to {most}", needed)
+    if colours.dtype.kind == "f" and most <= 1.0:
+        return np.asarray(np.rint(colours * BYTE_LIMIT), dtype=np.uint8)
+    if most > BYTE_LIMIT:
+        return np.asarray(colours.astype(np.uint16) >> 8, dtype=np.uint8)
+    return np.asarray(np.rint(colours), dtype=np.uint8)
+
+
+def _kept_triangles(triangles: Scalars, finite: NDArray[np.bool_], source: Path | None) -> Scalars:
+    """The triangles whose three points are finite, by the points' new indices."""
+    whole = triangles.ndim == 2 and triangles.shape[1] == 3 and triangles.dtype.kind in "iu"
+    if not whole or (triangles.size and (triangles.min() < 0 or triangles.max() >= len(finite))):
+        found = f"{triangles.dtype} of shape {triangles.shape}"
+        raise cloud_error(source, "triangles", found, f"indices from 0 to {len(finite) - 1} of shape (k, 3)")
+    if finite.all():
+        return triangles
+    numbers = np.cumsum(finite) - 1
+    return np.asarray(numbers[triangles[finite[triangles].all(axis=1)]])

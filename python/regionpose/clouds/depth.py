@@ -1,0 +1,106 @@
+"""The cloud of a depth image, for any central camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+from PIL import Image
+
+from regionpose.clouds.cloud import Array, Cloud, Scalars
+from regionpose.clouds.errors import cloud_error
+
+DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
+"""Pillow's modes of images with one channel of more than 8 bits."""
+
+Distance = Literal["z", "range"]
+
+
+class DepthCamera(Protocol):
+    """What is asked of a depth image's camera; every camera of `regionpose.cameras` is one."""
+
+    @property
+    def width(self) -> int | None:
+        """Image width in pixels, None when unknown."""
+
+    @property
+    def height(self) -> int | None:
+        """Image height in pixels, None when unknown."""
+
+    def bearings(self, pixels: ArrayLike) -> Array:
+        """Unit vectors (n, 3) of the pixels (n, 2), NaN where there is none."""
+
+
+def cloud_from_depth(
+    depth: ArrayLike | str | Path,
+    camera: DepthCamera,
+    *,
+    scale: float | None = None,
+    distance: Distance = "z",
+    colours: ArrayLike | None = None,
+) -> Cloud:
+    """The points that a depth image (h, w) shows, in the camera frame and in metres.
+
+    The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, the depth along
+    the optical axis, and `d r` for `"range"`, the length of the ray. `depth` is an array or an image file of 16-bit
+    integers or floats; its values times `scale` are metres (1/5000 for TUM, 1/256 for KITTI's depth maps), which
+    integers need and floats take as 1. `colours` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
+    negative, NaN or infinite) or without a ray (for z: none ahead of the camera) are dropped. CloudError for other
+    shapes, an image size other than the camera's, and where nothing is left; FileNotFoundError.
+    """
+    source = Path(depth) if isinstance(depth, str | Path) else None
+    values = _image(source) if source is not None else np.asarray(depth)
+    metres = _metres(values, scale, source)
+    height, width = metres.shape
+    stated = (camera.height or height, camera.width or width)
+    if stated != (height, width):
+        raise cloud_error(source, "depth", f"{width} x {height} pixels", f"the camera's {stated[1]} x {stated[0]}")
+    shades = None if colours is None else np.asarray(colours)
+    if shades is not None and shades.shape != (height, width, 3):
+        raise cloud_error(source, "colours", f"shape {shades.shape}", f"({height}, {width}, 3)")
+    rows, columns = np.divmod(np.arange(height * width), width)
+    points = camera.bearings(np.stack([columns, rows], axis=1))
+    points *= _ray_lengths(metres.reshape(-1), points[:, 2], distance)[:, None]
+    return Cloud.from_world_points(points, colours=None if shades is None else shades.reshape(-1, 3), source=source)
+
+
+def _ray_lengths(metres: Array, cosines: Array, distance: str) -> Array:
+    """How far along its bearing each pixel's point is, NaN where there is none."""
+    if distance not in ("z", "range"):
+        raise ValueError(f"distance: found {distance!r}; needed 'z' or 'range'")
+    measured = np.where(np.isfinite(metres) & (metres > 0.0), metres, np.nan)
+    if distance == "range":
+        return measured
+    lengths = np.full(len(measured), np.nan)
+    np.divide(measured, cosines, out=lengths, where=cosines > 0.0)
+    return lengths
+
+
+def _metres(values: Scalars, scale: float | None, source: Path | None) -> Array:
+    """Depths (h, w) in metres."""
+    if values.ndim != 2 or not values.size or values.dtype.kind not in "iuf":
+        raise cloud_error(source, "depth", f"{values.dtype} of shape {values.shape}", "numbers of shape (h, w)")
+    if scale is None and values.dtype.kind != "f":
+        raise cloud_error(
+            source, "scale", "none for depths in whole numbers", "metres a unit, as in 1/1000 for millimetres"
+        )
+    factor = 1.0 if scale is None else float(scale)
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise cloud_error(source, "scale", factor, "a finite number above 0")
+    return values.astype(np.float64) * factor
+
+
+def _image(path: Path) -> Scalars:
+    """The values of an image file with one channel of more than 8 bits."""
+    with path.open("rb") as file:
+        try:
+            with Image.open(file) as image:
+                mode, values = image.mode, np.array(image)
+        # Damage shows as errors of every type.
+        except Exception as error:
+            raise cloud_error(path, "depth image", f"{type(error).__name__}: {error}", "a whole image") from error
+    if mode not in DEPTH_MODES:
+        raise cloud_error(path, "depth image", f"mode {mode}", "one channel of 16-bit integers or of floats")
+    return values

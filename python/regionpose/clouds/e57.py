@@ -1,0 +1,99 @@
+"""Reading E57 through pye57 (extra `e57`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regionpose.clouds.cloud import Array, Cloud, Scalars
+from regionpose.clouds.columns import COORDINATES, cloud_of_columns
+from regionpose.clouds.errors import cloud_error, load_extra
+
+CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
+SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+COLOURS = {"colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
+OTHERS = {"intensity": "intensity", "rowIndex": "row", "columnIndex": "column", "timeStamp": "time"}
+
+SCAN = "scan"
+"""The field that numbers the scans of a file with several, from 0."""
+
+
+def read_e57(path: Path) -> Cloud:
+    """The cloud of an E57 file: all its scans in the file's frame, each by its own pose.
+
+    Points marked invalid are dropped. Colours and intensity are kept where every scan has them.
+    """
+    pye57 = load_extra("pye57", "e57", f"{path}: E57")
+    try:
+        # pye57.E57 would try to delete a file that does not open.
+        image = pye57.libe57.ImageFile(str(path), "r")
+        try:
+            nodes = [image.root()["data3D"][index] for index in range(len(image.root()["data3D"]))]
+            scans = [_scan(pye57, image, node) for node in nodes]
+        finally:
+            image.close()
+    # Damage shows as the library's own errors, each of its own type.
+    except Exception as error:
+        raise cloud_error(path, "scans", f"{type(error).__name__}: {error}", "a whole E57 file") from error
+    if not scans:
+        raise cloud_error(path, "scans", "none", "at least 1")
+    if len(scans) > 1:
+        scans = [scan | {SCAN: np.full(len(scan["x"]), index)} for index, scan in enumerate(scans)]
+    shared = [name for name in scans[0] if all(name in scan for scan in scans)]
+    return cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+
+
+def _scan(pye57: Any, image: Any, node: Any) -> dict[str, Scalars]:
+    """The columns of one scan, with its coordinates in the file's frame."""
+    header = pye57.ScanHeader(node)
+    wanted = [*CARTESIAN, *SPHERICAL, *INVALID, *COLOURS, *OTHERS]
+    raw = _raw_columns(pye57, image, header, [name for name in header.point_fields if name in wanted])
+    points = _points(raw)
+    for name in INVALID:
+        if name in raw:
+            points[raw[name] != 0] = np.nan
+    if header.has_pose():
+        points = points @ header.rotation_matrix.T + header.translation
+    scan: dict[str, Scalars] = {axis: points[:, index] for index, axis in enumerate(COORDINATES)}
+    if set(COLOURS) <= set(raw):
+        scan |= _colours(header, raw)
+    return scan | {OTHERS[name]: raw[name] for name in OTHERS if name in raw}
+
+
+def _raw_columns(pye57: Any, image: Any, header: Any, names: list[str]) -> dict[str, Array]:
+    """The columns `names` of a scan as the file holds them, all as float64."""
+    count = int(header.point_count)
+    raw = {name: np.empty(count) for name in names}
+    buffers = pye57.libe57.VectorSourceDestBuffer()
+    for name, values in raw.items():
+        buffers.append(pye57.libe57.SourceDestBuffer(image, name, values, count, True, True))
+    reader = header.points.reader(buffers)
+    read = reader.read()
+    reader.close()
+    if read != count:
+        raise ValueError(f"{read} points instead of {count}")
+    return raw
+
+
+def _points(raw: dict[str, Array]) -> Array:
+    """Cartesian points (n, 3) in the scan's frame, from range, azimuth and elevation where these are stored."""
+    if set(CARTESIAN) <= set(raw):
+        return np.stack([raw[name] for name in CARTESIAN], axis=1)
+    if not set(SPHERICAL) <= set(raw):
+        raise ValueError(f"a scan with {', '.join(raw) or 'nothing'} and no whole coordinates")
+    distance, azimuth, elevation = (raw[name] for name in SPHERICAL)
+    level = distance * np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)], axis=1)
+
+
+def _colours(header: Any, raw: dict[str, Array]) -> dict[str, Scalars]:
+    """Colours of 8 bits by the limits that the scan states; as they are without limits."""
+    colours: dict[str, Scalars] = {}
+    limited = "colorLimits" in header.scan_fields
+    for name, own in COLOURS.items():
+        most = float(header["colorLimits"][f"{name}Maximum"].value()) if limited else 255.0
+        colours[own] = np.rint(np.clip(raw[name] / (most or 255.0), 0.0, 1.0) * 255.0).astype(np.uint8)
+    return colours

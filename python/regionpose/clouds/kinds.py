@@ -1,0 +1,90 @@
+"""Which kind of file a cloud is, by its content first and its name's ending next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from regionpose.clouds.arrays import read_bin, read_npy, read_npz
+from regionpose.clouds.cloud import Cloud
+from regionpose.clouds.e57 import read_e57
+from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.las import read_las
+from regionpose.clouds.meshes import read_mesh
+from regionpose.clouds.pcd import is_pcd, read_pcd
+from regionpose.clouds.ply import read_ply
+from regionpose.clouds.text import read_text
+
+Reader = Callable[..., Cloud]
+
+START_BYTES = 4096
+"""Bytes of a file that tell its kind."""
+
+read_glb: Reader = partial(read_mesh, kind="glb")
+
+BEGINNINGS: tuple[tuple[bytes, Reader], ...] = (
+    (b"ply\n", read_ply),
+    (b"ply\r", read_ply),
+    (b"LASF", read_las),
+    (b"ASTM-E57", read_e57),
+    (b"\x93NUMPY", read_npy),
+    (b"PK\x03\x04", read_npz),
+    (b"glTF", read_glb),
+)
+
+ENDINGS: dict[str, Reader] = {
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".las": read_las,
+    ".laz": read_las,
+    ".e57": read_e57,
+    ".npy": read_npy,
+    ".npz": read_npz,
+    ".bin": read_bin,
+    ".glb": read_glb,
+    ".obj": partial(read_mesh, kind="obj"),
+    ".stl": partial(read_mesh, kind="stl"),
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".asc", ".pts"), read_text),
+}
+
+
+TABLE_READERS: frozenset[Reader] = frozenset((read_npy, read_npz, read_bin, read_text))
+"""Readers of files whose columns may have no names."""
+
+
+def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Cloud:
+    """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, or a mesh (OBJ, STL, GLB, PLY).
+
+    The content tells the kind where it can, the name's ending otherwise. `columns` names the columns of files that
+    don't do so themselves (text, .npy, .bin), as in `("x", "y", "z", "intensity", "ring")`; "_" leaves one out.
+    Coordinates are kept about a local origin when they are large; points that are not finite are dropped. CloudError
+    for a file that cannot be used, MissingExtraError where its kind needs a package that is not installed,
+    FileNotFoundError.
+    """
+    location = Path(path)
+    if location.is_dir():
+        raise cloud_error(location, "path", "a directory", "a file")
+    with location.open("rb") as file:
+        start = file.read(START_BYTES)
+    if not start:
+        raise cloud_error(location, "file", "0 bytes", f"a cloud: {', '.join(ENDINGS)}")
+    reader = _reader(location, start)
+    if reader in TABLE_READERS:
+        return reader(location, columns)
+    if columns is not None:
+        raise cloud_error(location, "columns", "names given", "none, since the file names its own")
+    return reader(location)
+
+
+def _reader(path: Path, start: bytes) -> Reader:
+    """The reader of a file that starts so."""
+    for beginning, reader in BEGINNINGS:
+        if start.startswith(beginning):
+            return reader
+    if is_pcd(start):
+        return read_pcd
+    try:
+        return ENDINGS[path.suffix.lower()]
+    except KeyError:
+        raise cloud_error(path, "kind", f"ending {path.suffix!r}", f"one of {', '.join(ENDINGS)}") from None

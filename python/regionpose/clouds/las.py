@@ -1,0 +1,122 @@
+"""Reading LAS and LAZ through laspy (extra `las`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from regionpose.clouds.cloud import Cloud, Scalars
+from regionpose.clouds.columns import COLOUR_NAMES, cloud_of_columns
+from regionpose.clouds.errors import cloud_error, load_extra
+
+HEADER = np.dtype(
+    {
+        "names": ["minor", "header_size", "points_at", "records", "format", "point_size", "short_count"],
+        "formats": ["u1", "<u2", "<u4", "<u4", "u1", "<u2", "<u4"],
+        "offsets": [25, 94, 96, 100, 104, 105, 107],
+        "itemsize": 227,
+    }
+)
+"""The parts of the header that say how much must follow, for every version."""
+
+LONG_HEADER = np.dtype(
+    {
+        "names": ["late_at", "late_records", "count"],
+        "formats": ["<u8", "<u4", "<u8"],
+        "offsets": [235, 243, 247],
+        "itemsize": 255,
+    }
+)
+"""What version 1.4 adds to them."""
+
+RECORD_SIZE, LATE_RECORD_SIZE = 54, 60
+"""Bytes of a variable length record without content, before the points and after them."""
+
+COMPRESSED_BITS = 0b1100_0000
+"""Bits of the point format that are set when the points are compressed."""
+
+RAW_COORDINATES = ("X", "Y", "Z")
+
+
+def read_las(path: Path) -> Cloud:
+    """The cloud of a LAS or LAZ file: scaled coordinates, colours brought to 8 bits, other dimensions as fields."""
+    laspy = load_extra("laspy", "las", f"{path}: LAS")
+    content = np.memmap(path, dtype=np.uint8, mode="r")
+    if _checked_header(path, content)["format"] & COMPRESSED_BITS:
+        load_extra("lazrs", "las", f"{path}: LAZ")
+    try:
+        # The parallel backend aborts the process for want of memory where a chunk's size is damaged.
+        stored = laspy.read(path, laz_backend=laspy.LazBackend.Lazrs)
+        names = [*stored.point_format.dimension_names]
+        named = {name: np.asarray(stored[name]) for name in names if name not in RAW_COORDINATES}
+        coordinates = {name.lower(): np.asarray(stored[name.lower()]) for name in RAW_COORDINATES}
+        stated = int(stored.header.point_count)
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    # Damage shows as errors of laspy, lazrs, numpy and struct, and as a panic, which is no Exception.
+    except BaseException as error:
+        raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
+    if len(coordinates["x"]) != stated:
+        raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
+    return cloud_of_columns(path, coordinates | _flat(named))
+
+
+def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
+    """The header's numbers; CloudError where the file is too short for them.
+
+    laspy and lazrs take sizes on trust: a damaged one can cost minutes, or more memory than there is.
+    """
+    size = len(content)
+    if size < HEADER.itemsize:
+        raise cloud_error(path, "header", f"{size} bytes", f"at least {HEADER.itemsize}")
+    header = _numbers(content, HEADER)
+    header |= {"late_at": 0, "late_records": 0, "count": header["short_count"]}
+    if header["minor"] >= 4 and size >= LONG_HEADER.itemsize:
+        header |= _numbers(content, LONG_HEADER)
+    records_end = header["header_size"] + header["records"] * RECORD_SIZE
+    late_end = header["late_at"] + header["late_records"] * LATE_RECORD_SIZE
+    points_end = header["points_at"]
+    if not header["format"] & COMPRESSED_BITS:
+        points_end += header["count"] * header["point_size"]
+    if records_end > header["points_at"] or max(late_end, points_end) > size:
+        needed = f"{max(records_end, late_end, points_end)} at least, as the header says"
+        raise cloud_error(path, "size", f"{size} bytes", needed)
+    if header["format"] & COMPRESSED_BITS:
+        _check_chunks(path, content, header)
+    return header
+
+
+def _numbers(content: Scalars, kind: np.dtype[np.void]) -> dict[str, int]:
+    """The numbers that the start of the file holds."""
+    record = np.frombuffer(content, dtype=kind, count=1)[0]
+    return {name: int(record[name]) for name in kind.names or ()}
+
+
+def _check_chunks(path: Path, content: Scalars, header: dict[str, int]) -> None:
+    """CloudError unless the table of compressed chunks lies in the file and lists no more than fit there."""
+    size, points_at = len(content), header["points_at"]
+    table_at = int.from_bytes(content[points_at : points_at + 8].tobytes(), "little", signed=True)
+    if table_at == -1:
+        # Writers that cannot go back leave the place at the very end.
+        table_at = int.from_bytes(content[-8:].tobytes(), "little", signed=True)
+    if not points_at + 8 <= table_at <= size - 8:
+        raise cloud_error(path, "chunk table", f"at byte {table_at}", f"within the file's {size} bytes")
+    chunks = int.from_bytes(content[table_at + 4 : table_at + 8].tobytes(), "little")
+    most = (table_at - points_at) // max(1, header["point_size"])
+    if chunks > most:
+        raise cloud_error(path, "chunk table", f"{chunks} chunks", f"at most {most}, by the file's size")
+
+
+def _flat(named: dict[str, Scalars]) -> dict[str, Scalars]:
+    """Columns (n,): dimensions with several values apart, colours left out where all are zero, as unset."""
+    flat: dict[str, Scalars] = {}
+    for name, values in named.items():
+        if values.ndim == 2:
+            flat.update({f"{name}_{index}": values[:, index] for index in range(values.shape[1])})
+        else:
+            flat[name] = values
+    colours = COLOUR_NAMES[0]
+    if all(name in flat and not flat[name].any() for name in colours):
+        return {name: values for name, values in flat.items() if name not in colours}
+    return flat

@@ -1,0 +1,65 @@
+"""Reading meshes, OBJ, STL and GLB, through trimesh (extra `mesh`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regionpose.clouds.cloud import Array, Cloud, Scalars
+from regionpose.clouds.errors import cloud_error, load_extra
+
+
+def read_mesh(path: Path, kind: str) -> Cloud:
+    """The vertices and triangles of a mesh of the format `kind`, with the colours of its vertices where all have one.
+
+    The parts of a scene are placed by their transforms and joined; coinciding corners of an STL become one vertex.
+    """
+    trimesh = load_extra("trimesh", "mesh", f"{path}: {kind.upper()}")
+    options = {"skip_materials": True} if kind == "obj" else {}
+    try:
+        with path.open("rb") as file:
+            scene = trimesh.load(file, file_type=kind, process=False, **options)
+        parts = _parts(trimesh, scene, merge=kind == "stl")
+    # Damage shows as errors of every type.
+    except Exception as error:
+        raise cloud_error(path, "mesh", f"{type(error).__name__}: {error}", f"a whole {kind.upper()} file") from error
+    if not sum(len(vertices) for vertices, _, _ in parts):
+        raise cloud_error(path, "vertices", "none", "at least 1")
+    starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts])
+    colours = [shades for _, _, shades in parts]
+    return Cloud.from_world_points(
+        np.concatenate([vertices for vertices, _, _ in parts]),
+        colours=None if any(shades is None for shades in colours) else np.concatenate(colours),
+        triangles=np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]),
+        source=path,
+    )
+
+
+def _parts(trimesh: Any, scene: Any, merge: bool) -> list[tuple[Array, Scalars, Scalars]]:
+    """Vertices, triangles and colours (or None) of every part, in the frame of the whole."""
+    if not isinstance(scene, trimesh.Scene):
+        return [_part(scene, np.eye(4), merge)]
+    placed = (scene.graph[node] for node in scene.graph.nodes_geometry)
+    return [_part(scene.geometry[name], transform, merge) for transform, name in placed]
+
+
+def _part(geometry: Any, transform: Array, merge: bool) -> tuple[Array, Scalars, Any]:
+    """Vertices, triangles and colours (or None) of one part."""
+    vertices = np.array(geometry.vertices, dtype=np.float64)
+    faces = np.array(getattr(geometry, "faces", np.empty((0, 3))), dtype=np.int64)
+    colours = _colours(geometry)
+    if merge:
+        vertices, numbers = np.unique(vertices, axis=0, return_inverse=True)
+        faces, colours = numbers.reshape(-1)[faces], None
+    return vertices @ transform[:3, :3].T + transform[:3, 3], faces, colours
+
+
+def _colours(geometry: Any) -> Scalars | None:
+    """The colours (n, 3) of the vertices; None where the file gives none."""
+    visual = getattr(geometry, "visual", None)
+    if visual is None:
+        colours = getattr(geometry, "colors", None)
+        return None if colours is None or not len(colours) else np.asarray(colours)[:, :3]
+    return np.asarray(visual.vertex_colors)[:, :3] if visual.kind == "vertex" else None

@@ -1,0 +1,101 @@
+"""Clouds as plain text: a point a line, numbers separated by white space, commas or semicolons."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from regionpose.clouds.cloud import Cloud
+from regionpose.clouds.columns import COORDINATES, cloud_of_table
+from regionpose.clouds.errors import cloud_error
+
+COMMENTS = ("#", "//", "%")
+
+PREAMBLE_LINES = 100
+"""Lines within which the first point must come."""
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """Where the points of a text file begin and how its lines are written."""
+
+    lines_before: int
+    delimiter: str | None
+    names: list[str] | None
+    stated_count: int | None
+
+
+def read_text(path: Path, columns: Sequence[str] | None) -> Cloud:
+    """The cloud of a text file, by `columns`, else by a heading that names x, y and z, else by guess."""
+    layout = _layout(path)
+    table = rows_of_text(path, 0, np.float64, layout.delimiter, layout.lines_before)
+    if layout.stated_count not in (None, len(table)):
+        raise cloud_error(path, "rows", len(table), f"{layout.stated_count}, as the first line says")
+    return cloud_of_table(path, table, columns if columns is not None else layout.names)
+
+
+def rows_of_text(path: Path, offset: int, kind: DTypeLike, delimiter: str | None = None, skip: int = 0) -> NDArray[Any]:
+    """The rows of numbers from byte `offset` on: (n, k), or (n,) of a structured type; CloudError for anything else."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        text = io.TextIOWrapper(file, encoding="latin-1")
+        try:
+            with warnings.catch_warnings():
+                # An empty table is an error of the caller's own.
+                warnings.filterwarnings("ignore", message=".*input contained no data", category=UserWarning)
+                structured = np.dtype(kind).names is not None
+                return np.loadtxt(
+                    text, kind, delimiter=delimiter, comments=COMMENTS, skiprows=skip, ndmin=1 if structured else 2
+                )
+        except ValueError as error:
+            found = repr(str(error).partition(";")[0])
+            raise cloud_error(path, "rows", found, "the same count of numbers on every line") from error
+
+
+def _layout(path: Path) -> TextLayout:
+    """The layout by the lines up to the first point."""
+    names, stated = None, None
+    with path.open(encoding="latin-1") as file:
+        for number, line in enumerate(islice(file, PREAMBLE_LINES)):
+            bare = line.strip()
+            delimiter = next((mark for mark in (",", ";") if mark in bare), None)
+            words = bare.split(delimiter)
+            if len(words) >= len(COORDINATES) and all(_is_number(word) for word in words):
+                return TextLayout(number, delimiter, _matching(names, len(words)), stated)
+            if len(words) == 1 and words[0].isdecimal() and stated is None:
+                stated = int(words[0])
+            elif bare and (heading := _heading(bare)):
+                names = heading
+            elif bare and not bare.startswith(COMMENTS):
+                raise cloud_error(path, f"line {number + 1}", repr(bare), "3 or more numbers, a heading or a comment")
+    raise cloud_error(path, "points", "no line of numbers", f"one within the first {PREAMBLE_LINES} lines")
+
+
+def _heading(line: str) -> list[str] | None:
+    """The names of a line that names x, y and z, without repetition; None for any other line."""
+    names = re.findall(r"[^\s,;\"]+", line.lstrip("#/% "))
+    lower = [name.lower() for name in names]
+    return names if set(COORDINATES) <= set(lower) and len(set(lower)) == len(lower) else None
+
+
+def _matching(names: list[str] | None, count: int) -> list[str] | None:
+    """`names` where there is one a column, else None."""
+    return names if names is not None and len(names) == count else None
+
+
+def _is_number(word: str) -> bool:
+    """Whether `word` is a number, NaN and infinities among them."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return "_" not in word

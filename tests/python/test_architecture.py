@@ -1,0 +1,209 @@
+"""Modules depend one way only, as `docs/architecture.md` draws it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CRATE = ROOT / "rust" / "src"
+BINDINGS = ROOT / "rust" / "bindings" / "src"
+PACKAGE = ROOT / "python" / "regionpose"
+DOCUMENT = ROOT / "docs" / "architecture.md"
+
+Uses = dict[str, set[str]]
+
+CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
+    ("error",),
+    ("batch", "moments", "pose", "rings"),
+    ("derivatives", "mesh", "overlap", "region"),
+    ("bearing_rings",),
+    ("chart",),
+    ("equations", "initial"),
+    ("facet", "whitening"),
+    ("residual",),
+    ("fit", "least_squares"),
+    ("solve",),
+    ("estimate",),
+)
+"""Modules of the crate; each uses those of the layers before its own only."""
+
+PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
+    ("_core",),
+    ("cameras", "clouds", "pose"),
+    ("calibration", "scan_lines"),
+    ("outline",),
+    ("regions",),
+    ("segmentation", "solver"),
+    ("evaluation", "overlay"),
+    ("__init__",),
+    ("demo",),
+)
+"""Modules of the Python package, the compiled one first."""
+
+KNOWS_NO_POSE = {
+    "bearing_rings",
+    "chart",
+    "derivatives",
+    "equations",
+    "mesh",
+    "moments",
+    "overlap",
+    "rings",
+    "whitening",
+}
+"""Modules of the crate that a change of the pose's form leaves alone."""
+
+SOLE_USERS = {
+    "levenberg_marquardt": {"least_squares"},
+    "rayon": {"batch"},
+    "robust": {"rings"},
+    "spade": {"mesh"},
+}
+"""Crates that one module hides from the others."""
+
+PYTHON_CRATES = {"numpy", "pyo3"}
+
+
+def code_of(file: Path) -> str:
+    """A Rust file without comments and unit tests."""
+    code = re.sub(r"//.*", "", file.read_text(encoding="utf-8"))
+    return code.partition("#[cfg(test)]")[0]
+
+
+def rust_modules(folder: Path) -> dict[str, str]:
+    """Code of the top modules of a crate, files of a module's folder joined to it."""
+    modules: dict[str, str] = {}
+    for file in sorted(folder.glob("**/*.rs")):
+        name = file.relative_to(folder).parts[0].removesuffix(".rs")
+        modules[name] = modules.get(name, "") + code_of(file)
+    modules.pop("lib", None)
+    return modules
+
+
+def own_uses(modules: dict[str, str], crate: str = "crate") -> Uses:
+    """The other modules that each module names by `crate::`."""
+    return {name: named_after(code, crate) - {name} for name, code in modules.items()}
+
+
+def named_after(code: str, crate: str) -> set[str]:
+    """First names after `crate::`, those in braces too."""
+    single = re.findall(rf"\b{crate}::(\w+)", code)
+    groups = re.findall(rf"\b{crate}::\{{(.*?)\}};", code, re.DOTALL)
+    grouped = [re.split(r"::|\s", item.strip())[0] for group in groups for item in without_nested(group).split(",")]
+    return {name for name in [*single, *grouped] if name}
+
+
+def without_nested(group: str) -> str:
+    """The items of a use group without the groups inside them."""
+    while "{" in group:
+        group = re.sub(r"\{[^{}]*\}", "", group)
+    return group
+
+
+def package_uses(folder: Path) -> Uses:
+    """The other modules that each module or subpackage of the Python package imports, anywhere in a file."""
+    uses: Uses = {}
+    for file in sorted(folder.glob("**/*.py")):
+        parts = file.relative_to(folder).with_suffix("").parts
+        uses.setdefault(parts[0], set()).update(imported(ast.parse(file.read_text(encoding="utf-8")), parts))
+    modules = {*uses, "_core"}
+    return {name: {use if use in modules else "__init__" for use in used} - {name} for name, used in uses.items()}
+
+
+def imported(tree: ast.Module, parts: tuple[str, ...]) -> Iterable[str]:
+    """Names that a file at `parts` imports from the package; `__init__` for the package itself."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (first_module(alias.name) for alias in node.names if in_package(alias.name))
+        elif isinstance(node, ast.ImportFrom):
+            above = ("regionpose", *parts)[: len(parts) + 1 - node.level] if node.level else ()
+            base = ".".join([*above, node.module or ""]).strip(".")
+            if base == "regionpose":
+                yield from (alias.name for alias in node.names)
+            elif in_package(base):
+                yield first_module(base)
+
+
+def in_package(name: str) -> bool:
+    """Whether a dotted name is the package or in it."""
+    return name.split(".")[0] == "regionpose"
+
+
+def first_module(name: str) -> str:
+    """The module below the package in a dotted name."""
+    return [*name.split("."), "__init__"][1]
+
+
+def violations(uses: Uses, layers: tuple[tuple[str, ...], ...]) -> list[str]:
+    """What breaks the rule, in words."""
+    level = {name: index for index, layer in enumerate(layers) for name in layer}
+    broken = [f"{name} is in no layer" for name in sorted(uses) if name not in level]
+    for name in sorted(set(uses) & set(level)):
+        for used in sorted(uses[name]):
+            if level.get(used, len(layers)) >= level[name]:
+                broken.append(f"{name} uses {used}, which is not in a layer before its own")
+    return broken
+
+
+def test_each_module_of_the_crate_uses_the_layers_before_its_own_only() -> None:
+    uses = own_uses(rust_modules(CRATE))
+    assert "chart" in uses["residual"], "the parser misses uses"
+    assert violations(uses, CRATE_LAYERS) == []
+
+
+def test_each_module_of_the_package_imports_the_layers_before_its_own_only() -> None:
+    uses = package_uses(PACKAGE)
+    assert "regions" in uses["solver"], "the parser misses imports"
+    assert violations(uses, PACKAGE_LAYERS) == []
+
+
+def test_moments_meshes_and_charts_know_no_pose() -> None:
+    uses = own_uses(rust_modules(CRATE))
+    assert uses.keys() >= KNOWS_NO_POSE
+    assert {name for name in KNOWS_NO_POSE if "pose" in uses[name]} == set()
+
+
+@pytest.mark.parametrize("crate", SOLE_USERS)
+def test_one_module_hides_each_larger_dependency(crate: str) -> None:
+    users = {name for name, code in rust_modules(CRATE).items() if re.search(rf"\b{crate}::", code)}
+    assert users == SOLE_USERS[crate]
+
+
+def test_the_crate_knows_no_python_and_the_bindings_reach_it_from_outside() -> None:
+    for name, code in rust_modules(CRATE).items():
+        assert not re.search(rf"\b({'|'.join(PYTHON_CRATES)})::", code), name
+    assert named_after("".join(rust_modules(BINDINGS).values()), "regionpose") <= {*own_uses(rust_modules(CRATE))}
+
+
+def test_the_cameras_end_at_bearings() -> None:
+    models = re.compile(r"\b(pinhole|fisheye|ocam|unified|distortion)\b", re.IGNORECASE)
+    assert [name for name, code in rust_modules(CRATE).items() if models.search(code)] == []
+
+
+def test_the_document_draws_the_same_layers() -> None:
+    drawn = re.findall(r"^```text\n(.*?)^```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    layers = [tuple(tuple(line.split(", ")) for line in block.splitlines()) for block in drawn]
+    assert layers == [CRATE_LAYERS, PACKAGE_LAYERS]
+
+
+def test_uses_in_braces_and_in_paths_are_found_and_comments_are_not() -> None:
+    code = "use crate::{pose::{Pose, Tangent}, region};\nlet x = crate::chart::f();\nuse super::lanes;"
+    assert named_after(code, "crate") == {"pose", "region", "chart"}
+
+
+def test_a_use_of_a_later_layer_of_the_own_layer_or_of_an_unknown_module_is_a_violation() -> None:
+    layers = (("a",), ("b", "c"), ("d",))
+    assert violations({"b": {"a"}, "d": {"a", "b"}}, layers) == []
+    assert len(violations({"a": {"d"}, "b": {"c"}, "e": {"a"}, "d": {"e"}}, layers)) == 4
+
+
+def test_absolute_relative_and_inner_imports_are_found() -> None:
+    inner = "def f():\n    from ..pose import Pose\n"
+    source = f"import regionpose.cameras.base\nfrom regionpose import _core\n{inner}import numpy"
+    assert set(imported(ast.parse(source), ("scene", "file"))) == {"cameras", "_core", "pose"}
+    assert set(imported(ast.parse("import regionpose as rp"), ("cli",))) == {"__init__"}

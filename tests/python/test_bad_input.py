@@ -1,0 +1,366 @@
+"""Bad input: a ValueError that says which item, what was found and what is needed; never a panic, a hang or silence."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from regionpose import _core
+from regionpose.evaluation import load_templates
+
+SAMPLES = Path(__file__).parent / "samples"
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+LIFTED = np.column_stack([SQUARE, np.ones(4)])
+BOW_TIE = SQUARE[[0, 2, 1, 3]]
+CAMERA = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0, 640, 480)
+IMAGE = rp.ImageRegion.from_polygon(SQUARE * 100.0 + 200.0)
+WORLD = rp.WorldRegion.from_polygon(LIFTED)
+MASK = np.zeros((480, 640), dtype=bool)
+MASK[100:200, 150:300] = True
+
+
+def with_value(array: np.ndarray, value: float) -> np.ndarray:
+    """The array with its entry [2, 1] replaced."""
+    changed = array.copy()
+    changed[2, 1] = value
+    return changed
+
+
+IMAGE_RING: Callable[[Any], object] = rp.ImageRegion.from_polygon
+WORLD_RING: Callable[[Any], object] = rp.WorldRegion.from_polygon
+POINTS: Callable[[Any], object] = rp.WorldRegion.from_points
+FROM_MASK: Callable[[Any], object] = rp.ImageRegion.from_mask
+
+
+class Mesh:
+    """What `from_mesh` reads."""
+
+    def __init__(self, vertices: object, faces: object) -> None:
+        self.vertices: Any = vertices
+        self.faces: Any = faces
+
+
+def solve(**options: Any) -> object:
+    """A pose of one square with these options."""
+    return rp.estimate_pose(CAMERA, [IMAGE], [WORLD], **options)
+
+
+RINGS: list[tuple[Callable[[], object], str]] = [
+    (lambda: IMAGE_RING([with_value(SQUARE, np.nan)]), "ring 0 vertex 2 is not finite: NaN; coordinates need to be"),
+    (lambda: IMAGE_RING([SQUARE, with_value(SQUARE, np.inf)]), "ring 1 vertex 2 is not finite: inf"),
+    (lambda: WORLD_RING([with_value(LIFTED, -np.inf)]), "ring 0 vertex 2 is not finite: -inf"),
+    (lambda: IMAGE_RING([SQUARE[:2]]), "ring 0 has 2 distinct vertices; a region ring needs at least 3"),
+    (lambda: IMAGE_RING([SQUARE[[0, 1, 0, 1]]]), "ring 0 has 2 distinct vertices"),
+    (lambda: WORLD_RING([LIFTED[:2]]), "ring 0 has 2 distinct vertices; a region ring needs at least 3"),
+    (lambda: IMAGE_RING([BOW_TIE]), r"edge \d of ring 0 crosses edge \d of ring 0; a ring needs to be simple"),
+    (lambda: WORLD_RING([LIFTED[[0, 2, 1, 3]]]), r"edge \d of ring 0 crosses edge \d of ring 0"),
+    (lambda: IMAGE_RING([SQUARE[[0, 2, 0, 2]]]), "ring 0 has 2 distinct vertices"),
+    (lambda: IMAGE_RING([[[0, 0], [1, 1], [2, 2]]]), "ring 0 (overlaps|has area 0)|edge 0 of ring 0 overlaps"),
+    (lambda: WORLD_RING([[[0, 0, 0], [1, 1, 1], [2, 2, 2]]]), "3 points that are identical or on one line; it needs"),
+    (lambda: WORLD_RING([np.ones((4, 3))]), "4 points that are identical or on one line"),
+    (
+        lambda: IMAGE_RING([SQUARE, SQUARE + 5.0]),
+        "ring 1 is a hole outside every outer ring; a hole needs to lie inside",
+    ),
+    (lambda: WORLD_RING([LIFTED, LIFTED + np.array([5.0, 0.0, 0.0])]), "ring 1 is a hole outside"),
+    (lambda: IMAGE_RING([SQUARE, SQUARE + 0.5]), r"edge \d of ring 0 crosses edge \d of ring 1"),
+    (lambda: IMAGE_RING([SQUARE * 9, SQUARE * 5 + 1, SQUARE + 2]), "ring 2 lies inside the hole ring 1"),
+    (
+        lambda: WORLD_RING([LIFTED * [1, 1, 0] + [[0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]]]),
+        "ring 0 leaves the region's",
+    ),
+    (lambda: IMAGE_RING([]), r"rings is empty; needed at least one \(n, 2\) array"),
+    (lambda: WORLD_RING([SQUARE]), r"ring 0 has shape \(4, 2\); needed \(n, 3\)"),
+    (lambda: IMAGE_RING([SQUARE, None]), r"ring 1 has type object; needed real numbers \(n, 2\)"),
+    (lambda: IMAGE_RING([[["0", "1"], ["1", "1"], ["1", "0"]]]), "ring 0 has type <U1; needed real numbers"),
+    (lambda: IMAGE_RING([SQUARE * 1j]), "ring 0 has type complex128; needed real numbers"),
+    (lambda: IMAGE_RING([[[1, 2], [3]]]), r"ring 0 is not an array of numbers; needed \(n, 2\)"),
+    (lambda: IMAGE_RING(None), "rings is a NoneType; needed a list"),
+    (lambda: IMAGE_RING("square"), "rings is a str; needed a list"),
+    (lambda: IMAGE_RING({0: SQUARE}), "rings is a dict; needed a list"),
+    (lambda: IMAGE_RING(3.5), "rings is a float; needed a list"),
+    (lambda: IMAGE_RING(np.array(3.5)), "rings is a ndarray; needed a list"),
+    (lambda: rp.planar_moments([BOW_TIE], 2), r"edge \d of ring 0 crosses"),
+    (lambda: rp.planar_moments([SQUARE * 1e200], 2), "largest coordinate of the rings is 1e200; it needs to be from"),
+    (lambda: rp.spherical_moments([LIFTED * 0.0], 2), "ring 0 bearing 0 is zero; a bearing needs a direction"),
+    (
+        lambda: rp.spherical_moments([np.vstack([LIFTED, -LIFTED])], 2),
+        "the observed region reaches 89.9 deg or more|distinct",
+    ),
+    (lambda: rp.triangulate([SQUARE[:2]]), "ring 0 has 2 distinct vertices"),
+    (lambda: rp.triangulate(None), "rings need to be a list of arrays"),  # type: ignore[arg-type]
+    (lambda: rp.planar_moments([["a", "b"]], 2), "ring 0 is an array of type <U1; it needs to be an"),
+]
+
+MASKS: list[tuple[Callable[[], object], str]] = [
+    (lambda: FROM_MASK(np.zeros((4, 5))), "mask is empty; needed at least one pixel"),
+    (lambda: FROM_MASK(np.full((4, 5), 0.4)), "mask is empty"),
+    (lambda: FROM_MASK(np.zeros((4, 0))), r"mask has shape \(4, 0\); needed \(h, w\)"),
+    (lambda: FROM_MASK(np.ones((4, 5, 3))), r"mask has shape \(4, 5, 3\); needed \(h, w\)"),
+    (lambda: FROM_MASK(np.full((4, 5), 1.5)), r"mask holds values from 1.5 to 1.5; needed coverage in \[0, 1\]"),
+    (lambda: FROM_MASK(np.full((4, 5), np.nan)), "mask holds values from nan to nan; needed coverage"),
+    (lambda: FROM_MASK(np.arange(20).reshape(4, 5)), "mask holds 20 integer values; needed 0 and one other"),
+    (lambda: FROM_MASK(np.full((4, 5), "a")), "mask has type <U1; needed bool, integers or floats"),
+    (lambda: FROM_MASK(np.ones((4, 5), dtype=complex)), "mask has type complex128"),
+    (lambda: FROM_MASK(None), r"mask has shape \(\); needed \(h, w\)"),
+    (lambda: FROM_MASK([[1, 0], [1]]), "mask has rows of unequal length"),
+    (
+        lambda: rp.estimate_pose(CAMERA, [FROM_MASK(MASK[:100, :200] | True)], [WORLD]),  # type: ignore[list-item]
+        r"image region 0 has a mask of shape \(100, 200\); the camera's image is \(480, 640\)",
+    ),
+    (
+        lambda: solve(system="sphere", integration="pixels"),
+        "image region 0: the image region is a polygon; .* needs a region",
+    ),
+]
+
+WORLDS: list[tuple[Callable[[], object], str]] = [
+    (lambda: POINTS(np.ones((9, 3))), "9 points are given, of which fewer than 3 differ; needed at least 3"),
+    (lambda: POINTS(np.outer(np.arange(9.0), [1, 2, 3])), "9 points are identical or on one line"),
+    (lambda: POINTS(LIFTED[:2]), "fewer than 3 differ"),
+    (lambda: POINTS(with_value(LIFTED, np.nan)), r"point 2 is \[1.0, nan, 1.0\]; needed finite coordinates"),
+    (lambda: POINTS(SQUARE), r"points have shape \(4, 2\) and type float64; needed an \(n, 3\) array"),
+    (lambda: POINTS(None), r"points have shape \(\) and type object"),
+    (lambda: POINTS([["a", "b", "c"]]), "type <U1"),
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius=-1.0), "radius is -1.0; needed a positive number"),
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius=np.nan), "radius is nan; needed a positive number"),
+    (lambda: rp.WorldRegion.from_points(LIFTED, radius="big"), "radius is a str; needed"),  # type: ignore[arg-type]
+    (lambda: rp.WorldRegion.from_mesh(None), "mesh is a NoneType; needed one with vertices"),  # type: ignore[arg-type]
+    (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, [[0, 1, 9]])), "vertex index is 9; it needs to be below .*, 4"),
+    (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, [[0, 1, -1]])), "triangles hold -1; vertex indices need"),
+    (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, [[0, 1, 1]])), "the mesh has edge 1 to 1"),
+    (
+        lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, np.zeros((0, 3)))),
+        "number of triangles is 0; it needs to be at least 1",
+    ),
+    (lambda: rp.WorldRegion.from_mesh(Mesh(with_value(LIFTED, np.nan), [[0, 1, 2]])), "vertex 2 is not finite: NaN"),
+    (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, "faces")), "mesh.faces has type <U5"),
+    (lambda: rp.alpha_shape(SQUARE[:2], 1.0), "2 distinct points; an outline needs at least 3"),
+    (lambda: rp.alpha_shape([[0, 0], [1, 1], [2, 2]], 1.0), "all 3 distinct points lie on one line"),
+    (lambda: rp.alpha_shape(SQUARE, 0.1), "radius 1e-1 keeps none of the triangles; it needs to be at least 7.07"),
+    (lambda: rp.alpha_shape(SQUARE, 0.0), "radius is 0; it needs to be positive"),
+]
+
+OPTIONS: list[tuple[Callable[[], object], str]] = [
+    (lambda: solve(system="cylinder"), 'system is "cylinder"; it needs to be "plane" or "sphere"'),
+    (lambda: solve(system=None), 'system is a NoneType; it needs to be "plane" or "sphere"'),
+    (lambda: solve(integration="voxels"), 'integration is "voxels"; it needs to be "boundary", "mesh" or "pixels"'),
+    (lambda: solve(integration={}), 'integration is a dict; it needs to be "boundary", "mesh" or "pixels"'),
+    (lambda: solve(integration=1), "integration is a int; it needs to be"),
+    (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
+    (lambda: solve(driver=None), "driver is None; needed"),
+    (lambda: solve(initial="random"), "initial is 'random'; needed a Pose, \"paper\" or None"),
+    (lambda: solve(initial=4.0), "initial is 4.0; needed a Pose"),
+    (lambda: solve(initial=np.eye(4)), r"initial is array\(\[\[1"),
+    (lambda: solve(up={}), "up is a dict that is not an array|up is an array of type object; it needs"),
+    (lambda: solve(up="north"), "up is an array of type <U5; it needs to be an"),
+    (lambda: rp.estimate_pose(CAMERA, None, [WORLD]), "found a NoneType; needed a list of ImageRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_pose(CAMERA, [IMAGE], 7), "found a int; needed a list of WorldRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses(None), "found a NoneType; needed a list of problems"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses([5]), r"problem 0: found a int; needed \(camera, image_regions"),  # type: ignore[list-item]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE])]), "problem 0: found 2 items; needed"),  # type: ignore[list-item]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads="two"), "threads is a str"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads=-1), "threads is a int; it needs"),
+    (lambda: solve(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
+    (lambda: solve(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
+    (lambda: solve(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
+    (lambda: rp.estimate_pose(CAMERA, [], []), "there are 0 observed and 0 world regions; there need to be as many"),
+    (lambda: rp.estimate_pose(CAMERA, [IMAGE], [WORLD, WORLD]), "there are 1 observed and 2 world regions"),
+    (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), "region 0 is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
+    (lambda: rp.estimate_pose("cam", [IMAGE], [WORLD]), "camera is a str; needed one of the regionpose"),  # type: ignore[arg-type]
+    (lambda: rp.planar_moments([SQUARE], -1), "order is -1; it needs to be 0 to 8"),
+    (lambda: rp.spherical_moments([LIFTED], 9), "order is 9; it needs to be 0 to 8"),
+    (lambda: rp.planar_moments([SQUARE], 10**30), "order is a int; it needs to be a whole number from 0 to 8"),
+    (lambda: rp.planar_moments([SQUARE], 2.5), "order is a float; it needs"),  # type: ignore[arg-type]
+    (lambda: rp.planar_moments([SQUARE], None), "order is a NoneType; it needs"),  # type: ignore[arg-type]
+    (lambda: rp.triangulate([SQUARE], max_area=0.0), "max_area is 0; it needs to be at least"),
+    (lambda: rp.triangulate([SQUARE], max_area=np.nan), "max_area is NaN; it needs"),
+    (lambda: rp.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
+    (lambda: rp.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
+    (lambda: _core.mesh_planar_moments(with_value(SQUARE, np.nan), [[0, 1, 2]], 2), "vertices row 2 is not finite"),
+    (lambda: _core.pixel_moments(LIFTED, np.ones(3), 2), "bearings has 4 rows and solid_angles 3"),
+]
+
+CAMERAS: list[tuple[Callable[[], object], str]] = [
+    (lambda: rp.PinholeCamera(-500.0, 500.0, 0.0, 0.0), "fx: found -500.0; needed a number above 0"),
+    (lambda: rp.FisheyeCamera(500.0, 0.0, 0.0, 0.0), "fy: found 0.0; needed a number above 0"),
+    (lambda: rp.UnifiedCamera(1.0, np.nan, 1.0, 0.0, 0.0), "fx: found nan; needed a finite number"),
+    (lambda: rp.PinholeCamera("500", 500.0, 0.0, 0.0), "fx: found '500'; needed a number"),  # type: ignore[arg-type]
+    (lambda: rp.OcamCamera((0.0,), (0.0, 0.0)), "polynomial: found 0.0; needed a first coefficient a0 above 0"),
+    (lambda: CAMERA.bearings(SQUARE * 1j), "pixels: found an array of type complex128; needed numbers"),
+    (lambda: rp.load_camera(None), "path is a NoneType; needed the path"),  # type: ignore[arg-type]
+    (lambda: rp.load_camera(SAMPLES), "found a directory; needed a calibration file"),
+    (lambda: rp.Pose.from_matrix(2.0 * np.eye(4)), r"last row \[0.0, 0.0, 0.0, 2.0\]; needed \[0, 0, 0, 1\]"),
+    (lambda: rp.Pose.from_matrix(np.eye(3)), r"pose matrix has shape \(3, 3\); needed \(4, 4\) or \(3, 4\)"),
+    (lambda: rp.Pose.from_parts(-np.eye(3), [0, 0, 0]), "det = -1.000; needed a rotation"),
+    (lambda: rp.Pose.from_parts(np.eye(3), "here"), "translation has type <U4; needed real numbers"),
+    (lambda: rp.Pose(None, np.zeros(3)), "rotation is NoneType; needed one scipy Rotation"),  # type: ignore[arg-type]
+    (lambda: rp.Pose.from_parts(np.eye(3), [0.0, np.inf, 0.0]), "translation is .*; needed 3 finite numbers"),
+]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"), RINGS + MASKS + WORLDS + OPTIONS + CAMERAS, ids=lambda value: str(value)[:50]
+)
+def test_bad_input_is_named(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_a_missing_calibration_is_a_missing_file() -> None:
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.yaml"):
+        rp.load_camera(SAMPLES / "nowhere.yaml")
+
+
+@pytest.mark.parametrize("name", ["opencv.yml", "ocam_calib_results.txt", "kalibr_camchain.yaml", "kitti_odometry.txt"])
+def test_a_calibration_cut_anywhere_is_read_or_refused(name: str, tmp_path: Path) -> None:
+    text = (SAMPLES / name).read_text()
+    cut = tmp_path / name
+    refused = 0
+    for end in range(0, len(text), max(1, len(text) // 60)):
+        cut.write_text(text[:end])
+        try:
+            rp.load_camera(cut, "cam0" if "kalibr" in name else None)
+        except ValueError as error:
+            assert name in str(error)
+            refused += 1
+    assert refused > 10
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+    for content in (b"\x89PNG\r\n\x1a\n\x00\x00", b"hello", b"[1, 2, 3]", b"", b"a: {b: [c, d]}\n"):
+        (tmp_path / "file").write_bytes(content)
+        with pytest.raises(ValueError, match=r"file: found"):
+            rp.load_camera(tmp_path / "file")
+
+
+ANYTHING = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.binary(max_size=5),
+    st.dictionaries(st.integers(), st.floats(), max_size=2),
+    st.lists(st.lists(st.lists(st.floats(), max_size=4), max_size=5), max_size=3),
+    st.lists(st.lists(st.floats(), min_size=2, max_size=3), max_size=5),
+    st.sampled_from([object(), SQUARE, LIFTED, [SQUARE], [LIFTED], MASK, int, np.array(1.0), np.array("a"), range(3)]),
+    arrays.arrays(
+        st.sampled_from([np.float64, np.float32, np.int64, np.uint8, np.bool_, np.complex128]),
+        arrays.array_shapes(max_dims=3, max_side=5),
+    ),
+)
+
+FUNCTIONS: list[Callable[[Any], object]] = [
+    rp.ImageRegion.from_polygon,
+    rp.ImageRegion.from_mask,
+    rp.WorldRegion.from_polygon,
+    rp.WorldRegion.from_points,
+    rp.WorldRegion.from_mesh,
+    rp.Pose.from_matrix,
+    CAMERA.bearings,
+    CAMERA.project,
+    rp.triangulate,
+    lambda value: rp.Pose(value, np.zeros(3)),
+    lambda value: rp.Pose.from_parts(np.eye(3), value),
+    lambda value: rp.Pose.from_parts(np.eye(3), [0, 0, 0]).transform(value),
+    lambda value: rp.planar_moments(value, 3),
+    lambda value: rp.spherical_moments(value, 3),
+    lambda value: rp.planar_moments([SQUARE], value),
+    lambda value: rp.alpha_shape(value, 1.0),
+    lambda value: rp.alpha_shape(SQUARE, value),
+    lambda value: rp.triangulate([SQUARE], max_area=value),
+    lambda value: rp.WorldRegion.from_points(LIFTED, radius=value),
+    lambda value: rp.WorldRegion.from_mesh(Mesh(value, [[0, 1, 2]])),
+    lambda value: rp.WorldRegion.from_mesh(Mesh(LIFTED, value)),
+    lambda value: rp.PinholeCamera(value, 1.0, 0.0, 0.0),
+    lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, width=value),
+    lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, distortion=value),
+    lambda value: rp.FisheyeCamera(1.0, 1.0, 0.0, 0.0, k=value),
+    lambda value: rp.OcamCamera(value, (0.0, 0.0)),
+    lambda value: rp.UnifiedCamera(value, 1.0, 1.0, 0.0, 0.0),
+    lambda value: rp.estimate_pose(value, [IMAGE], [WORLD]),
+    lambda value: rp.estimate_pose(CAMERA, value, [WORLD]),
+    lambda value: rp.estimate_pose(CAMERA, [IMAGE], value),
+    lambda value: rp.estimate_poses(value),
+    lambda value: rp.estimate_poses([value]),
+    lambda value: solve(initial=value),
+    lambda value: solve(up=value),
+    lambda value: solve(system=value),
+    lambda value: solve(integration=value),
+    lambda value: solve(driver=value),
+    lambda value: _core.mesh_planar_moments(value, [[0, 1, 2]], 2),
+    lambda value: _core.mesh_planar_moments(SQUARE, value, 2),
+    lambda value: _core.mesh_spherical_moments(LIFTED, value, 2),
+    lambda value: _core.pixel_moments(value, value, 2),
+    lambda value: _core.quad_solid_angles(value),
+]
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.sampled_from(FUNCTIONS), ANYTHING)
+def test_anything_is_taken_or_refused_with_a_value_error(function: Callable[[Any], object], value: object) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            function(value)
+        except ValueError as error:
+            assert len(str(error)) > 10
+
+
+COORDINATES = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e-300, 1e-12, 0.5]) | st.floats()
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(arrays.arrays(np.float64, st.tuples(st.integers(1, 7), st.just(2)), elements=COORDINATES), max_size=3))
+def test_rings_are_refused_or_have_a_positive_area(rings: list[np.ndarray]) -> None:
+    try:
+        moments = rp.planar_moments(rings, 2)
+    except ValueError:
+        return
+    assert moments[0, 0] > 0.0
+    vertices, triangles = rp.triangulate(rings)
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    assert areas.sum() == pytest.approx(moments[0, 0], rel=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 1000),
+    st.floats(-1.0, 1.0),
+    st.sampled_from([1e-6, 1.0, 1e6]),
+    st.sampled_from(["plane", "sphere"]),
+    st.sampled_from(["boundary", "mesh"]),
+    st.sampled_from(["scipy", "native"]),
+)
+def test_pairs_that_do_not_match_end_in_a_pose_or_a_pose_error(
+    seed: int, squeeze: float, size: float, system: Any, integration: Any, driver: Any
+) -> None:
+    """Any polygon in the image for any template in the world, thin ones and other units included."""
+    rng = np.random.default_rng(seed)
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 7))
+    radii = rng.uniform(20.0, 200.0, 7)
+    ring = np.column_stack([radii * np.cos(angles), (1e-3 + abs(squeeze)) * radii * np.sin(angles)]) + np.array(
+        [320.0, 240.0]
+    )
+    templates = load_templates("all")
+    world = [size * part for part in templates[seed % len(templates)].region()]
+    try:
+        image = rp.ImageRegion.from_polygon(ring)
+        estimate = rp.estimate_pose(
+            CAMERA, [image], [rp.WorldRegion.from_polygon(world)], system=system, integration=integration, driver=driver
+        )
+    except ValueError as error:
+        assert len(str(error)) > 10
+        return
+    assert np.isfinite(estimate.pose.matrix).all()
+    assert estimate.overlap_error < 0.05 or estimate.warnings

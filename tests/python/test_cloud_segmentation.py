@@ -1,0 +1,197 @@
+"""Planar patches of clouds: dense, on the rings of an HDL-64 and on the far rings of a VLP-16."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from regionpose.evaluation.noise import SpinningLidar, lidar_points
+from regionpose.outline import outline_of_points
+from regionpose.segmentation.cloud import find_planes, grow_plane, nearest_to_ray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+LIDARS = {
+    "HDL-64": SpinningLidar(64, -13.4, 13.4, 0.17, 0.02),
+    "VLP-16": SpinningLidar(16, -15.0, 15.0, 0.2, 0.01),
+}
+
+
+def rectangle(width: float, height: float, turn: Rotation, centre: tuple[float, float, float]) -> list[Array]:
+    corners = 0.5 * np.array(
+        [[-width, -height, 0.0], [width, -height, 0.0], [width, height, 0.0], [-width, height, 0.0]]
+    )
+    return [turn.apply(corners) + centre]
+
+
+def labelled(parts: list[Array]) -> tuple[Array, NDArray[np.intp]]:
+    """The parts joined, and which part each point is of."""
+    return np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+
+
+def yard(lidar: SpinningLidar) -> tuple[Array, NDArray[np.intp]]:
+    """A slanted board (0) 3 m before a wall (1) that is 6 m away, with a side wall (2) that meets it."""
+    generator = np.random.default_rng(5)
+    turned = Rotation.from_euler("xyz", [15.0, 20.0, 30.0], degrees=True)
+    surfaces = [
+        rectangle(1.2, 0.8, turned, (0.1, 0.2, 3.0)),
+        rectangle(6.0, 3.0, Rotation.identity(), (0.0, 0.2, 6.0)),
+        rectangle(4.0, 3.0, Rotation.from_euler("y", 90.0, degrees=True), (3.0, 0.2, 4.0)),
+    ]
+    return labelled([lidar_points(rings, np.zeros(3), generator, lidar) for rings in surfaces])
+
+
+def room(count: int) -> tuple[Array, NDArray[np.intp]]:
+    """A room of 10 m x 8 m x 3 m of `count` points with 3 mm noise: its walls 0 to 3, floor 4 and ceiling 5."""
+    generator = np.random.default_rng(0)
+    size = np.array([10.0, 8.0, 3.0])
+    parts = []
+    for axis in range(3):
+        for side in (0.0, 1.0):
+            share = np.prod(np.delete(size, axis)) / (2.0 * (24.0 + 30.0 + 80.0))
+            part = generator.uniform(0.0, 1.0, (int(count * share), 3)) * size
+            part[:, axis] = side * size[axis] + generator.normal(0.0, 0.003, len(part))
+            parts.append(part)
+    return labelled(parts)
+
+
+def recall_and_precision(found: NDArray[np.intp], truth: NDArray[np.bool_]) -> tuple[float, float]:
+    return float(truth[found].sum() / truth.sum()), float(truth[found].mean())
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_board_before_a_wall_grows_from_any_of_its_points(lidar: str) -> None:
+    points, labels = yard(LIDARS[lidar])
+    board = np.flatnonzero(labels == 0)
+    for seed in board[:: len(board) // 6]:
+        recall, precision = recall_and_precision(grow_plane(points, int(seed)), labels == 0)
+        assert recall > 0.95
+        assert precision > 0.98
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_wall_ends_at_the_corner(lidar: str) -> None:
+    points, labels = yard(LIDARS[lidar])
+    recall, precision = recall_and_precision(grow_plane(points, (-2.0, 0.2, 6.0)), labels == 1)
+    assert recall > 0.9
+    assert precision > 0.97
+
+
+@pytest.mark.parametrize("lidar", LIDARS)
+def test_grown_board_gives_its_outline(lidar: str) -> None:
+    points, labels = yard(LIDARS[lidar])
+    found = grow_plane(points, points[labels == 0].mean(axis=0))
+    outline = outline_of_points(points[found])
+    ring = outline.rings[0]
+    area = 0.5 * float(ring[:, 0] @ np.roll(ring[:, 1], -1) - ring[:, 1] @ np.roll(ring[:, 0], -1))
+    assert area == pytest.approx(0.96, rel=0.06)
+
+
+def test_all_planes_of_a_room_are_found_once() -> None:
+    points, labels = room(60_000)
+    found = find_planes(points, min_points=1000)
+    assert len(found) == 6
+    assert sorted(int(np.bincount(labels[plane]).argmax()) for plane in found) == list(range(6))
+    for plane in found:
+        recall, precision = recall_and_precision(plane, labels == np.bincount(labels[plane]).argmax())
+        assert recall > 0.97
+        assert precision > 0.97
+    together = np.concatenate(found)
+    assert len(np.unique(together)) == len(together)
+    assert [len(plane) for plane in found] == sorted(map(len, found), reverse=True)
+
+
+def test_thinned_cloud_gives_full_planes() -> None:
+    points, labels = room(400_000)
+    found = find_planes(points, min_points=5000)
+    assert len(found) == 6
+    assert sum(map(len, found)) > 0.98 * len(points)
+    for plane in found:
+        assert recall_and_precision(plane, labels == np.bincount(labels[plane]).argmax())[1] > 0.97
+
+
+def test_millions_of_points_take_seconds() -> None:
+    points, labels = room(2_000_000)
+    started = time.perf_counter()
+    recall, precision = recall_and_precision(grow_plane(points, (0.0, 4.0, 1.5)), labels == 0)
+    assert time.perf_counter() - started < 20.0
+    assert recall > 0.98
+    assert precision > 0.98
+
+
+def test_progress_rises_to_one() -> None:
+    points, _ = room(20_000)
+    shares: list[float] = []
+    grow_plane(points, (0.0, 4.0, 1.5), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    shares.clear()
+    find_planes(points, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_patch_is_the_same_after_a_rigid_motion() -> None:
+    points, labels = yard(LIDARS["VLP-16"])
+    turn, shift = Rotation.from_euler("xyz", [50.0, -100.0, 200.0], degrees=True), np.array([30.0, -20.0, 5.0])
+    seed = points[labels == 0].mean(axis=0)
+    still, moved = grow_plane(points, seed), grow_plane(turn.apply(points) + shift, turn.apply(seed) + shift)
+    assert len(np.intersect1d(still, moved)) > 0.97 * len(np.union1d(still, moved))
+
+
+def test_points_that_are_not_finite_are_passed_over() -> None:
+    points, labels = room(20_000)
+    points[::7] = np.nan
+    found = grow_plane(points, (0.0, 4.0, 1.5))
+    assert np.isfinite(points[found]).all()
+    assert recall_and_precision(found, (labels == 0) & np.isfinite(points[:, 0]))[0] > 0.97
+
+
+def test_gap_wider_than_the_radius_parts_two_planes() -> None:
+    flat = np.random.default_rng(0).uniform(0.0, 1.0, (8000, 2))
+    points = np.column_stack([flat + np.where(flat[:, :1] > 0.5, [0.3, 0.0], 0.0), np.zeros(8000)])
+    assert len(grow_plane(points, (0.2, 0.5, 0.0))) == (flat[:, 0] <= 0.5).sum()
+    assert len(grow_plane(points, (0.2, 0.5, 0.0), radius=0.4)) == 8000
+
+
+def test_ray_meets_the_surface_in_front() -> None:
+    points, labels = yard(LIDARS["HDL-64"])
+    target = points[np.flatnonzero(labels == 0)[100]]
+    assert labels[nearest_to_ray(points, np.zeros(3), target)] == 0
+    assert labels[nearest_to_ray(points, np.zeros(3), [-2.0, 0.2, 6.0])] == 1
+
+
+@pytest.mark.parametrize(
+    ("seed", "options", "message"),
+    [
+        (20_000_000, {}, "seed is 20000000; needed an index from 0"),
+        ([1.0, 2.0], {}, "needed an index or 3 finite"),
+        ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
+        ([500.0, 0.0, 0.0], {}, "the nearest point is"),
+        (0, {"distance": 0.0}, "distance is 0.0"),
+        (0, {"radius": -1.0}, "radius is -1.0"),
+        (0, {"angle_deg": np.nan}, "angle_deg is nan"),
+    ],
+)
+def test_bad_seed_or_option_is_named(seed: object, options: dict[str, float], message: str) -> None:
+    points, _ = room(5000)
+    with pytest.raises(ValueError, match=message):
+        grow_plane(points, seed, **options)  # type: ignore[arg-type]
+
+
+def test_bad_cloud_is_named() -> None:
+    with pytest.raises(ValueError, match=r"shape \(4, 2\)"):
+        grow_plane(np.zeros((4, 2)), 0)
+    with pytest.raises(ValueError, match="0 of 5 points are finite"):
+        find_planes(np.full((5, 3), np.nan))
+    with pytest.raises(ValueError, match="lie on no plane"):
+        grow_plane(np.random.default_rng(0).random((500, 3)), (0.5, 0.5, 0.5))
+    with pytest.raises(ValueError, match="min_points is 2"):
+        find_planes(np.eye(3), min_points=2)
+    with pytest.raises(ValueError, match="lies ahead"):
+        nearest_to_ray(np.eye(3), np.zeros(3), [-1.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="direction is"):
+        nearest_to_ray(np.eye(3), np.zeros(3), [0.0, 0.0, 0.0])

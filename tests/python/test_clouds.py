@@ -1,0 +1,259 @@
+"""Clouds, their writing, depth images, and the kinds of files."""
+
+from __future__ import annotations
+
+import io
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cloud_samples import (
+    COLOURS,
+    INTENSITY,
+    POINTS,
+    TRIANGLES,
+    UTM,
+    ascii_pcd,
+    ascii_ply,
+    assert_same,
+    full_cloud,
+    written,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from PIL import Image
+from regionpose.cameras import FisheyeCamera, PinholeCamera
+from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_depth, read_cloud, write_ply
+
+
+def test_small_coordinates_have_no_origin() -> None:
+    cloud = Cloud.from_world_points(POINTS)
+    assert not cloud.origin.any()
+    assert len(cloud) == 4
+    assert_same(cloud)
+
+
+def test_map_coordinates_have_an_origin_on_the_large_axes_and_lose_nothing() -> None:
+    cloud = Cloud.from_world_points(POINTS + UTM)
+    np.testing.assert_array_equal(cloud.origin, [449_100.0, 5_412_000.0, 0.0])
+    assert np.abs(cloud.points).max() < 300.0
+    assert_same(cloud, POINTS + UTM)
+
+
+def test_one_stray_point_does_not_move_the_origin() -> None:
+    stray = np.vstack([np.tile(POINTS, (3, 1)), [[1e9, -1e9, 1e9]]])
+    assert not Cloud.from_world_points(stray).origin.any()
+
+
+def test_points_that_are_not_finite_are_dropped_with_their_colours_and_triangles() -> None:
+    points = POINTS.copy()
+    points[1, 2] = np.nan
+    triangles = [[0, 2, 3], [0, 1, 2]]
+    cloud = Cloud.from_world_points(
+        points, colours=COLOURS, intensity=INTENSITY, fields={"a": np.arange(4)}, triangles=triangles
+    )
+    kept = [0, 2, 3]
+    assert cloud.dropped == 1
+    assert_same(cloud, POINTS[kept], COLOURS[kept], INTENSITY[kept])
+    np.testing.assert_array_equal(cloud.fields["a"], kept)
+    np.testing.assert_array_equal(cloud.triangles, [[0, 1, 2]])
+
+
+def test_arrays_are_read_only_and_the_givers_own_array_is_not() -> None:
+    mine = POINTS.copy()
+    cloud = Cloud(mine)
+    with pytest.raises(ValueError, match="read-only"):
+        cloud.points[0, 0] = 1.0
+    mine[0, 0] = 5.0
+
+
+@pytest.mark.parametrize(
+    ("given_colours", "needed"),
+    [
+        (COLOURS.astype(np.uint16) * 257, COLOURS),
+        (COLOURS.astype(np.int64), COLOURS),
+        (COLOURS / 255.0, COLOURS),
+        (COLOURS.astype(np.float32), COLOURS),
+    ],
+)
+def test_colours_of_16_bits_and_fractions_are_brought_to_8_bits(given_colours: Any, needed: Any) -> None:
+    assert_same(Cloud.from_world_points(POINTS, colours=given_colours), POINTS, needed)
+
+
+@pytest.mark.parametrize(
+    ("parts", "item"),
+    [
+        ({"points": np.zeros((0, 3))}, "points"),
+        ({"points": np.zeros((4, 2))}, "points"),
+        ({"points": [["a", "b", "c"]]}, "points"),
+        ({"points": [[0.0, np.inf, 0.0]]}, "points"),
+        ({"colours": COLOURS[:3]}, "colours"),
+        ({"colours": COLOURS.astype(float)}, "colours"),
+        ({"intensity": np.zeros(3)}, "intensity"),
+        ({"fields": {"label": ["a", "b", "c", "d"]}}, "field label"),
+        ({"triangles": [[0, 1, 4]]}, "triangles"),
+        ({"triangles": [[0.0, 1.0, 2.0]]}, "triangles"),
+        ({"origin": [np.nan, 0.0, 0.0]}, "origin"),
+    ],
+)
+def test_parts_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
+    with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
+        Cloud(**({"points": POINTS} | parts))
+
+
+@pytest.mark.parametrize(
+    ("parts", "item"),
+    [
+        ({"colours": COLOURS[:2]}, "colours"),
+        ({"colours": -COLOURS.astype(int)}, "colours"),
+        ({"colours": np.full((4, 3), 70_000)}, "colours"),
+        ({"intensity": [1.0]}, "intensity"),
+        ({"triangles": [[0, 1, 9]]}, "triangles"),
+    ],
+)
+def test_parts_of_world_points_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
+    with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
+        Cloud.from_world_points(POINTS, **parts)
+
+
+def test_a_written_ply_comes_back_whole(tmp_path: Path) -> None:
+    cloud = full_cloud()
+    path = write_ply(tmp_path / "cloud.ply", cloud)
+    back = read_cloud(path)
+    assert_same(back, POINTS + UTM, COLOURS, INTENSITY)
+    assert back.source == path
+    np.testing.assert_array_equal(back.triangles, TRIANGLES)
+    np.testing.assert_array_equal(back.origin, cloud.origin)
+    np.testing.assert_array_equal(back.fields["gps_time"], cloud.fields["gps time"])
+    np.testing.assert_array_equal(back.fields["ring"], cloud.fields["ring"])
+
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12)
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(points=hnp.arrays(np.float64, st.tuples(st.integers(1, 20), st.just(3)), elements=FINITE))
+def test_any_cloud_survives_writing_to_the_last_bit(tmp_path: Path, points: Any) -> None:
+    cloud = Cloud.from_world_points(points, fields={"value": points[:, 0]})
+    back = read_cloud(write_ply(tmp_path / "any.ply", cloud, overwrite=True))
+    np.testing.assert_array_equal(back.world_points, cloud.world_points)
+    np.testing.assert_array_equal(back.fields["value"], points[:, 0])
+
+
+def test_a_written_ply_is_read_by_trimesh(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.load(write_ply(tmp_path / "mesh.ply", full_cloud()), process=False)
+    np.testing.assert_array_equal(mesh.vertices, POINTS + UTM)
+    np.testing.assert_array_equal(mesh.faces, TRIANGLES)
+    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], COLOURS)
+
+
+def test_a_written_ply_is_read_by_plyfile(tmp_path: Path) -> None:
+    plyfile = pytest.importorskip("plyfile")
+    vertex = plyfile.PlyData.read(write_ply(tmp_path / "cloud.ply", full_cloud()))["vertex"]
+    np.testing.assert_array_equal(np.stack([vertex["x"], vertex["y"], vertex["z"]], axis=1), POINTS + UTM)
+    assert vertex["x"].dtype == np.float64
+    np.testing.assert_array_equal(vertex["gps_time"], full_cloud().fields["gps time"])
+    np.testing.assert_array_equal(vertex["red"], COLOURS[:, 0])
+
+
+def test_depth_along_the_axis_puts_a_wall_on_a_plane() -> None:
+    camera = PinholeCamera(100.0, 110.0, 3.0, 2.0, width=8, height=6)
+    cloud = cloud_from_depth(np.full((6, 8), 2.5), camera)
+    np.testing.assert_allclose(cloud.points[:, 2], 2.5, rtol=1e-15)
+    # The pixel (7, 5) is 4 right and 3 below the principal point.
+    np.testing.assert_allclose(cloud.points[-1], [2.5 * 4 / 100, 2.5 * 3 / 110, 2.5], rtol=1e-14)
+
+
+def test_range_of_a_fisheye_puts_a_bowl_on_a_sphere_and_projects_back() -> None:
+    camera = FisheyeCamera(20.0, 20.0, 15.5, 15.5, width=32, height=32)
+    cloud = cloud_from_depth(np.full((32, 32), 3.0), camera, distance="range")
+    np.testing.assert_allclose(np.linalg.norm(cloud.points, axis=1), 3.0, rtol=1e-14)
+    rows, columns = np.divmod(np.arange(32 * 32), 32)
+    np.testing.assert_allclose(camera.project(cloud.points), np.column_stack([columns, rows]), atol=1e-9)
+
+
+def test_rays_beside_the_camera_have_no_depth_along_the_axis() -> None:
+    camera = FisheyeCamera(5.0, 5.0, 15.5, 15.5)
+    ahead = camera.bearings([[x, y] for y in range(32) for x in range(32)])[:, 2] > 0.0
+    cloud = cloud_from_depth(np.full((32, 32), 3.0), camera)
+    assert 0 < len(cloud) == np.count_nonzero(ahead) < 32 * 32
+    assert cloud.dropped == 32 * 32 - len(cloud)
+
+
+def test_depth_png_with_holes_and_colours(tmp_path: Path) -> None:
+    camera = PinholeCamera(50.0, 50.0, 1.0, 1.0)
+    millimetres = np.array([[1000, 0, 2000], [65535, 1500, 1]], dtype=np.uint16)
+    Image.fromarray(millimetres).save(tmp_path / "depth.png")
+    shades = np.arange(18, dtype=np.uint8).reshape(2, 3, 3)
+    cloud = cloud_from_depth(tmp_path / "depth.png", camera, scale=1e-3, colours=shades)
+    np.testing.assert_allclose(cloud.points[:, 2], [1.0, 2.0, 65.535, 1.5, 0.001], rtol=1e-14)
+    np.testing.assert_array_equal(cloud.colours, np.delete(shades.reshape(-1, 3), 1, axis=0))
+    assert (cloud.dropped, cloud.source) == (1, tmp_path / "depth.png")
+
+
+def test_a_file_is_not_overwritten_unless_asked(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.ply", "precious")
+    with pytest.raises(FileExistsError, match="overwrite=True"):
+        write_ply(path, full_cloud())
+    assert path.read_bytes() == b"precious"
+    write_ply(path, full_cloud(), overwrite=True)
+    assert_same(read_cloud(path), POINTS + UTM, COLOURS, INTENSITY)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_leaves_nothing_and_keeps_what_was_there(tmp_path: Path, monkeypatch: Any) -> None:
+    path = written(tmp_path / "a.ply", "precious")
+
+    def fail(*_: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("regionpose.clouds.ply_writer._rows", fail)
+    with pytest.raises(OSError, match="no space"):
+        write_ply(path, full_cloud(), overwrite=True)
+    assert path.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"x": np.zeros(4)},
+        {"a b": np.zeros(4), "a_b": np.zeros(4)},
+        {"höhe": np.zeros(4)},
+        {"": np.zeros(4)},
+        {"stamp": np.array([2**53 + 1, 0, 0, 0])},
+    ],
+)
+def test_fields_that_ply_cannot_hold_are_refused(tmp_path: Path, fields: dict[str, Any]) -> None:
+    with pytest.raises(CloudError, match=r"field .*: found .*; needed"):
+        write_ply(tmp_path / "a.ply", replace(full_cloud(), fields=fields))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "module", "extra"),
+    [
+        ("a.las", b"LASF" + bytes(400), "laspy", "las"),
+        ("a.e57", b"ASTM-E57" + bytes(400), "pye57", "e57"),
+        ("a.stl", b"solid\n", "trimesh", "mesh"),
+    ],
+)
+def test_a_missing_package_names_its_extra(
+    tmp_path: Path, monkeypatch: Any, name: str, content: bytes, module: str, extra: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf'pip install "regionpose\[{extra}\]"'):
+        read_cloud(written(tmp_path / name, content))
+
+
+def test_the_content_tells_the_kind_before_the_name(tmp_path: Path) -> None:
+    assert_same(read_cloud(written(tmp_path / "a.xyz", ascii_ply())), POINTS, COLOURS, INTENSITY)
+    buffer = io.BytesIO()
+    np.save(buffer, POINTS)
+    assert_same(read_cloud(written(tmp_path / "b.ply", buffer.getvalue())))
+    assert_same(read_cloud(written(tmp_path / "c", ascii_pcd())), POINTS, COLOURS, INTENSITY)

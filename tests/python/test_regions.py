@@ -1,0 +1,360 @@
+"""Image and world regions: areas and centroids of masks, contours and their bearings, planes and outlines of points."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import regionpose as rp
+import shapely
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from regionpose.cameras import Camera
+from regionpose.evaluation import area_coverage, binary_mask, load_templates
+from regionpose.regions import BEND_TOLERANCE_PX, SIMPLIFY_TOLERANCE_PX
+from scipy.spatial.transform import Rotation
+from shapely.geometry.base import BaseGeometry
+from skimage.measure import find_contours
+
+Array = NDArray[np.float64]
+
+WIDTH, HEIGHT = 240, 180
+
+COVERAGE_EDGE_PX = 0.1
+"""Distance of a coverage's contour from a straight edge: linear interpolation is off by 0.09 on some diagonals."""
+
+CUT_CORNERS_PX2 = 12.0
+"""Pixels that the contour cuts off the corners of a triangle and of its hole, at the most."""
+
+COVERAGE_CENTROID_PX = 0.1
+"""Of a coverage's contour: only the cut corners move it."""
+
+BINARY_EDGE_PX = 0.51
+"""Mean distance of a binary mask's contour from an edge: half a pixel along edges that follow the centres."""
+
+BINARY_CENTROID_PX = 0.62
+"""Of a binary mask's contour: half a pixel where all of the boundary follows the centres, and 0.6 where a hole of a
+tenth
+of the area does so the other way."""
+
+
+def disc(radius: float, centre: tuple[float, float], corners: int = 400) -> Array:
+    """A regular polygon, by default as good as a circle."""
+    angles = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    return np.add(centre, radius * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+def polygon_of(rings: list[Array] | tuple[Array, ...]) -> BaseGeometry:
+    """The region under the even-odd rule."""
+    shape: BaseGeometry = shapely.Polygon()
+    for ring in rings:
+        shape = shape.symmetric_difference(shapely.Polygon(ring))
+    return shape
+
+
+def centroid(rings: list[Array] | tuple[Array, ...]) -> Array:
+    return np.array(shapely.centroid(polygon_of(rings)).coords[0])
+
+
+def area(rings: list[Array] | tuple[Array, ...]) -> float:
+    return float(polygon_of(rings).area)
+
+
+@st.composite
+def image_shapes(draw: st.DrawFn) -> list[Array]:
+    """A disc or a convex polygon, 20 to 80 px in radius, sometimes with a hole."""
+    radius = draw(st.floats(20.0, 80.0))
+    centre = (draw(st.floats(100.0, 140.0)), draw(st.floats(85.0, 95.0)))
+    corners = draw(st.sampled_from([3, 4, 5, 6, 400]))
+    outer = disc(radius, centre, corners)
+    hole = disc(0.3 * radius, centre, corners)[::-1]
+    return [outer, hole] if draw(st.booleans()) else [outer]
+
+
+@settings(max_examples=40, deadline=None)
+@given(image_shapes())
+def test_a_coverage_keeps_area_and_centroid(rings: list[Array]) -> None:
+    region = rp.ImageRegion.from_mask(area_coverage(rings, WIDTH, HEIGHT))
+    assert len(region.rings) == len(rings)
+    assert region.area == pytest.approx(area(rings), abs=COVERAGE_EDGE_PX * polygon_of(rings).length + CUT_CORNERS_PX2)
+    assert region.area == pytest.approx(area(region.rings), rel=1e-12)
+    assert np.abs(centroid(region.rings) - centroid(rings)).max() < COVERAGE_CENTROID_PX
+
+
+@settings(max_examples=40, deadline=None)
+@given(image_shapes())
+def test_a_binary_mask_keeps_area_and_centroid(rings: list[Array]) -> None:
+    """The area's error is a random part of the half pixel along the boundary."""
+    region = rp.ImageRegion.from_mask(binary_mask(rings, WIDTH, HEIGHT))
+    assert len(region.rings) == len(rings)
+    assert abs(region.area - area(rings)) < BINARY_EDGE_PX * polygon_of(rings).length
+    assert np.abs(centroid(region.rings) - centroid(rings)).max() < BINARY_CENTROID_PX
+
+
+def test_a_coverage_says_more_than_a_binary_mask() -> None:
+    """The contour of a disc's coverage lies five times nearer to the circle than that of its binary mask."""
+    ring = disc(60.3, (120.4, 90.7))
+    circle = shapely.LinearRing(ring)
+    coverage, binary = (
+        rp.ImageRegion.from_mask(mask).rings[0]
+        for mask in (area_coverage([ring], WIDTH, HEIGHT), binary_mask([ring], WIDTH, HEIGHT))
+    )
+    far = [float(np.max(shapely.distance(circle, shapely.points(ring)))) for ring in (coverage, binary)]
+    assert far[0] < 0.1
+    assert far[1] < 0.75
+    assert far[0] < far[1] / 5.0
+
+
+@pytest.mark.parametrize("dtype", [np.bool_, np.uint8, np.int32, np.float32, np.float64])
+def test_masks_of_every_type_are_one_region(dtype: type) -> None:
+    mask = binary_mask([disc(40.0, (100.0, 80.0))], WIDTH, HEIGHT)
+    given_mask = (mask * 255).astype(dtype) if dtype in (np.uint8, np.int32) else mask.astype(dtype)
+    expected = rp.ImageRegion.from_mask(mask)
+    region = rp.ImageRegion.from_mask(given_mask)
+    assert all(np.array_equal(a, b) for a, b in zip(region.rings, expected.rings, strict=True))
+    assert region.mask is not None and region.mask.dtype == np.float64 and region.mask.max() == 1.0
+
+
+def test_a_region_at_the_border_is_closed_half_a_pixel_outside() -> None:
+    mask = np.ones((30, 50), dtype=bool)
+    region = rp.ImageRegion.from_mask(mask)
+    low, high = region.rings[0].min(axis=0), region.rings[0].max(axis=0)
+    assert np.allclose(low, [-0.5, -0.5]) and np.allclose(high, [49.5, 29.5])
+    cut = binary_mask([disc(40.0, (0.0, 20.0))], 50, 60)
+    edge = rp.ImageRegion.from_mask(cut).rings[0]
+    assert edge[:, 0].min() == pytest.approx(-0.5) and edge[:, 1].min() == pytest.approx(-0.5)
+
+
+def test_holes_and_parts_are_kept() -> None:
+    parts = [
+        disc(30.0, (50.0, 60.0)),
+        disc(10.0, (50.0, 60.0))[::-1],
+        disc(20.0, (150.0, 90.0)),
+        disc(4.0, (52.0, 60.0)),
+    ]
+    region = rp.ImageRegion.from_mask(binary_mask(parts, WIDTH, HEIGHT))
+    areas = sorted(_signed(ring) for ring in region.rings)
+    expected = sorted(np.array([-1.0, 1.0, 1.0, 1.0]) * np.pi * np.square([10.0, 4.0, 20.0, 30.0]))
+    assert np.allclose(areas, expected, rtol=0.0, atol=25.0)
+    assert region.area == pytest.approx(sum(areas), rel=1e-12)
+
+
+def _signed(ring: Array) -> float:
+    following = np.roll(ring, -1, axis=0)
+    return float(0.5 * np.sum(ring[:, 0] * following[:, 1] - ring[:, 1] * following[:, 0]))
+
+
+def test_pixels_that_touch_at_a_corner_are_two_parts_or_one_simple_ring() -> None:
+    mask = np.zeros((8, 8), dtype=bool)
+    mask[2, 2] = mask[3, 3] = True
+    region = rp.ImageRegion.from_mask(mask)
+    assert all(shapely.LinearRing(ring).is_simple for ring in region.rings)
+    assert 0.9 < region.area < 2.1
+
+
+@settings(max_examples=15, deadline=None)
+@given(image_shapes(), st.booleans())
+def test_simplification_stays_within_its_tolerance(rings: list[Array], binary: bool) -> None:
+    """Every vertex of the full contour is near the simplified one, and the other way round."""
+    mask = binary_mask(rings, WIDTH, HEIGHT) if binary else area_coverage(rings, WIDTH, HEIGHT)
+    full = [contour[:, ::-1] for contour in find_contours(np.asarray(mask, dtype=float), 0.5)]  # type: ignore[no-untyped-call]
+    region = rp.ImageRegion.from_mask(mask)
+    assert sum(map(len, region.rings)) < sum(map(len, full))
+    outline = shapely.MultiLineString([shapely.LinearRing(ring) for ring in region.rings])
+    assert shapely.distance(outline, shapely.points(np.vstack(full))).max() <= SIMPLIFY_TOLERANCE_PX + 1e-9
+    assert shapely.distance(shapely.MultiLineString(full), shapely.points(np.vstack(region.rings))).max() < 1e-9
+
+
+def test_a_polygon_turns_counter_clockwise_and_its_hole_the_other_way() -> None:
+    outer, hole = disc(40.0, (60.0, 60.0), 20), disc(10.0, (60.0, 60.0), 20)
+    for rings in ([outer, hole], [outer[::-1], hole], [outer, hole[::-1]]):
+        region = rp.ImageRegion.from_polygon(rings)
+        assert _signed(region.rings[0]) > 0.0 > _signed(region.rings[1])
+        assert region.area == pytest.approx(area(rings), rel=1e-12)
+    assert region.mask is None
+
+
+def test_one_array_a_list_of_vertices_and_a_stack_are_rings() -> None:
+    ring = disc(40.0, (60.0, 60.0), 10)
+    for given_rings in (ring, ring.tolist(), [ring], ring[None], tuple(ring)):
+        assert np.array_equal(rp.ImageRegion.from_polygon(given_rings).rings[0], ring)
+    lifted = np.column_stack([ring, np.ones(len(ring))])
+    assert rp.WorldRegion.from_polygon(lifted.tolist()).area == pytest.approx(area([ring]), rel=1e-12)
+
+
+CAMERAS = [
+    rp.PinholeCamera(300.0, 305.0, 320.0, 240.0, 640, 480, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
+    rp.FisheyeCamera(180.0, 181.0, 320.0, 240.0, (0.02, -0.003, 0.0, 0.0), 640, 480),
+    rp.OcamCamera((200.0, 0.0, -1.1e-3, 1.2e-6), (320.0, 240.0), width=640, height=480),
+    rp.UnifiedCamera(1.2, 400.0, 400.0, 320.0, 240.0, (-0.1, 0.02, 1e-3, 0.0), 640, 480),
+]
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: type(camera).__name__)
+@pytest.mark.parametrize("corners", [3, 4, 20, 400])
+def test_arcs_between_bearings_stay_on_the_pixel_edges(camera: Camera, corners: int) -> None:
+    """The middles and quarters of the arcs, projected back, are within the tolerance of the polygon."""
+    ring = disc(180.0, (330.0, 235.0), corners)
+    [bearings] = rp.ImageRegion.from_polygon(ring).bearings(camera)
+    assert np.allclose(np.linalg.norm(bearings, axis=1), 1.0, rtol=0.0, atol=1e-14)
+    edges = shapely.LinearRing(ring)
+    following = np.roll(bearings, -1, axis=0)
+    for share in (0.25, 0.5, 0.75):
+        pixels = camera.project(bearings + share * (following - bearings))
+        assert shapely.distance(edges, shapely.points(pixels)).max() <= BEND_TOLERANCE_PX
+    assert shapely.distance(shapely.points(camera.project(bearings)), edges).max() < 1e-8
+
+
+def test_an_ideal_pinhole_needs_no_more_bearings_than_vertices() -> None:
+    ring = disc(180.0, (330.0, 235.0), 8)
+    camera = rp.PinholeCamera(300.0, 300.0, 320.0, 240.0)
+    assert len(rp.ImageRegion.from_polygon(ring).bearings(camera)[0]) == len(ring)
+
+
+def test_the_pixels_of_a_mask_fill_its_solid_angle() -> None:
+    ring = disc(150.3, (300.0, 240.0))
+    region = rp.ImageRegion.from_mask(area_coverage([ring], 640, 480))
+    for camera in CAMERAS:
+        bearings, solid_angles = region.pixel_bearings(camera)
+        expected = rp.spherical_moments(region.bearings(camera), 0)[0, 0, 0]
+        assert solid_angles.min() > 0.0 and bearings.shape == (len(solid_angles), 3)
+        assert solid_angles.sum() == pytest.approx(expected, rel=1e-4)
+
+
+def any_frame(seed: int) -> tuple[Array, Array]:
+    """A rotation (3, 3) and an offset (3,)."""
+    rng = np.random.default_rng(seed)
+    return Rotation.random(random_state=rng).as_matrix(), rng.uniform(-20.0, 20.0, 3)
+
+
+@pytest.mark.parametrize("template", load_templates("all")[:6], ids=lambda template: template.name)
+def test_a_world_polygon_is_the_same_however_it_is_written(template: object) -> None:
+    rings = template.region()  # type: ignore[attr-defined]
+    rotation, offset = any_frame(3)
+    moved = [ring @ rotation.T + offset for ring in rings]
+    expected = area([ring[:, :2] for ring in rings])
+    for written in (moved, [ring[::-1] for ring in moved], [np.roll(ring, 3, axis=0) for ring in moved]):
+        region = rp.WorldRegion.from_polygon(written)
+        assert region.is_planar
+        assert region.area == pytest.approx(expected, rel=1e-10)
+        assert abs(region.normal @ rotation[:, 2]) == pytest.approx(1.0, abs=1e-12)
+        assert np.allclose(
+            sorted(map(tuple, np.vstack(region.rings))), sorted(map(tuple, np.vstack(written))), atol=1e-9
+        )
+
+
+def test_a_slightly_bent_polygon_is_moved_onto_its_plane() -> None:
+    ring = np.array([[0.0, 0.0, 0.003], [1.0, 0.0, -0.003], [1.0, 1.0, 0.003], [0.0, 1.0, -0.003]])
+    region = rp.WorldRegion.from_polygon(ring)
+    assert np.ptp(region.rings[0] @ region.normal) < 1e-12
+    with pytest.raises(ValueError, match=r"ring 0 leaves the region's plane by 2.* within 1"):
+        rp.WorldRegion.from_polygon(ring * [1.0, 1.0, 8.0])
+
+
+def scan(seed: int, spacing: tuple[float, float], noise: float) -> Array:
+    """Points of a 2 m x 1 m rectangle around the origin with a hole of 0.8 m x 0.5 m, row by row."""
+    x, y = (np.arange(-half, half + 1e-9, step) for half, step in zip((1.0, 0.5), spacing, strict=True))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    kept = points[~((np.abs(points) < (0.4, 0.25)).all(axis=1))]
+    rng = np.random.default_rng(seed)
+    return np.column_stack([kept, rng.normal(0.0, noise, len(kept))])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_plane_withstands_a_fifth_of_outliers(seed: int) -> None:
+    """Outliers all on one side and far out would tilt a least squares plane by tens of degrees."""
+    rng = np.random.default_rng(seed)
+    points = scan(seed, (0.02, 0.02), 0.002)
+    outliers = rng.uniform([-1.0, -0.5, 0.05], [1.0, 0.5, 2.0], (len(points) // 4, 3)) * [1.0, 1.0, 1.0]
+    outliers[:, 2] += outliers[:, 0].clip(0.0)
+    rotation, offset = any_frame(seed)
+    region = rp.WorldRegion.from_points(rng.permutation(np.vstack([points, outliers])) @ rotation.T + offset)
+    tilt = np.degrees(np.arccos(np.clip(abs(region.normal @ rotation[:, 2]), 0.0, 1.0)))
+    assert tilt < 0.1
+    assert abs((region.rings[0][0] - offset) @ rotation[:, 2]) < 0.002
+
+
+@pytest.mark.parametrize("spacing", [(0.02, 0.02), (0.004, 0.08), (0.1, 0.005)])
+def test_the_radius_bridges_scan_lines(spacing: tuple[float, float]) -> None:
+    """Points twenty times as far apart across the scan lines as along them are still one region with its hole."""
+    region = rp.WorldRegion.from_points(scan(0, spacing, 1e-4))
+    widest = float(np.max(spacing))
+    assert len(region.rings) == 2
+    assert region.area == pytest.approx(2.0 - 0.4, abs=(2.0 * 3.0 + 2.6) * widest)
+    assert np.allclose(np.ptp(region.rings[0], axis=0), [2.0, 1.0, 0.0], atol=1.1 * widest)
+
+
+def test_a_given_radius_is_used() -> None:
+    points = scan(0, (0.02, 0.02), 0.0)
+    assert len(rp.WorldRegion.from_points(points, radius=0.02).rings) == 2
+    assert len(rp.WorldRegion.from_points(points, radius=np.inf).rings) == 1
+    with pytest.raises(ValueError, match=r"radius .* keeps none of the triangles; it needs to be at least"):
+        rp.WorldRegion.from_points(points, radius=1e-3)
+
+
+def test_points_do_not_depend_on_order_or_frame() -> None:
+    points = scan(1, (0.02, 0.03), 0.001)
+    rotation, offset = any_frame(5)
+    expected = rp.WorldRegion.from_points(points)
+    region = rp.WorldRegion.from_points(np.random.default_rng(0).permutation(points) @ rotation.T + offset)
+    assert region.area == pytest.approx(expected.area, rel=1e-2)
+    assert abs(region.normal @ rotation @ expected.normal) == pytest.approx(1.0, abs=1e-6)
+
+
+def bent_sheet() -> trimesh.Trimesh:
+    """A patch of a cylinder of radius 2 m, 1 m high."""
+    angle, height = np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(0.0, 1.0, 6))
+    vertices = np.column_stack([2.0 * np.sin(angle).ravel(), height.ravel(), 2.0 * np.cos(angle).ravel()])
+    corner = (np.arange(5)[:, None] * 9 + np.arange(8)).ravel()
+    faces = np.vstack(
+        [np.column_stack([corner, corner + 1, corner + 10]), np.column_stack([corner, corner + 10, corner + 9])]
+    )
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def test_a_flat_trimesh_is_a_planar_region() -> None:
+    outline = [disc(1.0, (0.0, 0.0), 20), disc(0.4, (0.1, 0.0), 20)]
+    vertices, faces = rp.triangulate(outline)
+    rotation, offset = any_frame(7)
+    mesh = trimesh.Trimesh(np.column_stack([vertices, np.zeros(len(vertices))]) @ rotation.T + offset, faces)
+    region = rp.WorldRegion.from_mesh(mesh)
+    assert region.is_planar
+    assert len(region.rings) == 2
+    assert region.area == pytest.approx(area(outline), rel=1e-12)
+
+
+def test_a_bent_trimesh_keeps_its_boundary() -> None:
+    region = rp.WorldRegion.from_mesh(bent_sheet())
+    assert not region.is_planar
+    assert len(region.rings) == 1 and len(region.rings[0]) == 2 * (8 + 5)
+    assert region.area == pytest.approx(4.0 * np.sin(0.4), rel=1e-9)
+
+
+def test_regions_come_back_from_a_pickle() -> None:
+    planar = rp.WorldRegion.from_polygon([disc_in_space(1.0), disc_in_space(0.3)])
+    for region in (planar, rp.WorldRegion.from_mesh(bent_sheet())):
+        copy = pickle.loads(pickle.dumps(region))
+        assert copy.is_planar == region.is_planar
+        assert copy.area == pytest.approx(region.area, rel=1e-14)
+        assert all(np.allclose(a, b, rtol=0.0, atol=1e-14) for a, b in zip(copy.rings, region.rings, strict=True))
+    image = rp.ImageRegion.from_mask(np.pad(np.ones((4, 5)), 2))
+    assert np.array_equal(pickle.loads(pickle.dumps(image)).rings[0], image.rings[0])
+
+
+def disc_in_space(radius: float) -> Array:
+    """A circle in a plane that is not one of the axes'."""
+    rotation, offset = any_frame(11)
+    flat = disc(radius, (0.0, 0.0), 40)
+    return np.column_stack([flat, np.zeros(len(flat))]) @ rotation.T + offset
+
+
+def test_a_closed_mesh_and_flipped_triangles_are_refused() -> None:
+    with pytest.raises(ValueError, match="a closed surface"):
+        rp.WorldRegion.from_mesh(trimesh.creation.box())
+    sheet = bent_sheet()
+    sheet.faces[3] = sheet.faces[3][::-1]
+    with pytest.raises(ValueError, match=r"the mesh has edge .* in the same direction; it needs triangles"):
+        rp.WorldRegion.from_mesh(sheet)

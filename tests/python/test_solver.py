@@ -1,0 +1,148 @@
+"""Drivers, systems and integrations agree; batches are the same as one by one, on any threads and in a fork."""
+
+from __future__ import annotations
+
+import multiprocessing
+
+import numpy as np
+import pytest
+import regionpose as rp
+from numpy.typing import NDArray
+from regionpose.evaluation import Scene, omnidirectional_scene, perspective_scene, pose_errors
+from regionpose.solver import Problem
+
+Array = NDArray[np.float64]
+
+DRIVERS = 1e-7
+"""Rotation (rad) and translation (m): both drivers end at a relative change of 1e-12."""
+
+SAME_MOMENTS = 1e-8
+"""Boundary and mesh sums of the same moments on the plane differ by rounding."""
+
+SPHERE_MESH = 1e-6
+"""A mesh's quadrature on the sphere, its pieces small."""
+
+SYSTEMS = 3e-4
+"""Rotation (rad) and translation (m): contours and pixels see the edge of a coverage differently."""
+
+SCENE_TIMEOUT_S = 60
+"""A forked child needs a second; one that waits for a lock of its parent needs for ever."""
+
+
+def problem_of(scene: Scene, coverage: bool = False) -> Problem:
+    """Masks and world polygons of a scene."""
+    masks = scene.coverages() if coverage else scene.masks()
+    images = [rp.ImageRegion.from_mask(mask) for mask in masks]
+    return scene.camera, images, [rp.WorldRegion.from_polygon(rings) for rings in scene.regions]
+
+
+def poses_of(estimate: rp.PoseEstimate) -> list[rp.Pose]:
+    """The best pose and those that fit as well."""
+    return [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
+
+
+def apart(a: rp.Pose, b: rp.Pose, anchor: Array) -> float:
+    """Larger of the angle (rad) and the distance (m) of a world point between two poses."""
+    angle = float((a.rotation * b.rotation.inv()).magnitude())
+    return max(angle, float(np.linalg.norm(a.transform(anchor) - b.transform(anchor))))
+
+
+@pytest.mark.parametrize("planes", [1, 3])
+@pytest.mark.parametrize("seed", range(25))
+def test_both_drivers_end_at_the_same_poses(seed: int, planes: int) -> None:
+    """Each pose of the one, alternatives of a symmetric shape included, is a pose of the other; one of them is true."""
+    scene = perspective_scene(seed, planes, world="arbitrary", study="drivers")
+    problem = problem_of(scene)
+    scipy, native = (rp.estimate_pose(*problem, driver=driver) for driver in ("scipy", "native"))
+    assert len(scipy.alternatives) == len(native.alternatives)
+    for pose in poses_of(scipy):
+        assert min(apart(pose, other, scene.anchor) for other in poses_of(native)) < DRIVERS
+    truth = rp.Pose.from_parts(scene.rotation, scene.translation)
+    assert min(apart(pose, truth, scene.anchor) for pose in poses_of(native)) < np.radians(1.0)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.parametrize("draw", [perspective_scene, omnidirectional_scene])
+def test_systems_and_integrations_agree(draw: object, seed: int) -> None:
+    scene: Scene = draw(seed, 3)  # type: ignore[operator]
+    problem = problem_of(scene, coverage=True)
+    plane, plane_mesh, sphere, sphere_mesh, pixels = (
+        rp.estimate_pose(*problem, system=system, integration=integration, driver="native").pose  # type: ignore[arg-type]
+        for system, integration in (
+            ("plane", "boundary"),
+            ("plane", "mesh"),
+            ("sphere", "boundary"),
+            ("sphere", "mesh"),
+            ("sphere", "pixels"),
+        )
+    )
+    assert apart(plane, plane_mesh, scene.anchor) < SAME_MOMENTS
+    assert apart(sphere, sphere_mesh, scene.anchor) < SPHERE_MESH
+    assert apart(plane, sphere, scene.anchor) < SYSTEMS
+    assert apart(plane, pixels, scene.anchor) < SYSTEMS
+
+
+def test_three_planes_are_solved_within_millimetres() -> None:
+    errors = []
+    for seed in range(10):
+        scene = perspective_scene(seed, 3, world="arbitrary")
+        pose = rp.estimate_pose(*problem_of(scene), driver="native").pose
+        truth = scene.rotation, scene.translation
+        errors.append(pose_errors(pose.rotation.as_matrix(), pose.translation, *truth, scene.anchor))
+    assert np.median([error.rotation_deg for error in errors]) < 0.01
+    assert np.median([error.translation_m for error in errors]) < 5e-4
+
+
+@pytest.fixture(scope="module")
+def batch() -> list[Problem]:
+    return [problem_of(perspective_scene(seed, 1 + 2 * (seed % 2), world="arbitrary")) for seed in range(6)]
+
+
+def assert_same(a: rp.PoseEstimate, b: rp.PoseEstimate) -> None:
+    """Equal to the last bit."""
+    assert np.array_equal(a.pose.matrix, b.pose.matrix)
+    assert np.array_equal(a.covariance, b.covariance)
+    assert a.overlap_error == b.overlap_error and a.evaluations == b.evaluations
+    assert len(a.alternatives) == len(b.alternatives)
+    assert [str(warning) for warning in a.warnings] == [str(warning) for warning in b.warnings]
+
+
+@pytest.mark.parametrize("threads", [None, 1, 2, 5])
+def test_a_batch_is_the_same_as_one_by_one(batch: list[Problem], threads: int | None) -> None:
+    """In order, to rounding; poses that fit equally well may change places."""
+    found = rp.estimate_poses(iter(batch), threads=threads)
+    for problem, estimate in zip(batch, found, strict=True):
+        alone, origin = poses_of(rp.estimate_pose(*problem, driver="native")), np.zeros(3)
+        assert len(alone) == len(poses_of(estimate))
+        assert all(min(apart(pose, other, origin) for other in alone) < DRIVERS for pose in poses_of(estimate))
+
+
+def test_the_number_of_threads_changes_nothing(batch: list[Problem]) -> None:
+    for a, b in zip(rp.estimate_poses(batch, threads=1), rp.estimate_poses(batch, threads=5), strict=True):
+        assert_same(a, b)
+
+
+def test_an_empty_batch_is_empty() -> None:
+    assert rp.estimate_poses([]) == []
+
+
+def test_the_error_names_the_problem(batch: list[Problem]) -> None:
+    camera, images, worlds = batch[1]
+    with pytest.raises(ValueError, match="problem 2: there are 3 observed and 2 world regions"):
+        rp.estimate_poses([batch[0], batch[1], (camera, images, worlds[:2])])
+    with pytest.raises(ValueError, match="problem 1: region 0 is a str; needed a ImageRegion"):
+        rp.estimate_poses([batch[0], (camera, ["mask"], worlds)])  # type: ignore[list-item]
+    with pytest.raises(ValueError, match="threads is 0; it needs to be at least 1"):
+        rp.estimate_poses(batch[:1], threads=0)
+
+
+def solve_in_child(problem: Problem) -> Array:
+    """The batch's answer in another process."""
+    return rp.estimate_poses([problem], threads=2)[0].pose.matrix
+
+
+def test_a_forked_child_solves_after_its_parent(batch: list[Problem]) -> None:
+    expected = [estimate.pose.matrix for estimate in rp.estimate_poses(batch[:2], threads=2)]
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        found = pool.map_async(solve_in_child, batch[:2]).get(SCENE_TIMEOUT_S)
+    assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))

@@ -1,0 +1,66 @@
+//! Batches: in order, and the same to the last bit for any number of threads.
+
+mod support;
+
+use regionpose::batch::in_parallel;
+use regionpose::equations::System;
+use regionpose::estimate::Estimate;
+use regionpose::facet::Integration;
+use regionpose::solve::{Prior, Start};
+use support::random::Random;
+use support::scene::{Layout, Scene};
+
+fn scenes() -> Vec<Scene> {
+    let mut random = Random::new(41);
+    (0..12).map(|k| Scene::random(&mut random, Layout { regions: 1 + k % 3, ..Layout::default() })).collect()
+}
+
+fn estimates(scenes: &[Scene], threads: Option<usize>) -> Vec<Estimate> {
+    let solve = |scene: &Scene| {
+        scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, &Prior::default()).unwrap()
+    };
+    in_parallel(scenes, threads, solve).unwrap()
+}
+
+/// All numbers of an estimate, bit by bit.
+fn bits(estimate: &Estimate) -> Vec<u64> {
+    let alternatives = estimate.alternatives.iter();
+    let solutions = std::iter::once(&estimate.best).chain(alternatives);
+    let numbers = solutions.flat_map(|solution| {
+        let pose = solution.minimum.pose;
+        let entries: Vec<f64> = pose.rotation.matrix().iter().chain(pose.translation.iter()).copied().collect();
+        entries.into_iter().chain([solution.minimum.cost, solution.overlap_error])
+    });
+    numbers.chain(estimate.covariance.iter().copied()).map(f64::to_bits).collect()
+}
+
+#[test]
+fn answers_are_the_same_for_any_number_of_threads_and_in_order() {
+    let scenes = scenes();
+    let one = estimates(&scenes, Some(1));
+    for (scene, estimate) in scenes.iter().zip(&one) {
+        assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+    }
+    for threads in [Some(2), Some(3), None] {
+        for (a, b) in one.iter().zip(&estimates(&scenes, threads)) {
+            assert_eq!(bits(a), bits(b), "{threads:?} threads");
+            assert_eq!(a.warnings, b.warnings);
+        }
+    }
+}
+
+#[test]
+fn no_problems_give_no_answers() {
+    assert_eq!(in_parallel(&[] as &[f64], Some(2), |x| x + 1.0).unwrap(), Vec::<f64>::new());
+}
+
+#[test]
+fn more_threads_than_problems_are_fine() {
+    assert_eq!(in_parallel(&[1, 2, 3], Some(16), |x| x * x).unwrap(), [1, 4, 9]);
+}
+
+#[test]
+fn zero_threads_are_refused() {
+    let message = in_parallel(&[1], Some(0), |x| x + 1).unwrap_err().to_string();
+    assert_eq!(message, "threads is 0; it needs to be at least 1");
+}

@@ -1,0 +1,7 @@
+//! What the tests of poses share: seeded randomness, scenes with a renderer that knows nothing of the crate's integrals,
+//! and the one checker of derivatives.
+#![allow(dead_code, reason = "every test binary uses its own part")]
+
+pub mod jacobian;
+pub mod random;
+pub mod scene;
