@@ -181,7 +181,8 @@ def _umask() -> int:
 
 def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
     """Pixels (m, 2) of a closed ring (n, 3), its edges split into short arcs, the first point repeated; NaN where not
-    seen."""
+    seen.
+    """
     start = pose.transform(ring)
     end = np.roll(start, -1, axis=0)
     lengths = np.linalg.norm(end - start, axis=1)

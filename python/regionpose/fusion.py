@@ -125,7 +125,8 @@ def checked_image(image: ArrayLike) -> Bytes:
 
 def project_points(points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h,
-    w)."""
+    w).
+    """
     projection = _projected(_checked_points(points), camera, pose, size)
     return projection.pixels, projection.distances
 

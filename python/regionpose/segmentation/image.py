@@ -78,7 +78,8 @@ class _Reduced(NamedTuple):
 
 class _Growth(NamedTuple):
     """A region at the working size, the colour and the tolerance it was grown with, and its score (0 for a given
-    tolerance)."""
+    tolerance).
+    """
 
     mask: Mask
     colour: Floats
@@ -169,14 +170,18 @@ def _as_bytes(image: NDArray[np.generic]) -> Bytes:
 
 
 def _median(levels: Bytes, radius: int) -> Bytes:
-    if radius == 0:
-        return levels
-    return np.stack([rank.median(levels[..., channel], disk(radius)) for channel in range(3)], axis=2)
+    return np.stack([_channel_median(levels[..., channel], radius) for channel in range(3)], axis=2)
+
+
+def _channel_median(levels: Bytes, radius: int) -> Bytes:
+    """The median of each pixel's surroundings in a disc."""
+    return levels if radius == 0 else rank.median(levels, disk(radius))  # type: ignore[no-untyped-call]
 
 
 def _grown(reduced: _Reduced, start: tuple[int, int], tolerance: float | None) -> _Growth:
     """The region at the working size, grown from the colour around the seed and again from the colour of what was
-    found."""
+    found.
+    """
     row, column = start
     near = (
         slice(max(row - reduced.radius, 0), row + reduced.radius + 1),
@@ -204,10 +209,12 @@ def _region_around(lab: Floats, start: tuple[int, int], colour: Floats, toleranc
 
 def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
     """The least tolerance at which growth from the seed arrives at each pixel: the largest distance on the best
-    path."""
+    path.
+    """
     marker = np.full_like(distances, distances.max())
     marker[start] = distances[start]
-    return np.asarray(reconstruction(marker, distances, method="erosion"), dtype=np.float32)
+    levels = reconstruction(marker, distances, method="erosion")  # type: ignore[no-untyped-call]
+    return np.asarray(levels, dtype=np.float32)
 
 
 def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
@@ -271,7 +278,8 @@ def _full_size(image: NDArray[np.generic], reduced: _Reduced, growth: _Growth, l
 
 def _linear(values: NDArray[np.generic], linear_light: bool) -> Floats:
     """Linear light in [0, 1] with three channels, of sRGB values (IEC 61966-2-1) or of values that are linear
-    already."""
+    already.
+    """
     scale = {"uint8": 255.0, "uint16": 65535.0}.get(str(values.dtype), 1.0)
     level = np.asarray(values, dtype=np.float32) / np.float32(scale)
     if not linear_light:
@@ -288,7 +296,8 @@ def _colour_distance(values: NDArray[np.generic], colour: Floats) -> Floats:
 
 def _nearby_mean(light: Floats, chosen: Mask, band: int, *, fallback: Floats) -> tuple[Floats, Mask]:
     """Weighted mean colour (h, w, 3) of the chosen pixels nearby, the fallback where there are none, and where there
-    are."""
+    are.
+    """
     reach = 1.5 * band
     weight = ndimage.gaussian_filter(chosen.astype(np.float32), reach)
     sums = ndimage.gaussian_filter(light * chosen[..., None], (reach, reach, 0))
@@ -310,7 +319,8 @@ def _sampled(fields: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], 
 
 def _mixture(light: Floats, inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
     """How colours (n, 3) mix from two others: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in -
-    out|`."""
+    out|`.
+    """
     step = inner - outer
     square = np.maximum(np.sum(step**2, axis=-1), 1e-12)
     share = np.sum((light - outer) * step, axis=-1) / square
@@ -333,13 +343,14 @@ def _smoothed(mask: Mask, radius: int) -> Mask:
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     window = tuple(slice(max(int(k[0]) - radius, 0), int(k[-1]) + radius + 1) for k in (rows, columns))
     smooth = np.zeros_like(mask)
-    smooth[window] = rank.median(mask[window].astype(np.uint8), disk(radius)) > 0
+    smooth[window] = _channel_median(mask[window].astype(np.uint8), radius) > 0
     return smooth
 
 
 def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
     """Share (h, w) of each pixel that the region covers, from the mixture of the colours a few pixels off its
-    outline."""
+    outline.
+    """
     core = ndimage.minimum_filter(mask, size=2 * SOFT_PIXELS + 1)
     outside = ndimage.minimum_filter(~mask, size=2 * SOFT_PIXELS + 1)
     rows, columns = np.nonzero(~(core | outside))

@@ -292,8 +292,10 @@ def _size(content: Mapping[str, object], height: str, width: str, item: str) -> 
 def _mask_of(item: _Item) -> Mask:
     if item.mask is not None:
         return item.mask
-    held = [polygon2mask(item.size, polygon[:, ::-1]) for polygon in item.polygons]
-    return np.asarray(np.logical_or.reduce(held))
+    mask = np.zeros(item.size, dtype=np.bool_)
+    for polygon in item.polygons:
+        mask |= polygon2mask(item.size, polygon[:, ::-1])  # type: ignore[no-untyped-call]
+    return mask
 
 
 def _region_of(item: _Item) -> ImageRegion:
