@@ -1,0 +1,415 @@
+"""Pictures that show how well a pose fits: projected regions over observed contours, and a cloud coloured by depth."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+from shapely.geometry.base import BaseGeometry
+from skimage.color import lab2rgb, rgb2lab
+
+from regionpose.cameras import Camera
+from regionpose.fusion import checked_image, project_points
+from regionpose.pose import Pose
+from regionpose.regions import ImageRegion, WorldRegion
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+Box = tuple[int, int, int, int]
+"""Left, top, right, bottom in pixels; the last two are excluded."""
+
+Text = tuple[tuple[int, int], str, Colour]
+Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+
+OBSERVED: Colour = (64, 176, 255)
+PROJECTED: Colour = (255, 140, 0)
+"""A blue and an orange: told apart with every common colour blindness (after Okabe and Ito 2008)."""
+
+CASING: Colour = (16, 16, 20)
+PAPER: Colour = (255, 255, 255)
+PANEL_OPACITY = 0.72
+
+LINE_SHARE, TEXT_SHARE, DOT_SHARE = 1 / 700, 1 / 75, 1 / 1300
+"""Width of a line, height of a letter and radius of a dot over the image's diagonal."""
+
+THINNEST_LINE, SMALLEST_TEXT = 1.5, 11
+"""Pixels; what is thinner or smaller can't be seen or read."""
+
+SUPERSAMPLING, STRIP_ROWS = 4, 512
+"""Lines are drawn four times as large and averaged, in strips, so that a large image needs little memory."""
+
+ARC_STEP = np.radians(0.2)
+"""Radians between neighbouring points on a projected edge: distortion bends it by far less than a pixel in between."""
+
+MOST_PARTS = 2000
+"""Parts of an edge at the most, which passes the camera closely then."""
+
+TABLE_SIZE = 256
+LIGHTNESS, HUE_DEG = (32.0, 93.0), (315.0, 95.0)
+"""CIELAB lightness and hue from the far (dark violet) to the near end (light yellow)."""
+
+CHROMA = 46.0
+"""CIELAB chroma of the whole path, which a screen shows at nearly every lightness and hue on it."""
+
+BACKGROUND_SHARE = 0.55
+"""Brightness that is left of the grey image under a coloured cloud."""
+
+DEPTH_PERCENTILES = (1.0, 99.0)
+"""The range of colours leaves single stray points out."""
+
+
+def overlay_regions(
+    image: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    image_regions: Sequence[ImageRegion] | None,
+    world_regions: Sequence[WorldRegion],
+    labels: Sequence[str] = (),
+) -> Bytes:
+    """The image (h, w, 3) with the projected regions' contours over the observed ones.
+
+    Each pair has its label (its number without `labels`) and its overlap error beside it: the area of the symmetric
+    difference over the observed area, in pixels (paper section 3). Edges are followed through the camera's distortion;
+    parts that it doesn't see are left out. ValueError when the numbers of regions and labels differ.
+    """
+    picture = checked_image(image).copy()
+    observed = _checked_pairs(image_regions, world_regions, labels)
+    width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
+    projected = [[_projected_ring(ring, camera, pose) for ring in region.rings] for region in world_regions]
+    contours = [[np.concatenate([ring, ring[:1]]) for ring in region.rings] for region in observed]
+    lines = [line for region in contours for line in region]
+    arcs = [piece for region in projected for ring in region for piece in _visible_pieces(ring)]
+    _draw_lines(picture, [*lines, *arcs], 2.2 * width, CASING, 0.55)
+    _draw_lines(picture, lines, 1.5 * width, OBSERVED)
+    _draw_lines(picture, arcs, width, PROJECTED)
+    names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
+    for k, (rings, truth) in enumerate(zip(projected, contours, strict=False)):
+        error = _overlap_error(rings, truth)
+        names[k] += "" if error is None else f"  {100.0 * error:.2f} %"
+    return _annotated(picture, names, projected, bool(observed), width)
+
+
+def _checked_pairs(
+    image_regions: Sequence[ImageRegion] | None, world_regions: Sequence[WorldRegion], labels: Sequence[str]
+) -> list[ImageRegion]:
+    observed = list(image_regions or [])
+    for name, count in (("image regions", len(observed)), ("labels", len(labels))):
+        if count not in {0, len(world_regions)}:
+            raise ValueError(f"there are {count} {name} and {len(world_regions)} world regions; needed as many of both")
+    return observed
+
+
+def overlay_depth(
+    image: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    points: ArrayLike,
+    *,
+    limits: tuple[float, float] | None = None,
+    radius: float | None = None,
+) -> Bytes:
+    """The image (h, w, 3), grey and dimmed, with world points (n, 3) coloured by their distance from the camera.
+
+    Near points lie over far ones. The colours run evenly in lightness and hue over the logarithm of the distance,
+    light is near; a bar shows metres. `limits`: nearest and farthest distance of the bar, else percentiles 1 and 99.
+    `radius` of a dot in pixels, else by the image's size. ValueError for limits that aren't increasing and positive.
+    """
+    colours = checked_image(image)
+    pixels, distances = project_points(points, camera, pose, colours.shape[:2])
+    seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
+    near, far = _checked_limits(limits, distances[seen])
+    dot = DOT_SHARE * float(np.hypot(*colours.shape[:2])) if radius is None else radius
+    depth = _depth_image(pixels[seen], distances[seen], colours.shape[:2], dot)
+    grey = np.round(colours @ (BACKGROUND_SHARE * np.array([0.299, 0.587, 0.114], dtype=np.float32)))
+    picture = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+    covered = np.isfinite(depth)
+    share = np.log(far / depth[covered]) / np.log(far / near)
+    picture[covered] = depth_colours()[np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)]
+    return _with_bar(picture, near, far)
+
+
+@lru_cache(maxsize=1)
+def depth_colours() -> Bytes:
+    """Colour table (256, 3), far to near: equal steps are about equally visible.
+
+    Lightness and hue of CIELAB run together at a constant chroma, and the table is spaced by the length of that path.
+    """
+    share = np.linspace(0.0, 1.0, 4 * TABLE_SIZE)
+    lightness = LIGHTNESS[0] + share * (LIGHTNESS[1] - LIGHTNESS[0])
+    hue = np.radians(HUE_DEG[0] + share * (HUE_DEG[1] - HUE_DEG[0]))
+    path = np.column_stack([lightness, CHROMA * np.cos(hue), CHROMA * np.sin(hue)])
+    shown = rgb2lab(np.clip(lab2rgb(path), 0.0, 1.0))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shown, axis=0), axis=1))])
+    even = np.linspace(0.0, length[-1], TABLE_SIZE)
+    table = np.column_stack([np.interp(even, length, shown[:, axis]) for axis in range(3)])
+    return np.asarray(np.round(255.0 * np.clip(lab2rgb(table), 0.0, 1.0)), dtype=np.uint8)
+
+
+def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: bool = False) -> Path:
+    """Write a picture (h, w, 3) or (h, w) as PNG, whole or not at all, and return its path.
+
+    FileExistsError unless `overwrite`, which replaces the old file when the new one is complete.
+    """
+    target = Path(path)
+    if target.exists() and not overwrite:
+        raise FileExistsError(f"{target} exists; needed a new name or overwrite=True")
+    page = Image.fromarray(checked_image(picture))
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}-", suffix=".part", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            page.save(stream, format="PNG")
+        Path(name).chmod(0o666 & ~_umask())
+        Path(name).replace(target)
+    finally:
+        Path(name).unlink(missing_ok=True)
+    return target
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
+    """Pixels (m, 2) of a closed ring (n, 3), its edges split into short arcs, the first point repeated; NaN where not
+    seen.
+    """
+    start = pose.transform(ring)
+    end = np.roll(start, -1, axis=0)
+    lengths = np.linalg.norm(end - start, axis=1)
+    share = np.clip(-np.sum(start * (end - start), axis=1) / np.maximum(lengths**2, 1e-300), 0.0, 1.0)[:, None]
+    closest = np.linalg.norm(start + share * (end - start), axis=1)
+    parts = np.clip(np.ceil(lengths / np.maximum(closest * ARC_STEP, 1e-300)), 1, MOST_PARTS).astype(np.int64)
+    edge = np.repeat(np.arange(len(ring)), parts)
+    within = (np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[edge]
+    points = start[edge] + within[:, None] * (end - start)[edge]
+    return camera.project(np.concatenate([points, start[:1]]))
+
+
+def _visible_pieces(ring: Array) -> list[Array]:
+    """The runs of finite pixels of a ring, at least two long."""
+    seen = np.isfinite(ring).all(axis=1)
+    cuts = np.flatnonzero(np.diff(seen)) + 1
+    return [piece for piece in np.split(ring, cuts) if len(piece) >= 2 and np.isfinite(piece[0]).all()]
+
+
+def _overlap_error(projected: Sequence[Array], observed: Sequence[Array]) -> float | None:
+    """Symmetric difference over observed area; None when a part of the region isn't seen."""
+    if not all(np.isfinite(ring).all() for ring in projected):
+        return None
+    truth = _even_odd(observed)
+    return float(_even_odd(projected).symmetric_difference(truth).area / truth.area)
+
+
+def _even_odd(rings: Sequence[Array]) -> BaseGeometry:
+    shape: BaseGeometry = shapely.Polygon()
+    for ring in rings:
+        shape = shape.symmetric_difference(shapely.make_valid(shapely.Polygon(ring)))
+    return shape
+
+
+def _draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Colour, opacity: float = 1.0) -> None:
+    """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, strip by strip."""
+    height, across = picture.shape[:2]
+    for top in range(0, height, STRIP_ROWS):
+        rows = min(STRIP_ROWS, height - top)
+        touching = [
+            line for line in lines if line[:, 1].max() >= top - width - 1 and line[:, 1].min() <= top + rows + width
+        ]
+        if not touching:
+            continue
+        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
+        pen = ImageDraw.Draw(ink)
+        thickness = max(1, round(width * SUPERSAMPLING))
+        for line in touching:
+            places = (line + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
+            pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
+        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, opacity)
+
+
+def _blend(area: Bytes, ink: Bytes, colour: Colour, opacity: float) -> None:
+    rows, columns = np.nonzero(ink)
+    share = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
+    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(colour, dtype=np.float32) * share)
+
+
+def _font(picture: Bytes) -> Font:
+    size = max(SMALLEST_TEXT, round(TEXT_SHARE * float(np.hypot(*picture.shape[:2]))))
+    try:
+        return ImageFont.load_default(size=size)
+    except TypeError:  # Pillow 10.0 has one size only
+        return ImageFont.load_default()
+
+
+def _text_size(font: Font, text: str) -> tuple[int, int]:
+    """Width of a text and height of a line, in pixels."""
+    left, _, right, _ = font.getbbox(text)
+    _, top, _, bottom = font.getbbox("Ag|")
+    return int(np.ceil(right - left)), int(np.ceil(bottom - top))
+
+
+def _panel(picture: Bytes, box: Box) -> None:
+    """Darken the rectangle (left, top, right, bottom) so that text on it can be read."""
+    left, top, right, bottom = box
+    area = picture[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
+    area[:] = np.round(area * (1.0 - PANEL_OPACITY) + np.array(CASING) * PANEL_OPACITY)
+
+
+def _write(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
+    """The picture with texts; each place is the upper left corner of its line."""
+    page = Image.fromarray(picture)
+    pen = ImageDraw.Draw(page)
+    for place, text, colour in items:
+        left, top, _, _ = font.getbbox("Ag|")
+        pen.text((place[0] - left, place[1] - top), text, fill=colour, font=font)
+    return np.array(page)
+
+
+def _annotated(
+    picture: Bytes, labels: Sequence[str], projected: Sequence[Sequence[Array]], compared: bool, width: float
+) -> Bytes:
+    """The picture with a label at each region and the legend in the lower left corner."""
+    font = _font(picture)
+    pad = round(4 * width)
+    texts, taken = _legend(picture, font, pad, width, compared)
+    rings = [ring for region in projected for ring in region]
+    lines = np.concatenate(rings) if rings else np.empty((0, 2))
+    for label, region in zip(labels, projected, strict=True):
+        across, line = _text_size(font, label)
+        box = _label_box(region, (across + 2 * pad, line + 2 * pad), picture, lines, taken)
+        if box is not None:
+            _panel(picture, box)
+            taken.append(box)
+            texts.append(((box[0] + pad, box[1] + pad), label, PAPER))
+    return _write(picture, texts, font)
+
+
+def _legend(picture: Bytes, font: Font, pad: int, width: float, compared: bool) -> tuple[list[Text], list[Box]]:
+    """Draw the legend's panel and line samples; its texts, and the box it takes."""
+    entries = [("observed contour", OBSERVED), ("projected region", PROJECTED)][0 if compared else 1 :]
+    notes = [*(name for name, _ in entries), *(["%  overlap error"] if compared else [])]
+    line = _text_size(font, "Ag|")[1] + pad
+    sample = 2 * line
+    across = max(_text_size(font, note)[0] for note in notes) + sample + 3 * pad
+    top = picture.shape[0] - len(notes) * line - 2 * pad
+    box = (pad, top - pad, pad + across, picture.shape[0] - pad)
+    _panel(picture, box)
+    for index, (_, colour) in enumerate(entries):
+        y = top + index * line + 0.5 * (line - pad)
+        _draw_lines(picture, [np.array([(2.0 * pad, y), (1.0 * pad + sample, y)])], 1.5 * width, colour)
+    return [((2 * pad + sample, top + k * line), note, PAPER) for k, note in enumerate(notes)], [box]
+
+
+def _label_box(
+    rings: Sequence[Array], size: tuple[int, int], picture: Bytes, lines: Array, taken: Sequence[Box]
+) -> Box | None:
+    """Where a label of a size (width, height) covers the fewest contour points (n, 2); None when the region isn't in
+    sight.
+
+    Tried are the places above, below, beside and inside the region.
+    """
+    points = np.concatenate(list(rings))
+    height, width = picture.shape[:2]
+    inside = points[((points >= 0.0) & (points < (width, height))).all(axis=1)]
+    if len(inside) == 0:
+        return None
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    middle, gap = (low + high - size) / 2, 0.3 * size[1]
+    above, below = (middle[0], low[1] - size[1] - gap), (middle[0], high[1] + gap)
+    right, left = (high[0] + gap, middle[1]), (low[0] - size[0] - gap, middle[1])
+    boxes = [_box_within(place, size, picture) for place in (above, below, right, left, (middle[0], middle[1]))]
+    return min(boxes, key=lambda box: _covered(box, lines, taken))
+
+
+def _box_within(place: tuple[float, float], size: tuple[int, int], picture: Bytes) -> Box:
+    """The box of a size with its upper left corner at `place`, or as close as the image allows."""
+    x = int(np.clip(place[0], 0, max(picture.shape[1] - size[0], 0)))
+    y = int(np.clip(place[1], 0, max(picture.shape[0] - size[1], 0)))
+    return x, y, x + size[0], y + size[1]
+
+
+def _covered(box: Box, lines: Array, taken: Sequence[Box]) -> int:
+    """Contour points under a box; another label counts as all of them."""
+    left, top, right, bottom = box
+    within = (lines >= (left, top)).all(axis=1) & (lines <= (right, bottom)).all(axis=1)
+    overlapping = sum(left < b[2] and b[0] < right and top < b[3] and b[1] < bottom for b in taken)
+    return int(within.sum()) + overlapping * len(lines)
+
+
+def _checked_limits(limits: tuple[float, float] | None, distances: NDArray[np.float32]) -> tuple[float, float]:
+    if limits is None:
+        if len(distances) == 0:
+            return 1.0, 10.0
+        near, far = np.percentile(distances, DEPTH_PERCENTILES).tolist()
+        return (near, far) if far > 1.01 * near else (near / 1.1, near * 1.1)
+    near, far = limits
+    if not 0.0 < near < far < np.inf:
+        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in metres")
+    return float(near), float(far)
+
+
+def _depth_image(
+    pixels: NDArray[np.float32], distances: NDArray[np.float32], size: tuple[int, int], radius: float
+) -> NDArray[np.float32]:
+    """Distance (h, w) of the nearest dot over each pixel, infinite where there is none."""
+    center = np.full(size, np.inf, dtype=np.float32)
+    columns, rows = np.clip(np.round(pixels).astype(np.int64).T, 0, np.array([[size[1] - 1], [size[0] - 1]]))
+    np.minimum.at(center.ravel(), rows * size[1] + columns, distances)
+    depth = center.copy()
+    reach = int(np.ceil(radius))
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            if 0 < down**2 + right**2 <= (radius + 0.3) ** 2:
+                into = (slice(max(down, 0), size[0] + min(down, 0)), slice(max(right, 0), size[1] + min(right, 0)))
+                out_of = (
+                    slice(max(-down, 0), size[0] + min(-down, 0)),
+                    slice(max(-right, 0), size[1] + min(-right, 0)),
+                )
+                np.minimum(depth[into], center[out_of], out=depth[into])
+    return depth
+
+
+def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
+    """The picture with the colour bar at its right side, near below."""
+    font = _font(picture)
+    height, width = picture.shape[:2]
+    line = _text_size(font, "0")[1]
+    ticks = _ticks(near, far, most=max(2, int(0.6 * height / (2.5 * line))))
+    text_width = max(_text_size(font, f"{tick:g} m")[0] for tick in ticks)
+    left, top, length, thick = width - text_width - 3 * line - line // 2, int(0.18 * height), int(0.64 * height), line
+    _panel(picture, (left - line, top - line, width - line // 2, top + length + line))
+    shades = np.linspace(0, TABLE_SIZE - 1, length).astype(np.uint8)
+    bar = picture[top : top + length, left : left + thick]
+    bar[:] = depth_colours()[shades][: bar.shape[0], None]
+    texts: list[Text] = []
+    for tick in ticks:
+        y = top + int(np.log(far / tick) / np.log(far / near) * (length - 1))
+        picture[max(y - line // 16, 0) : y + line // 16 + 1, left + thick : left + thick + line // 2] = PAPER
+        texts.append(((left + thick + line - line // 4, y - line // 2), f"{tick:g} m", PAPER))
+    return _write(picture, texts, font)
+
+
+def _ticks(near: float, far: float, most: int) -> list[float]:
+    """Round distances within the limits, at most so many, fewer per decade when there are too many."""
+    powers = range(int(np.floor(np.log10(near))), int(np.ceil(np.log10(far))) + 1)
+    for digits in (
+        range(10, 100),
+        (10, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90),
+        (10, 15, 20, 30, 50, 70),
+        (10, 20, 50),
+        (10,),
+    ):
+        ticks = [float(f"{digit}e{power - 1}") for power in powers for digit in digits]
+        ticks = [tick for tick in ticks if near <= tick <= far]
+        if len(ticks) <= most:
+            break
+    return ticks if len(ticks) >= 2 else [float(f"{near:.3g}"), float(f"{far:.3g}")]
