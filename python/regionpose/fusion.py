@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import grey_closing, minimum_filter
+from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
 from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
 from regionpose.pose import Pose
 
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+
+VISIBLE_FIELD = "visible"
 
 BLOCK = 1 << 18
 """Points mapped at a time, so that a cloud's temporaries stay small beside the cloud."""
@@ -23,6 +27,12 @@ BLOCK = 1 << 18
 DEPTH_TOLERANCE = 0.03
 """Share of the distance by which a point may lie behind the surface in front: range noise and the slope within a
 cell."""
+
+NEAREST = np.float32(1e-6)
+"""Metres; a point in the camera's centre would weigh without limit."""
+
+LEAST_COSINE = np.float32(0.01)
+"""Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still coloured."""
 
 MOST_CELLS = 1_000_000
 """Cells of the depth image at the most; larger images share a cell among several pixels."""
@@ -36,6 +46,10 @@ GAP_SAMPLES, GAP_NEIGHBOURS = 400, 64
 
 GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
 """The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
+
+EDGE_RATIO = 1.2
+"""Far over near distance from which a point within a gap of a surface's end counts as behind it: on a level road the
+next scan line is nearer than that up to about 45 m away."""
 
 WIDEST_GAP_SHARE = 1 / 16
 """Gap over the image's diagonal at the most; what is farther apart is no surface."""
@@ -65,15 +79,10 @@ def colorize(
     Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points
     hide what lies behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes
     the gaps between neighbours at a like distance, however sparse (a morphological closing of the depth image, layer
-    by layer), and ends at its outermost points. `image`: uint8, uint16 or floats in [0, 1]. ValueError for other
-    shapes or types.
+    by layer). Up to a gap beside its outermost points it still hides what is a fifth farther away. `image`: uint8,
+    uint16 or floats in [0, 1]. ValueError for other shapes or types.
     """
-    given, colours = _checked_points(points), checked_image(image)
-    projection = _projected(given, camera, pose, colours.shape[:2])
-    visible = _visible(projection, colours.shape[:2], _checked_tolerance(depth_tolerance))
-    result = np.zeros((len(given), 3), dtype=np.uint8)
-    result[visible] = np.round(_sampled(colours, projection.pixels[visible])).astype(np.uint8)
-    return result, visible
+    return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
 
 
 def blend_colors(
@@ -85,26 +94,41 @@ def blend_colors(
 ) -> tuple[Bytes, Mask]:
     """Colours (n, 3), uint8, of world points (n, 3) in several images, and which points (n,) any of the cameras sees.
 
-    Each image weighs `cos(angle) / distance^2`, its share of pixels per area; the angle is the one between the ray and
-    the point's normal (n, 3), of either side, and counts as 0 without normals. Visibility as in `colorize`.
+    The weighted mean of the images' colours. An image weighs `cos(angle) / distance^2`, its share of pixels per area
+    up to the focal length; the angle is the one between the ray and the point's normal (n, 3), of either side, and
+    counts as 0 without a normal. Visibility as in `colorize`. ValueError without a view.
     """
     given = _checked_points(points)
     facing = None if normals is None else _checked_normals(normals, len(given))
+    if not views:
+        raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
     for image, camera, pose in views:
         colours = checked_image(image)
         projection = _projected(given, camera, pose, colours.shape[:2])
         seen = np.flatnonzero(_visible(projection, colours.shape[:2], _checked_tolerance(depth_tolerance)))
-        weight = projection.distances[seen] ** -2.0
+        weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
         if facing is not None:
-            rays = (given[seen] + pose.rotation.as_matrix().T @ pose.translation) / projection.distances[seen, None]
-            weight = weight * np.abs(np.sum(rays * facing[seen], axis=1)).astype(np.float32)
+            weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
         sums[seen] += weight[:, None] * _sampled(colours, projection.pixels[seen])
         weights[seen] += weight
     visible = weights > 0.0
-    result = np.zeros((len(given), 3), dtype=np.uint8)
-    result[visible] = np.round(sums[visible] / weights[visible, None]).astype(np.uint8)
-    return result, visible
+    sums[visible] /= weights[visible, None]
+    return np.round(sums, out=sums).astype(np.uint8), visible
+
+
+def coloured_cloud(
+    cloud: Cloud, views: Sequence[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+) -> tuple[Cloud, Mask]:
+    """The cloud with the colours of images, and which points (n,) any of the cameras sees.
+
+    Poses are for points about the cloud's origin. Points that aren't seen keep their colour, or are black; the field
+    `visible` (0, 1) tells. Colours as of `blend_colors`.
+    """
+    colours, visible = blend_colors(cloud.points, views, normals=normals)
+    if cloud.colours is not None:
+        colours[~visible] = cloud.colours[~visible]
+    return replace(cloud, colours=colours, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
 
 
 def checked_image(image: ArrayLike) -> Bytes:
@@ -154,6 +178,13 @@ def _checked_tolerance(value: float) -> float:
     return value
 
 
+def _cosines(rays: NDArray[np.floating], normals: Floats) -> Floats:
+    """Cosines (n,) between rays (n, 3) and unit normals (n, 3) of either side."""
+    lengths = np.maximum(np.linalg.norm(rays, axis=1), NEAREST)
+    shares = np.abs(np.sum(rays * normals, axis=1)) / lengths
+    return np.maximum(shares.astype(np.float32), LEAST_COSINE)
+
+
 def _projected(points: NDArray[np.floating], camera: Camera, pose: Pose, size: tuple[int, int]) -> _Projection:
     pixels, distances = np.empty((len(points), 2), dtype=np.float32), np.empty(len(points), dtype=np.float32)
     upper = np.array([size[1], size[0]]) - 0.5
@@ -191,7 +222,8 @@ def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int,
     """Nearness (1 / distance) of the foremost surface in each cell, 0 where there is none.
 
     Points at a like distance form a layer; a grey closing as wide as the layer's gaps fills them with the farther of
-    their sides and doesn't reach beyond the layer's outermost points.
+    their sides. Beside the layer's outermost points the surface ends somewhere within a gap: there it hides only what
+    is farther by `EDGE_RATIO`.
     """
     front = np.zeros(shape, dtype=np.float32)
     np.maximum.at(front.ravel(), cells, nearness)
@@ -207,26 +239,28 @@ def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int,
 
 
 def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> None:
-    """Raise the front to the closed surface of one layer's points."""
-    rows, columns = np.divmod(cells, front.shape[1])
-    widest = int(WIDEST_GAP_SHARE * np.hypot(*front.shape))
-    size = int(np.ceil(GAP_FACTOR * _gap(rows, columns, widest)))
+    """Raise the front to the closed surface of one layer's points, and to the margin beside its end."""
+    layer = np.zeros_like(front)
+    np.maximum.at(layer.ravel(), cells, nearness)
+    places = np.column_stack(np.nonzero(layer)).astype(np.float32)
+    gap = _gap(places, int(WIDEST_GAP_SHARE * np.hypot(*front.shape)))
+    size, reach = int(np.ceil(GAP_FACTOR * gap)), int(np.ceil(gap)) + 1
     if size <= 1:
         return
-    low = max(int(rows.min()) - size, 0), max(int(columns.min()) - size, 0)
-    window = front[low[0] : int(rows.max()) + size + 1, low[1] : int(columns.max()) + size + 1]
-    layer = np.zeros_like(window)
-    np.maximum.at(layer, (rows - low[0], columns - low[1]), nearness)
-    np.maximum(window, grey_closing(layer, size=(size, size)), out=window)
+    low, high = (places.min(axis=0) - size).astype(int), (places.max(axis=0) + size + 1).astype(int)
+    window = slice(max(low[0], 0), high[0]), slice(max(low[1], 0), high[1])
+    closed = grey_closing(layer[window], size=(size, size))
+    beside = grey_dilation(closed, size=(2 * reach + 1, 2 * reach + 1)) / np.float32(EDGE_RATIO)
+    np.maximum(front[window], np.where(closed > 0.0, closed, beside), out=front[window])
 
 
-def _gap(rows: NDArray[np.int32], columns: NDArray[np.int32], widest: int) -> float:
-    """Cells between neighbours of a layer: along the wider spaced of its two directions, as scan lines have them.
+def _gap(places: Floats, widest: int) -> float:
+    """Cells between neighbouring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
+    have them.
 
-    Each sampled point's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider
+    Each sampled place's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider
     spacing also on a side of the layer, where one direction has none.
     """
-    places = np.unique(np.column_stack([rows, columns]).astype(np.float32), axis=0)
     if len(places) < 4:
         return 0.0
     samples = places[:: max(1, len(places) // GAP_SAMPLES)]
@@ -243,18 +277,16 @@ def _gap(rows: NDArray[np.int32], columns: NDArray[np.int32], widest: int) -> fl
 
 
 def _sampled(image: Bytes, pixels: Floats) -> Floats:
-    """Bilinear colours (n, 3) at pixels (n, 2) within the image."""
+    """Bilinear colours (n, 3) at pixels (n, 2); beyond the outermost pixel centres, the nearest."""
     height, width = image.shape[:2]
-    result = np.empty((len(pixels), 3), dtype=np.float32)
+    last = np.array([width - 1, height - 1], dtype=np.float32)
+    colours = np.empty((len(pixels), 3), dtype=np.float32)
     for start in range(0, len(pixels), BLOCK):
-        x, y = np.clip(pixels[start : start + BLOCK], 0.0, np.array([width - 1, height - 1], dtype=np.float32)).T
-        left, top = (
-            np.minimum(x.astype(np.int32), max(width - 2, 0)),
-            np.minimum(y.astype(np.int32), max(height - 2, 0)),
-        )
+        places = np.clip(pixels[start : start + BLOCK], 0.0, last)
+        corner = places.astype(np.int32)
+        (left, top), (across, down) = corner.T, (places - corner).T[..., None]
         right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-        across, down = (x - left)[:, None], (y - top)[:, None]
         upper = image[top, left] * (1.0 - across) + image[top, right] * across
         lower = image[bottom, left] * (1.0 - across) + image[bottom, right] * across
-        result[start : start + BLOCK] = upper * (1.0 - down) + lower * down
-    return result
+        colours[start : start + BLOCK] = upper * (1.0 - down) + lower * down
+    return colours
