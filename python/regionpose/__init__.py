@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.segmentation.cloud import grow_plane
+    from regionpose.segmentation.image import grow_image_region
+    from regionpose.segmentation.masks import (
+        mask_from_file,
+        masks_from_file,
+        masks_from_segmenter,
+        region_from_file,
+        regions_from_file,
+    )
     from regionpose.solver import (
         Alternative,
         PoseError,
@@ -40,9 +48,15 @@ __all__ = [
     "alpha_shape",
     "estimate_pose",
     "estimate_poses",
+    "grow_image_region",
     "grow_plane",
     "load_camera",
+    "mask_from_file",
+    "masks_from_file",
+    "masks_from_segmenter",
     "planar_moments",
+    "region_from_file",
+    "regions_from_file",
     "spherical_moments",
     "triangulate",
 ]
@@ -54,6 +68,14 @@ _MODULES = {
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "segmentation.cloud": ("grow_plane",),
+    "segmentation.image": ("grow_image_region",),
+    "segmentation.masks": (
+        "mask_from_file",
+        "masks_from_file",
+        "masks_from_segmenter",
+        "region_from_file",
+        "regions_from_file",
+    ),
     "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
