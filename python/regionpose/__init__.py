@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from regionpose._core import alpha_shape, planar_moments, spherical_moments, triangulate
     from regionpose.calibration import load_camera
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+    from regionpose.drawing import overlay_depth, overlay_regions
+    from regionpose.fusion import blend_colors, colorize
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.segmentation.cloud import grow_plane
@@ -46,6 +48,8 @@ __all__ = [
     "WorldRegion",
     "__version__",
     "alpha_shape",
+    "blend_colors",
+    "colorize",
     "estimate_pose",
     "estimate_poses",
     "grow_image_region",
@@ -54,6 +58,8 @@ __all__ = [
     "mask_from_file",
     "masks_from_file",
     "masks_from_segmenter",
+    "overlay_depth",
+    "overlay_regions",
     "planar_moments",
     "region_from_file",
     "regions_from_file",
@@ -65,6 +71,8 @@ _MODULES = {
     "_core": ("alpha_shape", "planar_moments", "spherical_moments", "triangulate"),
     "calibration": ("load_camera",),
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
+    "drawing": ("overlay_depth", "overlay_regions"),
+    "fusion": ("blend_colors", "colorize"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "segmentation.cloud": ("grow_plane",),

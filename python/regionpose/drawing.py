@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
-from shapely.geometry.base import BaseGeometry
 from skimage.color import lab2rgb, rgb2lab
 
 from regionpose.cameras import Camera
+from regionpose.clouds.whole_file import whole_file
 from regionpose.fusion import checked_image, project_points
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
@@ -49,6 +47,9 @@ SUPERSAMPLING, STRIP_ROWS = 4, 512
 ARC_STEP = np.radians(0.2)
 """Radians between neighbouring points on a projected edge: distortion bends it by far less than a pixel in between."""
 
+CONTOUR_STEP = 3.0
+"""Pixels between neighbouring points of a contour that labels keep clear of."""
+
 MOST_PARTS = 2000
 """Parts of an edge at the most, which passes the camera closely then."""
 
@@ -76,25 +77,20 @@ def overlay_regions(
 ) -> Bytes:
     """The image (h, w, 3) with the projected regions' contours over the observed ones.
 
-    Each pair has its label (its number without `labels`) and its overlap error beside it: the area of the symmetric
-    difference over the observed area, in pixels (paper section 3). Edges are followed through the camera's distortion;
-    parts that it doesn't see are left out. ValueError when the numbers of regions and labels differ.
+    Each region has its label (its number without `labels`) beside it. Edges are followed through the camera's
+    distortion; parts that it doesn't see are left out. ValueError when the numbers of regions and labels differ.
     """
     picture = checked_image(image).copy()
     observed = _checked_pairs(image_regions, world_regions, labels)
     width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
     projected = [[_projected_ring(ring, camera, pose) for ring in region.rings] for region in world_regions]
-    contours = [[np.concatenate([ring, ring[:1]]) for ring in region.rings] for region in observed]
-    lines = [line for region in contours for line in region]
+    lines = [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings]
     arcs = [piece for region in projected for ring in region for piece in _visible_pieces(ring)]
     _draw_lines(picture, [*lines, *arcs], 2.2 * width, CASING, 0.55)
     _draw_lines(picture, lines, 1.5 * width, OBSERVED)
     _draw_lines(picture, arcs, width, PROJECTED)
     names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
-    for k, (rings, truth) in enumerate(zip(projected, contours, strict=False)):
-        error = _overlap_error(rings, truth)
-        names[k] += "" if error is None else f"  {100.0 * error:.2f} %"
-    return _annotated(picture, names, projected, bool(observed), width)
+    return _annotated(picture, names, projected, lines, width)
 
 
 def _checked_pairs(
@@ -118,22 +114,32 @@ def overlay_depth(
 ) -> Bytes:
     """The image (h, w, 3), grey and dimmed, with world points (n, 3) coloured by their distance from the camera.
 
-    Near points lie over far ones. The colours run evenly in lightness and hue over the logarithm of the distance,
-    light is near; a bar shows metres. `limits`: nearest and farthest distance of the bar, else percentiles 1 and 99.
+    Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colours run evenly in
+    lightness and hue over the logarithm of the distance, light is near; a bar shows metres. `limits`: nearest and
+    farthest distance of the bar, else percentiles 1 and 99.
     `radius` of a dot in pixels, else by the image's size. ValueError for limits that aren't increasing and positive.
     """
     colours = checked_image(image)
-    pixels, distances = project_points(points, camera, pose, colours.shape[:2])
+    pixels, distances = project_points(points, camera, pose, colours.shape[:2], hidden=False)
     seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
     near, far = _checked_limits(limits, distances[seen])
     dot = DOT_SHARE * float(np.hypot(*colours.shape[:2])) if radius is None else radius
     depth = _depth_image(pixels[seen], distances[seen], colours.shape[:2], dot)
-    grey = np.round(colours @ (BACKGROUND_SHARE * np.array([0.299, 0.587, 0.114], dtype=np.float32)))
-    picture = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
-    covered = np.isfinite(depth)
-    share = np.log(far / depth[covered]) / np.log(far / near)
-    picture[covered] = depth_colours()[np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)]
+    picture = _dimmed(colours)
+    for top in range(0, len(depth), STRIP_ROWS):
+        strip = depth[top : top + STRIP_ROWS]
+        covered = np.isfinite(strip)
+        share = np.log(far / strip[covered]) / np.float32(np.log(far / near))
+        shades = np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
+        picture[top : top + STRIP_ROWS][covered] = depth_colours()[shades]
     return _with_bar(picture, near, far)
+
+
+def _dimmed(colours: Bytes) -> Bytes:
+    """The image in grey, (h, w, 3), its brightness reduced."""
+    levels = np.round(BACKGROUND_SHARE * np.arange(256)).astype(np.uint8)
+    grey = levels[np.asarray(Image.fromarray(colours).convert("L"))]
+    return np.repeat(grey[..., None], 3, axis=2)
 
 
 @lru_cache(maxsize=1)
@@ -158,25 +164,10 @@ def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: boo
 
     FileExistsError unless `overwrite`, which replaces the old file when the new one is complete.
     """
-    target = Path(path)
-    if target.exists() and not overwrite:
-        raise FileExistsError(f"{target} exists; needed a new name or overwrite=True")
     page = Image.fromarray(checked_image(picture))
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}-", suffix=".part", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            page.save(stream, format="PNG")
-        Path(name).chmod(0o666 & ~_umask())
-        Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return target
-
-
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
+    with whole_file(Path(path), overwrite=overwrite) as file:
+        page.save(file, format="PNG")
+    return Path(path)
 
 
 def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
@@ -200,21 +191,6 @@ def _visible_pieces(ring: Array) -> list[Array]:
     seen = np.isfinite(ring).all(axis=1)
     cuts = np.flatnonzero(np.diff(seen)) + 1
     return [piece for piece in np.split(ring, cuts) if len(piece) >= 2 and np.isfinite(piece[0]).all()]
-
-
-def _overlap_error(projected: Sequence[Array], observed: Sequence[Array]) -> float | None:
-    """Symmetric difference over observed area; None when a part of the region isn't seen."""
-    if not all(np.isfinite(ring).all() for ring in projected):
-        return None
-    truth = _even_odd(observed)
-    return float(_even_odd(projected).symmetric_difference(truth).area / truth.area)
-
-
-def _even_odd(rings: Sequence[Array]) -> BaseGeometry:
-    shape: BaseGeometry = shapely.Polygon()
-    for ring in rings:
-        shape = shape.symmetric_difference(shapely.make_valid(shapely.Polygon(ring)))
-    return shape
 
 
 def _draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Colour, opacity: float = 1.0) -> None:
@@ -275,14 +251,14 @@ def _write(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
 
 
 def _annotated(
-    picture: Bytes, labels: Sequence[str], projected: Sequence[Sequence[Array]], compared: bool, width: float
+    picture: Bytes, labels: Sequence[str], projected: Sequence[Sequence[Array]], observed: Sequence[Array], width: float
 ) -> Bytes:
-    """The picture with a label at each region and the legend in the lower left corner."""
+    """The picture with a label at each region and a legend in the corner that covers the fewest contours."""
     font = _font(picture)
     pad = round(4 * width)
-    texts, taken = _legend(picture, font, pad, width, compared)
-    rings = [ring for region in projected for ring in region]
-    lines = np.concatenate(rings) if rings else np.empty((0, 2))
+    lines = _dense([*observed, *(ring for region in projected for ring in region)])
+    texts, legend = _legend(picture, font, pad, width, lines, bool(observed))
+    taken = [legend]
     for label, region in zip(labels, projected, strict=True):
         across, line = _text_size(font, label)
         box = _label_box(region, (across + 2 * pad, line + 2 * pad), picture, lines, taken)
@@ -293,20 +269,38 @@ def _annotated(
     return _write(picture, texts, font)
 
 
-def _legend(picture: Bytes, font: Font, pad: int, width: float, compared: bool) -> tuple[list[Text], list[Box]]:
+def _dense(lines: Sequence[Array]) -> Array:
+    """Points (n, 2) on polylines, a few pixels apart, so that a box over a line holds some; those not seen left out."""
+    points = [np.empty((0, 2))]
+    for line in lines:
+        start, steps = line[:-1], np.diff(line, axis=0)
+        with np.errstate(invalid="ignore"):
+            counts = np.nan_to_num(np.clip(np.hypot(*steps.T) / CONTOUR_STEP, 1, MOST_PARTS), nan=1.0).astype(np.int64)
+        edge = np.repeat(np.arange(len(steps)), counts)
+        share = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[edge]
+        points.append(start[edge] + share[:, None] * steps[edge])
+    joined = np.concatenate(points)
+    return np.asarray(joined[np.isfinite(joined).all(axis=1)])
+
+
+def _legend(picture: Bytes, font: Font, pad: int, width: float, lines: Array, compared: bool) -> tuple[list[Text], Box]:
     """Draw the legend's panel and line samples; its texts, and the box it takes."""
-    entries = [("observed contour", OBSERVED), ("projected region", PROJECTED)][0 if compared else 1 :]
-    notes = [*(name for name, _ in entries), *(["%  overlap error"] if compared else [])]
+    entries = [("observed", OBSERVED), ("projected", PROJECTED)][0 if compared else 1 :]
     line = _text_size(font, "Ag|")[1] + pad
     sample = 2 * line
-    across = max(_text_size(font, note)[0] for note in notes) + sample + 3 * pad
-    top = picture.shape[0] - len(notes) * line - 2 * pad
-    box = (pad, top - pad, pad + across, picture.shape[0] - pad)
+    across = max(_text_size(font, note)[0] for note, _ in entries) + sample + 3 * pad
+    size = across, len(entries) * line + pad
+    low, high = (pad, pad), (picture.shape[1] - size[0] - pad, picture.shape[0] - size[1] - pad)
+    corners = [_box_within((x, y), size, picture) for y in (high[1], low[1]) for x in (low[0], high[0])]
+    box = min(corners, key=lambda corner: _covered(corner, lines, []))
     _panel(picture, box)
-    for index, (_, colour) in enumerate(entries):
-        y = top + index * line + 0.5 * (line - pad)
-        _draw_lines(picture, [np.array([(2.0 * pad, y), (1.0 * pad + sample, y)])], 1.5 * width, colour)
-    return [((2 * pad + sample, top + k * line), note, PAPER) for k, note in enumerate(notes)], [box]
+    texts: list[Text] = []
+    for index, (note, colour) in enumerate(entries):
+        left, top = box[0] + pad, box[1] + pad + index * line
+        y = top + 0.5 * (line - pad)
+        _draw_lines(picture, [np.array([(left, y), (left + sample - pad, y)])], 1.5 * width, colour)
+        texts.append(((left + sample, top), note, PAPER))
+    return texts, box
 
 
 def _label_box(
@@ -319,6 +313,7 @@ def _label_box(
     """
     points = np.concatenate(list(rings))
     height, width = picture.shape[:2]
+    # Comparisons with NaN are false: what isn't seen is left out.
     inside = points[((points >= 0.0) & (points < (width, height))).all(axis=1)]
     if len(inside) == 0:
         return None
@@ -362,8 +357,9 @@ def _depth_image(
 ) -> NDArray[np.float32]:
     """Distance (h, w) of the nearest dot over each pixel, infinite where there is none."""
     center = np.full(size, np.inf, dtype=np.float32)
-    columns, rows = np.clip(np.round(pixels).astype(np.int64).T, 0, np.array([[size[1] - 1], [size[0] - 1]]))
-    np.minimum.at(center.ravel(), rows * size[1] + columns, distances)
+    columns, rows = np.rint(pixels).astype(np.int32).T
+    cells = np.clip(rows, 0, size[0] - 1) * np.int64(size[1]) + np.clip(columns, 0, size[1] - 1)
+    np.minimum.at(center.ravel(), cells, distances)
     depth = center.copy()
     reach = int(np.ceil(radius))
     for down in range(-reach, reach + 1):

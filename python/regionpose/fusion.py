@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -87,7 +87,7 @@ def colorize(
 
 def blend_colors(
     points: ArrayLike,
-    views: Sequence[View | tuple[ArrayLike, Camera, Pose]],
+    views: Iterable[View | tuple[ArrayLike, Camera, Pose]],
     *,
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
@@ -96,29 +96,33 @@ def blend_colors(
 
     The weighted mean of the images' colours. An image weighs `cos(angle) / distance^2`, its share of pixels per area
     up to the focal length; the angle is the one between the ray and the point's normal (n, 3), of either side, and
-    counts as 0 without a normal. Visibility as in `colorize`. ValueError without a view.
+    counts as 0 without a normal. Visibility as in `colorize`. Views are taken one by one, so that they needn't be in
+    memory together. ValueError without a view.
     """
     given = _checked_points(points)
     facing = None if normals is None else _checked_normals(normals, len(given))
-    if not views:
-        raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
+    tolerance = _checked_tolerance(depth_tolerance)
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
+    count = 0
     for image, camera, pose in views:
+        count += 1
         colours = checked_image(image)
         projection = _projected(given, camera, pose, colours.shape[:2])
-        seen = np.flatnonzero(_visible(projection, colours.shape[:2], _checked_tolerance(depth_tolerance)))
+        seen = np.flatnonzero(_visible(projection, colours.shape[:2], tolerance))
         weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
         if facing is not None:
             weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
         sums[seen] += weight[:, None] * _sampled(colours, projection.pixels[seen])
         weights[seen] += weight
+    if count == 0:
+        raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
     visible = weights > 0.0
     sums[visible] /= weights[visible, None]
     return np.round(sums, out=sums).astype(np.uint8), visible
 
 
 def coloured_cloud(
-    cloud: Cloud, views: Sequence[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+    cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colours of images, and which points (n,) any of the cameras sees.
 
@@ -147,11 +151,17 @@ def checked_image(image: ArrayLike) -> Bytes:
     return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))
 
 
-def project_points(points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h,
-    w).
+def project_points(
+    points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int], *, hidden: bool = True
+) -> tuple[Floats, Floats]:
+    """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h, w).
+
+    `hidden=False`: NaN, too, for points behind others, as in `colorize`.
     """
     projection = _projected(_checked_points(points), camera, pose, size)
+    if not hidden:
+        unseen = ~_visible(projection, size, DEPTH_TOLERANCE)
+        projection.pixels[unseen], projection.distances[unseen] = np.nan, np.nan
     return projection.pixels, projection.distances
 
 
@@ -182,7 +192,7 @@ def _cosines(rays: NDArray[np.floating], normals: Floats) -> Floats:
     """Cosines (n,) between rays (n, 3) and unit normals (n, 3) of either side."""
     lengths = np.maximum(np.linalg.norm(rays, axis=1), NEAREST)
     shares = np.abs(np.sum(rays * normals, axis=1)) / lengths
-    return np.maximum(shares.astype(np.float32), LEAST_COSINE)
+    return np.asarray(np.maximum(shares.astype(np.float32), LEAST_COSINE))
 
 
 def _projected(points: NDArray[np.floating], camera: Camera, pose: Pose, size: tuple[int, int]) -> _Projection:

@@ -142,10 +142,12 @@ def _figure(figure: Figure) -> str:
     return f'<figure><img alt="{caption}" src="{data_url(figure.picture)}"><figcaption>{caption}</figcaption></figure>'
 
 
-def _regions(regions: Iterable[Mapping[str, Any]]) -> str:
+def _regions(regions: Sequence[Mapping[str, Any]]) -> str:
+    compared = any("overlap_error_before" in region for region in regions)
     rows = [
         [
             escape(region["name"]),
+            *([_percent(region.get("overlap_error_before"))] if compared else []),
             _percent(region["overlap_error"]),
             f"{region['image_area_px']:,.0f}",
             f"{region['world_area_m2']:.4g}",
@@ -153,7 +155,8 @@ def _regions(regions: Iterable[Mapping[str, Any]]) -> str:
         ]
         for region in regions
     ]
-    return _table(["region", "overlap error", "image area (px)", "world area (m²)", "cloud points"], rows)
+    errors = ["overlap error before", "overlap error after"] if compared else ["overlap error"]
+    return _table(["region", *errors, "image area (px)", "world area (m²)", "cloud points"], rows)
 
 
 def _truth(errors: Mapping[str, Any] | None) -> str:
@@ -232,7 +235,7 @@ def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _percent(fraction: float | None) -> str:
-    return f"{_fixed(_scaled(fraction, 100.0), 2)} %"
+    return "unknown" if fraction is None else f"{100.0 * fraction:.2f} %"
 
 
 def _scaled(value: float | None, scale: float) -> float | None:

@@ -152,7 +152,7 @@ def test_no_pose_ends_with_3_and_writes_nothing(
     monkeypatch.setattr(estimate, "estimate_pose", no_pose)
     code, _, err = run(capsys, "estimate", write_scene(tmp_path), "--out", tmp_path / "out", "--quiet")
     assert code == 3
-    assert err.startswith("regionpose: error: no pose shows") and err.count("\n") == 1
+    assert err.startswith("error: no pose shows") and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
@@ -163,7 +163,7 @@ def test_bad_input_is_one_line_with_exit_code_2(tmp_path: Path, capsys: pytest.C
     line = 1 + next(k for k, row in enumerate(scene.read_text(encoding="utf-8").splitlines()) if "seed:" in row)
     code, said, err = run(capsys, "estimate", scene, "--quiet", "--out", tmp_path / "out")
     assert (code, said) == (2, "")
-    assert err == f"regionpose: error: {scene}:{line}: regions[0].image.seed: found 3 numbers; needed [x, y]\n"
+    assert err == f"error: {scene}:{line}: regions[0].image.seed: found 3 numbers; needed [x, y]\n"
 
 
 @pytest.mark.parametrize(
