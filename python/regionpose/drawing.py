@@ -38,7 +38,7 @@ PANEL_OPACITY = 0.72
 LINE_SHARE, TEXT_SHARE, DOT_SHARE = 1 / 700, 1 / 75, 1 / 1300
 """Width of a line, height of a letter and radius of a dot over the image's diagonal."""
 
-THINNEST_LINE, SMALLEST_TEXT = 1.5, 11
+THINNEST_LINE, SMALLEST_TEXT = 1.5, 13
 """Pixels; what is thinner or smaller can't be seen or read."""
 
 SUPERSAMPLING, STRIP_ROWS = 4, 512
@@ -86,8 +86,8 @@ def overlay_regions(
     projected = [[_projected_ring(ring, camera, pose) for ring in region.rings] for region in world_regions]
     lines = [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings]
     arcs = [piece for region in projected for ring in region for piece in _visible_pieces(ring)]
-    _draw_lines(picture, [*lines, *arcs], 2.2 * width, CASING, 0.55)
-    _draw_lines(picture, lines, 1.5 * width, OBSERVED)
+    _draw_lines(picture, [*lines, *arcs], 2.8 * width, CASING, 0.55)
+    _draw_lines(picture, lines, 2.0 * width, OBSERVED)
     _draw_lines(picture, arcs, width, PROJECTED)
     names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
     return _annotated(picture, names, projected, lines, width)
@@ -256,13 +256,13 @@ def _annotated(
     """The picture with a label at each region and a legend in the corner that covers the fewest contours."""
     font = _font(picture)
     pad = round(4 * width)
-    lines = _dense([*observed, *(ring for region in projected for ring in region)])
+    lines = _inside(_dense([*observed, *(ring for region in projected for ring in region)]), picture)
     texts, legend = _legend(picture, font, pad, width, lines, bool(observed))
     taken = [legend]
     for label, region in zip(labels, projected, strict=True):
         across, line = _text_size(font, label)
         box = _label_box(region, (across + 2 * pad, line + 2 * pad), picture, lines, taken)
-        if box is not None:
+        if label and box is not None:
             _panel(picture, box)
             taken.append(box)
             texts.append(((box[0] + pad, box[1] + pad), label, PAPER))
@@ -270,7 +270,7 @@ def _annotated(
 
 
 def _dense(lines: Sequence[Array]) -> Array:
-    """Points (n, 2) on polylines, a few pixels apart, so that a box over a line holds some; those not seen left out."""
+    """Points (n, 2) on polylines, a few pixels apart, so that a box over a line holds some."""
     points = [np.empty((0, 2))]
     for line in lines:
         start, steps = line[:-1], np.diff(line, axis=0)
@@ -279,8 +279,12 @@ def _dense(lines: Sequence[Array]) -> Array:
         edge = np.repeat(np.arange(len(steps)), counts)
         share = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[edge]
         points.append(start[edge] + share[:, None] * steps[edge])
-    joined = np.concatenate(points)
-    return np.asarray(joined[np.isfinite(joined).all(axis=1)])
+    return np.concatenate(points)
+
+
+def _inside(points: Array, picture: Bytes) -> Array:
+    """The points (n, 2) within the picture; comparisons with NaN are false, so those that aren't seen are left out."""
+    return np.asarray(points[((points >= 0.0) & (points < (picture.shape[1], picture.shape[0]))).all(axis=1)])
 
 
 def _legend(picture: Bytes, font: Font, pad: int, width: float, lines: Array, compared: bool) -> tuple[list[Text], Box]:
@@ -309,19 +313,17 @@ def _label_box(
     """Where a label of a size (width, height) covers the fewest contour points (n, 2); None when the region isn't in
     sight.
 
-    Tried are the places above, below, beside and inside the region.
+    Tried are the places above, below, beside and inside the region, flush with its ends and in the middle.
     """
-    points = np.concatenate(list(rings))
-    height, width = picture.shape[:2]
-    # Comparisons with NaN are false: what isn't seen is left out.
-    inside = points[((points >= 0.0) & (points < (width, height))).all(axis=1)]
+    inside = _inside(np.concatenate(list(rings)), picture)
     if len(inside) == 0:
         return None
     low, high = inside.min(axis=0), inside.max(axis=0)
     middle, gap = (low + high - size) / 2, 0.3 * size[1]
-    above, below = (middle[0], low[1] - size[1] - gap), (middle[0], high[1] + gap)
-    right, left = (high[0] + gap, middle[1]), (low[0] - size[0] - gap, middle[1])
-    boxes = [_box_within(place, size, picture) for place in (above, below, right, left, (middle[0], middle[1]))]
+    across, down = (middle[0], low[0], high[0] - size[0]), (middle[1], low[1], high[1] - size[1])
+    places = [(x, y) for y in (low[1] - size[1] - gap, high[1] + gap) for x in across]
+    places += [(x, y) for x in (high[0] + gap, low[0] - size[0] - gap) for y in down]
+    boxes = [_box_within(place, size, picture) for place in (*places, (middle[0], middle[1]))]
     return min(boxes, key=lambda box: _covered(box, lines, taken))
 
 

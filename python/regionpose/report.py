@@ -44,7 +44,15 @@ table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 th,td{text-align:right;padding:.4rem .7rem;border-bottom:1px solid var(--line);white-space:nowrap}
 th:first-child,td:first-child{text-align:left}th{color:var(--soft);font-weight:600;font-size:.88rem}
 pre{background:var(--card);padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font-size:.85rem;line-height:1.45}
-td code{font-size:.78rem}
+td:first-child{white-space:normal}td code{font-size:.78rem;white-space:normal;overflow-wrap:anywhere}
+@page{margin:14mm}
+@media print{:root{color-scheme:light;--ink:#000;--soft:#444;--paper:#fff;--line:#bbb;--card:#fff;
+--good:#1a7f4b;--check:#a86400;--bad:#b42318}
+body{max-width:none;padding:0;font-size:11px}
+h2{break-after:avoid}figure,tr,.verdict,.facts,pre{break-inside:avoid}
+figure img{max-height:11cm;width:auto;max-width:100%}
+.facts div,.verdict,pre{border:1px solid var(--line)}pre{white-space:pre-wrap;overflow-wrap:anywhere}
+.wide{overflow:visible}th,td{white-space:normal}}
 """
 
 VIEWPORT = '<meta name="viewport" content="width=device-width,initial-scale=1">'
