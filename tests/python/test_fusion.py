@@ -214,9 +214,14 @@ def test_images_of_other_types_have_the_same_colours() -> None:
     ],
 )
 def test_what_cannot_be_used_is_named(change: dict[str, Any], said: str) -> None:
-    given = {"points": np.zeros((1, 3)), "image": noise(), "camera": CAMERA, "pose": AT_ORIGIN} | change
+    arguments: dict[str, Any] = {
+        "points": np.zeros((1, 3)),
+        "image": noise(),
+        "camera": CAMERA,
+        "pose": AT_ORIGIN,
+    } | change
     with pytest.raises(ValueError, match=said):
-        colorize(**given)
+        colorize(**arguments)
 
 
 def test_no_views_and_wrong_normals_are_named() -> None:

@@ -14,7 +14,7 @@ from regionpose.cli.outputs import refuse_existing, write_file
 
 def fuse(
     cloud: Annotated[Path, typer.Argument(help="Point cloud: PLY, PCD, LAS, E57, KITTI .bin, text, ...")],
-    images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="Image of the camera, or several.")],
+    images: Annotated[list[Path], typer.Argument(help="Image of the camera, or several.")],
     camera: Annotated[
         list[Path],
         typer.Option("--camera", help=f"{CAMERA_HELP} One for all images, or one for each.", show_default=False),
