@@ -47,10 +47,6 @@ GAP_SAMPLES, GAP_NEIGHBOURS = 400, 64
 GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
 """The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
 
-EDGE_RATIO = 1.2
-"""Far over near distance from which a point within a gap of a surface's end counts as behind it: on a level road the
-next scan line is nearer than that up to about 45 m away."""
-
 WIDEST_GAP_SHARE = 1 / 16
 """Gap over the image's diagonal at the most; what is farther apart is no surface."""
 
@@ -79,7 +75,7 @@ def colorize(
     Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points
     hide what lies behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes
     the gaps between neighbours at a like distance, however sparse (a morphological closing of the depth image, layer
-    by layer). Up to a gap beside its outermost points it still hides what is a fifth farther away. `image`: uint8,
+    by layer). Up to a gap beside its outermost points it still hides what is half as far again. `image`: uint8,
     uint16 or floats in [0, 1]. ValueError for other shapes or types.
     """
     return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
@@ -233,7 +229,7 @@ def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int,
 
     Points at a like distance form a layer; a grey closing as wide as the layer's gaps fills them with the farther of
     their sides. Beside the layer's outermost points the surface ends somewhere within a gap: there it hides only what
-    is farther by `EDGE_RATIO`.
+    is farther by the ratio of a layer: less may be the next scan line on the same surface.
     """
     front = np.zeros(shape, dtype=np.float32)
     np.maximum.at(front.ravel(), cells, nearness)
@@ -260,7 +256,7 @@ def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> Non
     low, high = (places.min(axis=0) - size).astype(int), (places.max(axis=0) + size + 1).astype(int)
     window = slice(max(low[0], 0), high[0]), slice(max(low[1], 0), high[1])
     closed = grey_closing(layer[window], size=(size, size))
-    beside = grey_dilation(closed, size=(2 * reach + 1, 2 * reach + 1)) / np.float32(EDGE_RATIO)
+    beside = grey_dilation(closed, size=(2 * reach + 1, 2 * reach + 1)) / np.float32(LAYER_RATIO)
     np.maximum(front[window], np.where(closed > 0.0, closed, beside), out=front[window])
 
 

@@ -128,6 +128,20 @@ def test_a_road_keeps_its_colours_up_to_the_horizon() -> None:
     assert seen[inside].all()
 
 
+def test_the_next_scan_line_on_a_road_is_not_behind_the_one_before() -> None:
+    # 32 rings 1.33 degrees apart: from 15 m on, each is more than a fifth farther away than the one before.
+    elevations, azimuths = np.radians(-4.6 - 1.33 * np.arange(18)), np.radians(np.arange(-30.0, 30.0, 0.33))
+    elevation, azimuth = (grid.ravel() for grid in np.meshgrid(elevations, azimuths, indexing="ij"))
+    ranges = 1.8 / np.tan(-elevation)
+    road = np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), np.full(len(ranges), -1.8)])
+    camera = rp.PinholeCamera(1266.0, 1266.0, 816.0, 491.0, width=1600, height=900)
+    pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), np.array([0.0, -0.33, -0.43]))
+    _, distances = project_points(road, camera, pose, (900, 1600))
+    _, visible = colorize(road, np.zeros((900, 1600), np.uint8), camera, pose)
+    assert np.nanmax(distances) > 20.0
+    assert visible[np.isfinite(distances)].all()
+
+
 def test_colours_of_points_do_not_depend_on_their_order() -> None:
     points, _, _ = lidar_walls(32, np.array([0.0, 0.5, 0.0]), True)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), -SENSOR_AXES @ np.array([0.0, 0.5, 0.0]))
