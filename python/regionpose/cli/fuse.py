@@ -8,29 +8,17 @@ from typing import Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.options import CAMERA_HELP, POSE_HELP, AsJson, Force, Quiet
+from regionpose.cli.options import AsJson, CameraNames, CameraPaths, Force, PosePaths, Quiet
 from regionpose.cli.outputs import refuse_existing, write_file
 
 
 def fuse(
     cloud: Annotated[Path, typer.Argument(help="Point cloud: PLY, PCD, LAS, E57, KITTI .bin, text, ...")],
     images: Annotated[list[Path], typer.Argument(help="Image of the camera, or several.")],
-    camera: Annotated[
-        list[Path],
-        typer.Option("--camera", help=f"{CAMERA_HELP} One for all images, or one for each.", show_default=False),
-    ],
-    pose: Annotated[
-        list[Path], typer.Option("--pose", help=f"{POSE_HELP} One for each image, in order.", show_default=False)
-    ],
+    camera: CameraPaths,
+    pose: PosePaths,
     out: Annotated[Path, typer.Option("--out", "-o", help="PLY file to write.")] = Path("coloured.ply"),
-    camera_name: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--camera-name",
-            help="Which camera, where the calibration holds several; one for all images, or one for each.",
-            show_default=False,
-        ),
-    ] = None,
+    camera_name: CameraNames = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,

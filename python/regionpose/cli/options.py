@@ -20,3 +20,18 @@ CameraName = Annotated[
     str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
 ]
 PosePath = Annotated[Path, typer.Option("--pose", help=POSE_HELP, show_default=False)]
+CameraPaths = Annotated[
+    list[Path],
+    typer.Option("--camera", help=f"{CAMERA_HELP} One for all images, or one for each.", show_default=False),
+]
+CameraNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--camera-name",
+        help="Which camera, where the calibration holds several; one for all images, or one for each.",
+        show_default=False,
+    ),
+]
+PosePaths = Annotated[
+    list[Path], typer.Option("--pose", help=f"{POSE_HELP} One for each image, in order.", show_default=False)
+]
