@@ -13,7 +13,6 @@ from regionpose.clouds import Cloud, read_cloud
 from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
-from regionpose.scene.mask_files import read_mask
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, named
 
@@ -90,13 +89,9 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
 
 
 def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
-    mask = read_mask(path, label=item.label)
-    if mask.shape != image.shape[:2]:
-        raise ValueError(
-            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; "
-            f"needed {image.shape[1]} x {image.shape[0]}, as the image"
-        )
-    return ImageRegion.from_mask(mask)
+    from regionpose.segmentation.masks import region_from_file
+
+    return region_from_file(path, item.label, image=item.image, size=(image.shape[0], image.shape[1]))
 
 
 def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:
