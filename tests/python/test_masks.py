@@ -22,6 +22,7 @@ from regionpose.segmentation.masks import (
     region_from_file,
     regions_from_file,
 )
+from shapely.geometry.base import BaseGeometry
 
 Mask = NDArray[np.bool_]
 
@@ -49,8 +50,8 @@ def inside(points: list[list[float]]) -> Mask:
 
 def run_lengths(mask: Mask) -> list[int]:
     """COCO's run lengths, counted pixel by pixel down the columns."""
-    runs, current = [0], False
-    for value in mask.T.ravel():
+    runs, current = [0], 0
+    for value in mask.T.ravel().astype(int):
         if value != current:
             runs.append(0)
             current = value
@@ -95,9 +96,9 @@ def flat(points: list[list[float]]) -> list[float]:
     return [value for point in points for value in point]
 
 
-def outer_and_holes(region: ImageRegion) -> shapely.Geometry:
+def outer_and_holes(region: ImageRegion) -> BaseGeometry:
     """The region's rings as one shape: symmetric difference of all of them."""
-    shape: shapely.Geometry = shapely.Polygon()
+    shape: BaseGeometry = shapely.Polygon()
     for ring in region.rings:
         shape = shape.symmetric_difference(shapely.Polygon(ring))
     return shape
@@ -269,7 +270,7 @@ def test_run_lengths_of_any_mask_come_back(mask: Mask) -> None:
     runs = run_lengths(mask)
     codes = [runs, run_length_text(runs), run_length_text(runs).encode()]
     entries = [{"segmentation": {"size": list(mask.shape), "counts": counts}} for counts in codes]
-    for found in masks_from_segmenter(entries):
+    for found in masks_from_segmenter(entries):  # type: ignore[arg-type]
         assert np.array_equal(found, mask)
 
 
