@@ -20,7 +20,7 @@ from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
-from regionpose.solver import Alternative, PoseEstimate, estimate_pose
+from regionpose.solver import Alternative, PoseEstimate, PoseWarning, estimate_pose
 
 Array = NDArray[np.float64]
 
@@ -147,7 +147,13 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
         for other in local.alternatives
         for moved in [_moved(other, sides.origin)]
     )
-    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives)
+    remarks = (
+        PoseWarning("sparse-sampling", f"region {index}: {remark}")
+        for index, side in enumerate(sides.world_sides)
+        for remark in side.remarks
+    )
+    warnings = (*local.warnings, *remarks)
+    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:

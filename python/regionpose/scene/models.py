@@ -229,6 +229,9 @@ class WorldSeed(Item):
         None,
         description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
     )
+    min_width: Positive | None = Field(
+        None, description="metres; parts of the patch narrower than this, such as posts in its plane, are left out"
+    )
     radius: Positive | None = Field(
         None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Progress, grown, nearest_points, start_patch
 
 
@@ -15,6 +16,7 @@ def grow_plane(
     distance: float | None = None,
     radius: float | None = None,
     angle_deg: float = ANGLE_DEG,
+    min_width: float | None = None,
     progress: Progress | None = None,
 ) -> Indices:
     """Indices, ascending, of the points (n, 3) on the connected planar patch around a seed.
@@ -22,14 +24,17 @@ def grow_plane(
     `seed`: the index of a point, or a position (3,), metres. `distance`: of members from the plane at the most, else
     three standard deviations of the noise around the seed. `radius`: gaps up to this width are crossed, else from the
     spacing around the seed across scan lines. `angle_deg`: largest angle between the patch's normal and that of its
-    parts. `progress` is called with a share in [0, 1]. Points that aren't finite are passed over. ValueError for
-    arguments out of range, a seed away from all points, or one around which the points lie on no plane.
+    parts. `min_width`: parts of the patch narrower than this (metres) are left out, such as posts in the plane of a
+    panel, and what only they connect. `progress` is called with a share in [0, 1]. Points that aren't finite are passed
+    over. ValueError for arguments out of range, a seed away from all points, one around which the points lie on no
+    plane, or a patch that is nowhere `min_width` wide.
     """
     cloud = checked_cloud(points)
-    check_positive(distance=distance, radius=radius, angle_deg=angle_deg)
+    check_positive(distance=distance, radius=radius, angle_deg=angle_deg, min_width=min_width)
     start = _seed_position(cloud, seed)
     patch = start_patch(cloud, start, nearest_points(cloud, start), distance, radius)
-    return np.sort(grown(cloud, patch, start, angle_deg, progress).members)
+    members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
+    return members if min_width is None else members[without_narrow_parts(cloud[members], start, min_width)]
 
 
 def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -> int:
