@@ -5,7 +5,8 @@ and ends. Of each a scene file is written and run, as `regionpose estimate` does
 
     known    the region in the image is its polygon; in the world the known rectangle, else the labelled points
     points   the same with the labelled points, where there are such
-    seeds    the same with points grown from a click on the region: the labelled point nearest to their median
+    seeds    the same with points grown from a click on the region: the labelled point nearest to their median. The
+             lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width: 0.3`
 
 `--clicks N` grows from N labelled points at random besides and prints the median and the worst error of each scene.
 Boards of the folder acfr_fisheye are one rigid problem and are solved together as well. A single rectangle fits from
@@ -87,7 +88,12 @@ def world_item(region: Plain, folder: Path, way: str, click: int | None) -> Plai
         chosen = labelled[np.argmin(np.linalg.norm(labelled - np.median(labelled, axis=0), axis=1))]
     else:
         chosen = labelled[np.random.default_rng(click).integers(len(labelled))]
-    return {"seed": [float(value) for value in chosen]}
+    return {"seed": [float(value) for value in chosen], **region_options(region["name"])}
+
+
+def region_options(name: str) -> Plain:
+    """What a user would add to a click after one look at the overlay."""
+    return {"min_width": 0.3} if name == "truck_tailgate" else {}
 
 
 def scene_file(folder: Path, out: Path, way: str, click: int | None = None) -> Path | None:
