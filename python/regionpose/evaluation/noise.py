@@ -5,7 +5,7 @@ Each function returns a new object, changes none of its inputs, and draws only f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from skimage.measure import find_contours
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Array, Window
-from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon
+from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon, axes_across
 
 Mask = NDArray[np.bool_]
 
@@ -155,49 +155,64 @@ def squares_on_region(
     target = _checked_share(share) * region.area
     length = square_side(share, region.area) if side is None else _checked_side(side)
     squares = squares_along([frame.flat(ring) for ring in rings], length, rng)
-    count = _squares_needed(lambda n: disturbance(region, squares, n, length, grid).area, target, len(squares.adds))
-    if count is None:
-        reached = disturbance(region, squares, len(squares.adds), length, grid).area / target
-        raise ValueError(_unreached(share, reached, length, "m"))
-    if count == 0:
+    if target == 0.0:
         return frame.rings(region)
-    before = disturbance(region, squares, count - 1, length, grid)
+    pieces = _pieces_reaching(region, squares, length, target)
+    if pieces is None:
+        reached = _union_area(changed_pieces(region, squares, length)) / target
+        raise ValueError(_unreached(share, reached, length, "m"))
+    count = len(pieces)
+    before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
     last = _fitting_piece(region, before, squares, count - 1, length, target - before.area)
     # Touching squares may leave lines beside the polygons, which the overlay refuses.
     changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
 
 
-def disturbance(region: BaseGeometry, squares: Squares, count: int, side: float, grid: float) -> BaseGeometry:
-    """The part of the plane that the first `count` squares change: added outside the region, removed inside."""
-    corners = squares.centres[:count] - 0.5 * side
+def changed_pieces(region: BaseGeometry, squares: Squares, side: float) -> NDArray[np.object_]:
+    """(n,) what each square alone changes of the plane: its part outside the region when it adds, inside otherwise."""
+    corners = squares.centres - 0.5 * side
     boxes = shapely.box(corners[:, 0], corners[:, 1], corners[:, 0] + side, corners[:, 1] + side)
-    adds = squares.adds[:count]
-    added = shapely.union_all(boxes[adds], grid_size=grid).difference(region, grid_size=grid)
-    removed = shapely.union_all(boxes[~adds], grid_size=grid).intersection(region, grid_size=grid)
-    return added.union(removed, grid_size=grid)
+    pieces = np.empty(len(boxes), dtype=np.object_)
+    pieces[squares.adds] = shapely.difference(boxes[squares.adds], region)
+    pieces[~squares.adds] = shapely.intersection(boxes[~squares.adds], region)
+    return pieces
 
 
-def _squares_needed(changed_area: Callable[[int], float], target: float, most: int) -> int | None:
-    """The least count of squares that changes the target area; None when `most` do not."""
-    if target <= 0.0:
-        return 0
-    high = 1
-    while changed_area(high) < target:
-        if high == most:
+def _pieces_reaching(region: BaseGeometry, squares: Squares, side: float, target: float) -> NDArray[np.object_] | None:
+    """The least first pieces whose union has the target area; None when all of them have less."""
+    # A square changes about half of itself, and no more than all of it.
+    laid = int(np.ceil(2.0 * target / side**2))
+    while True:
+        pieces = changed_pieces(region, Squares(squares.centres[:laid], squares.adds[:laid]), side)
+        if _union_area(pieces) >= target:
+            return pieces[: _least_count(pieces, target)]
+        if laid >= len(squares.adds):
             return None
-        high = min(2 * high, most)
-    low = high // 2
+        laid *= 2
+
+
+def _least_count(pieces: NDArray[np.object_], target: float) -> int:
+    """The least count of pieces whose union has the target area, all of them having it."""
+    # Pieces overlap: their union has at most the sum of their areas.
+    low, high = int(np.searchsorted(np.cumsum(shapely.area(pieces)), target)), len(pieces)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if changed_area(middle) < target else (low, middle)
+        low, high = (middle, high) if _union_area(pieces[:middle]) < target else (low, middle)
     return high
+
+
+def _union_area(pieces: NDArray[np.object_]) -> float:
+    return float(shapely.union_all(pieces).area)
 
 
 def _fitting_piece(
     region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float
 ) -> BaseGeometry:
     """What a square shrunk about its centre adds to the disturbance before it: the missing area."""
+    # Squares that miss the target by a rounding leave nothing to place.
+    if missing <= 0.0:
+        return shapely.Polygon()
     centre, adds = squares.centres[index], squares.adds[index]
 
     def piece(size: float) -> BaseGeometry:
@@ -297,11 +312,10 @@ class SpinningLidar:
         """(n, 3) unit beams of one turn about the axis `up`, the first column at angle `phase` (rad)."""
         axis = np.asarray(up, dtype=np.float64)
         axis = axis / np.linalg.norm(axis)
-        forward = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        forward /= np.linalg.norm(forward)
+        forward, side = axes_across(axis).T
         elevation = np.radians(np.linspace(self.lowest_deg, self.highest_deg, self.beams))[:, None, None]
         azimuth = phase + np.radians(np.arange(0.0, 360.0, self.azimuth_step_deg))[None, :, None]
-        flat = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(axis, forward)
+        flat = np.cos(azimuth) * forward + np.sin(azimuth) * side
         beams: Array = (np.cos(elevation) * flat + np.sin(elevation) * axis).reshape(-1, 3)
         return beams
 
