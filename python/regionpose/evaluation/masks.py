@@ -52,6 +52,10 @@ class Window(NamedTuple):
         """The window's pixels in an image indexed [row, column]."""
         return slice(self.top, self.top + self.shape[0]), slice(self.left, self.left + self.shape[1])
 
+    def seen_from(self, left: int, top: int) -> Window:
+        """The window in an image whose first pixel is (left, top) of this one."""
+        return Window(self.left - left, self.top - top, self.right - left, self.bottom - top)
+
     def grown(self, margin: int, width: int, height: int) -> Window:
         """The window and `margin` px around it, within an image."""
         left, top = max(self.left - margin, 0), max(self.top - margin, 0)

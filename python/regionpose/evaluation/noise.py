@@ -157,13 +157,13 @@ def squares_on_region(
     squares = squares_along([frame.flat(ring) for ring in rings], length, rng)
     if target == 0.0:
         return frame.rings(region)
-    pieces = _pieces_reaching(region, squares, length, target)
+    pieces = _pieces_reaching(region, squares, length, target, grid)
     if pieces is None:
-        reached = _union_area(changed_pieces(region, squares, length)) / target
+        reached = _union_area(changed_pieces(region, squares, length), grid) / target
         raise ValueError(_unreached(share, reached, length, "m"))
     count = len(pieces)
     before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
-    last = _fitting_piece(region, before, squares, count - 1, length, target - before.area)
+    last = _fitting_piece(region, before, squares, count - 1, length, target - before.area, grid)
     # Touching squares may leave lines beside the polygons, which the overlay refuses.
     changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
@@ -179,35 +179,41 @@ def changed_pieces(region: BaseGeometry, squares: Squares, side: float) -> NDArr
     return pieces
 
 
-def _pieces_reaching(region: BaseGeometry, squares: Squares, side: float, target: float) -> NDArray[np.object_] | None:
+def _pieces_reaching(
+    region: BaseGeometry, squares: Squares, side: float, target: float, grid: float
+) -> NDArray[np.object_] | None:
     """The least first pieces whose union has the target area; None when all of them have less."""
     # A square changes about half of itself, and no more than all of it.
     laid = int(np.ceil(2.0 * target / side**2))
     while True:
         pieces = changed_pieces(region, Squares(squares.centres[:laid], squares.adds[:laid]), side)
-        if _union_area(pieces) >= target:
-            return pieces[: _least_count(pieces, target)]
+        if _union_area(pieces, grid) >= target:
+            return pieces[: _least_count(pieces, target, grid)]
         if laid >= len(squares.adds):
             return None
         laid *= 2
 
 
-def _least_count(pieces: NDArray[np.object_], target: float) -> int:
+def _least_count(pieces: NDArray[np.object_], target: float, grid: float) -> int:
     """The least count of pieces whose union has the target area, all of them having it."""
     # Pieces overlap: their union has at most the sum of their areas.
     low, high = int(np.searchsorted(np.cumsum(shapely.area(pieces)), target)), len(pieces)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if _union_area(pieces[:middle]) < target else (low, middle)
+        low, high = (middle, high) if _union_area(pieces[:middle], grid) < target else (low, middle)
     return high
 
 
-def _union_area(pieces: NDArray[np.object_]) -> float:
-    return float(shapely.union_all(pieces).area)
+def _union_area(pieces: NDArray[np.object_], grid: float) -> float:
+    try:
+        return float(shapely.union_all(pieces).area)
+    except shapely.GEOSException:
+        # The grid is what coinciding edges need, at three times the cost.
+        return float(shapely.union_all(pieces, grid_size=grid).area)
 
 
 def _fitting_piece(
-    region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float
+    region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float, grid: float
 ) -> BaseGeometry:
     """What a square shrunk about its centre adds to the disturbance before it: the missing area."""
     # Squares that miss the target by a rounding leave nothing to place.
@@ -217,8 +223,9 @@ def _fitting_piece(
 
     def piece(size: float) -> BaseGeometry:
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
-        part: BaseGeometry = square.difference(region) if adds else square.intersection(region)
-        return part.difference(before)
+        part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
+        left: BaseGeometry = part.difference(before, grid_size=grid)
+        return left
 
     if piece(side).area <= missing:
         return piece(side)
