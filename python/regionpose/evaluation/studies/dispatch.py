@@ -25,6 +25,9 @@ Result = TypeVar("Result")
 MOST_ATTEMPTS = 3
 """Times that a task is begun: one that ends its worker each time would go on for ever."""
 
+MOST_RUNNING = 1000
+"""Tasks handed to a caller's executor at a time: more than a cluster has workers, few enough to watch."""
+
 TASKS_AHEAD = 2
 """Tasks that wait in an own pool for each of its processes: enough to keep it busy, and few that a crash holds up."""
 
@@ -38,13 +41,13 @@ class Dispatcher(Generic[Task, Result]):
     """Runs `function` over tasks on an executor.
 
     `renew`: makes the executor again after one of its processes ended; None for the caller's own, which is not ours to
-    replace. `most_running`: tasks handed over at a time, None for all.
+    replace. `most_running`: tasks handed over at a time.
     """
 
     executor: Executor
     function: Callable[[Task], Result]
     renew: Callable[[], Executor] | None = None
-    most_running: int | None = None
+    most_running: int = MOST_RUNNING
     _running: dict[Future[Result], Task] = field(default_factory=dict)
     _lost: deque[Task] = field(default_factory=deque)
     _attempts: Counter[Task] = field(default_factory=Counter)
@@ -67,7 +70,7 @@ class Dispatcher(Generic[Task, Result]):
                 future.cancel()
 
     def _fill(self, waiting: deque[Task]) -> None:
-        while waiting and (self.most_running is None or len(self._running) < self.most_running):
+        while waiting and len(self._running) < self.most_running:
             self._submit(waiting.popleft())
         if not waiting and not self._running and self._lost:
             self._submit(self._lost.popleft())

@@ -5,6 +5,7 @@ Lines differ in lightness, dash and marker, so that they can be told apart in pr
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -119,15 +120,8 @@ def _styles(count: int) -> list[dict[str, Any]]:
     from matplotlib import colormaps
 
     colours = colormaps["viridis"](np.linspace(0.0, LIGHTEST, count))
-    return [
-        {
-            "color": colours[i],
-            "linestyle": DASHES[i % len(DASHES)],
-            "marker": MARKERS[i % len(MARKERS)],
-            "markersize": 4,
-        }
-        for i in range(count)
-    ]
+    cycles = zip(colours, itertools.cycle(DASHES), itertools.cycle(MARKERS), strict=False)
+    return [{"color": colour, "linestyle": dash, "marker": marker, "markersize": 4} for colour, dash, marker in cycles]
 
 
 def _sorted_figure(results: Results, chart: Chart) -> Figure:

@@ -16,6 +16,11 @@ from regionpose.evaluation.studies.rows import COLUMN_TYPES, Results, Row
 PARQUET = ".parquet"
 """Ending of a file of rows that is written as Parquet; any other is CSV."""
 
+
+class OtherSettingsError(ValueError):
+    """A journal holds the rows of other settings."""
+
+
 Key = tuple[int, int]
 """Index of the condition and seed of a problem."""
 
@@ -27,7 +32,7 @@ class Journal:
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any]) -> None:
-        """Read what an earlier run left at `path`; ValueError when other settings made it."""
+        """Read what an earlier run left at `path`; OtherSettingsError when other settings made it."""
         self._path = path
         self._file: TextIOWrapper | None = None
         self.done: dict[Key, Row] = {}
@@ -97,7 +102,7 @@ def _refuse_other_settings(path: Path, found: Mapping[str, Any], needed: Mapping
     needed = json.loads(_json(needed))
     for name in {**needed, **found}:
         if found.get(name) != needed.get(name):
-            raise ValueError(
+            raise OtherSettingsError(
                 f"{path}: holds rows of other settings, {name} {_brief(found.get(name))}; needed"
                 f" {_brief(needed.get(name))}: take the same settings up again, choose another file or start anew"
             )
