@@ -29,6 +29,8 @@ SQUARE_SIDE_SHARE = 0.1
 SQUARE_SIDE_GROWTH = 0.5
 # Squares are laid until their sides add up to so many boundary lengths; then the band beside it is full (1 - e^-12).
 MAX_BOUNDARY_COVER = 24.0
+# Squares looked at first, in target areas: one changes about half of itself, and some of that twice.
+SQUARES_LAID = 3.0
 # Relative precision in length to which the last square and the edge of an occlusion are placed.
 SHARE_PRECISION = 1e-9
 # Grid of polygon operations as a share of the square root of the region's area: snapping to it keeps the many
@@ -92,18 +94,25 @@ def mask_boundary(mask: Mask) -> list[Array]:
     return [contour[:-1, ::-1] + corner for contour in contours]
 
 
-def squares_on_mask(mask: ArrayLike, share: float, rng: np.random.Generator, side: float | None = None) -> Mask:
+def squares_on_mask(
+    mask: ArrayLike,
+    share: float,
+    rng: np.random.Generator,
+    side: float | None = None,
+    boundary: Sequence[Array] | None = None,
+) -> Mask:
     """The mask after squares were added or removed along its boundary until `share` of its area has changed.
 
     Exact to half a pixel: of the last square only as many pixels change as are needed. Pixels once changed stay so.
-    `side`: px, else `square_side`. ValueError when the squares are too small ever to reach the share.
+    `side`: px, else `square_side`. `boundary`: the (m, 2) rings along which squares lie, px, where they are known; else
+    they are traced. ValueError when the squares are too small ever to reach the share.
     """
     region = _checked_mask(mask)
     target = round(_checked_share(share) * int(region.sum()))
     length = square_side(share, float(region.sum())) if side is None else _checked_side(side)
     changed = np.zeros_like(region)
     missing = target
-    squares = squares_along(mask_boundary(region), length, rng)
+    squares = squares_along(mask_boundary(region) if boundary is None else boundary, length, rng)
     for centre, adds in zip(squares.centres, squares.adds, strict=True):
         if missing <= 0:
             break
@@ -183,24 +192,31 @@ def _pieces_reaching(
     region: BaseGeometry, squares: Squares, side: float, target: float, grid: float
 ) -> NDArray[np.object_] | None:
     """The least first pieces whose union has the target area; None when all of them have less."""
-    # A square changes about half of itself, and no more than all of it.
-    laid = int(np.ceil(2.0 * target / side**2))
+    laid = int(np.ceil(SQUARES_LAID * target / side**2))
     while True:
         pieces = changed_pieces(region, Squares(squares.centres[:laid], squares.adds[:laid]), side)
-        if _union_area(pieces, grid) >= target:
-            return pieces[: _least_count(pieces, target, grid)]
+        area = _union_area(pieces, grid)
+        if area >= target:
+            return pieces[: _least_count(pieces, area, target, grid)]
         if laid >= len(squares.adds):
             return None
         laid *= 2
 
 
-def _least_count(pieces: NDArray[np.object_], target: float, grid: float) -> int:
-    """The least count of pieces whose union has the target area, all of them having it."""
-    # Pieces overlap: their union has at most the sum of their areas.
-    low, high = int(np.searchsorted(np.cumsum(shapely.area(pieces)), target)), len(pieces)
+def _least_count(pieces: NDArray[np.object_], area: float, target: float, grid: float) -> int:
+    """The least count of pieces whose union has the target area, all of them having `area`.
+
+    The area of the union grows almost evenly with the count, so that it is looked for in proportion.
+    """
+    low, low_area, high, high_area = 0, 0.0, len(pieces), area
     while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if _union_area(pieces[:middle], grid) < target else (low, middle)
+        share = (target - low_area) / (high_area - low_area)
+        middle = int(np.clip(round(low + share * (high - low)), low + 1, high - 1))
+        area = _union_area(pieces[:middle], grid)
+        if area < target:
+            low, low_area = middle, area
+        else:
+            high, high_area = middle, area
     return high
 
 

@@ -109,7 +109,7 @@ def image_patches(scene: Scene, condition: Condition, rng: np.random.Generator) 
     margins = [_margin(rings, condition.noise) if grows else 0 for rings in scene.image_rings]
     sides = list(zip(scene.image_rings, margins, strict=True))
     binary = [binary_patch(rings, *size, margin) for rings, margin in sides]
-    given = disturbed(binary, condition, rng) if noisy else binary
+    given = disturbed(binary, scene.image_rings, condition, rng) if noisy else binary
     if condition.masks == "binary":
         return binary, given
     coverage = [coverage_patch(rings, *size, margin) for rings, margin in sides]
@@ -126,12 +126,21 @@ def _margin(rings: Sequence[Array], share: float) -> int:
     return int(np.ceil(square_side(share, float(np.prod(high - low))))) + 1
 
 
-def disturbed(patches: list[Patch], condition: Condition, rng: np.random.Generator) -> list[Patch]:
-    """The masks with the share `noise` of their area changed."""
+def disturbed(
+    patches: list[Patch], rings: list[list[Array]], condition: Condition, rng: np.random.Generator
+) -> list[Patch]:
+    """The masks, of regions with those pixel rings, with the share `noise` of their area changed."""
     if condition.disturbance == "truncation":
         return truncated(patches, condition.noise, rng)
-    change = squares_on_mask if condition.disturbance == "squares" else occlude_mask
-    return [Patch(change(patch.values, condition.noise, rng), patch.window) for patch in patches]
+    changed = []
+    for patch, outline in zip(patches, rings, strict=True):
+        if condition.disturbance == "occlusion":
+            mask = occlude_mask(patch.values, condition.noise, rng)
+        else:
+            boundary = [ring - (patch.window.left, patch.window.top) for ring in outline]
+            mask = squares_on_mask(patch.values, condition.noise, rng, boundary=boundary)
+        changed.append(Patch(mask, patch.window))
+    return changed
 
 
 def truncated(patches: list[Patch], share: float, rng: np.random.Generator) -> list[Patch]:
