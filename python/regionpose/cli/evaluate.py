@@ -27,39 +27,56 @@ TOLD_PERCENT = 10
 """Where there is no terminal, progress is a line each time that so much more is done."""
 
 
+Name = Annotated[
+    str,
+    typer.Argument(
+        help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion, truncation,"
+        " lidar or calibration."
+    ),
+]
+Scenes = Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")]
+Planes = Annotated[str | None, typer.Option("--planes", help="Numbers of planes, as 1,2,3.")]
+Noise = Annotated[str | None, typer.Option("--noise", help="Per cent of a region's area that is wrong, as 0,5,20.")]
+Side = Annotated[str | None, typer.Option("--side", help="What is wrong: 2d (the mask), 3d, or 2d,3d.")]
+Masks = Annotated[str | None, typer.Option("--masks", help="binary, coverage, or both as binary,coverage.")]
+Templates = Annotated[str | None, typer.Option("--templates", help="all, asymmetric or symmetric.")]
+System = Annotated[str | None, typer.Option("--system", help="plane, sphere, or plane,sphere.")]
+Solver = Annotated[
+    list[str] | None,
+    typer.Option("--solver", help="Options of estimate_pose, as 'driver=native'; repeat it to compare several."),
+]
+OwnCamera = Annotated[
+    Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
+]
+Depth = Annotated[str, typer.Option("--depth", help="Metres before a camera of your own.")]
+Lateral = Annotated[str, typer.Option("--lateral", help="Metres sideways and up, of a camera of your own.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of the first scene.")]
+Workers = Annotated[int, typer.Option("--workers", "-j", help="Processes.")]
+Dask = Annotated[str | None, typer.Option("--dask", help="Address of a dask scheduler, in place of them.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="File of the rows, .csv or .parquet.  [default: NAME.csv]")
+]
+Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the plots (matplotlib).")]
+
+
 def evaluate(
-    name: Annotated[
-        str,
-        typer.Argument(
-            help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion,"
-            " truncation, lidar or calibration."
-        ),
-    ],
-    scenes: Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")] = 100,
-    planes: Annotated[str | None, typer.Option("--planes", help="Numbers of planes, as 1,2,3.")] = None,
-    noise: Annotated[
-        str | None, typer.Option("--noise", help="Per cent of a region's area that is wrong, as 0,5,20.")
-    ] = None,
-    side: Annotated[str | None, typer.Option("--side", help="What is wrong: 2d (the mask), 3d, or 2d,3d.")] = None,
-    masks: Annotated[str | None, typer.Option("--masks", help="binary, coverage, or both as binary,coverage.")] = None,
-    templates: Annotated[str | None, typer.Option("--templates", help="all, asymmetric or symmetric.")] = None,
-    system: Annotated[str | None, typer.Option("--system", help="plane, sphere, or plane,sphere.")] = None,
-    solver: Annotated[
-        list[str] | None,
-        typer.Option("--solver", help="Options of estimate_pose, as 'driver=native'; repeat it to compare several."),
-    ] = None,
-    camera: Annotated[
-        Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
-    ] = None,
-    depth: Annotated[str, typer.Option("--depth", help="Metres before a camera of your own.")] = "4,6",
-    lateral: Annotated[str, typer.Option("--lateral", help="Metres sideways and up, of a camera of your own.")] = "0,1",
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the first scene.")] = 0,
-    workers: Annotated[int, typer.Option("--workers", "-j", help="Processes.")] = 1,
-    dask: Annotated[str | None, typer.Option("--dask", help="Address of a dask scheduler, in place of them.")] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File of the rows, .csv or .parquet.  [default: NAME.csv]")
-    ] = None,
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the plots (matplotlib).")] = True,
+    name: Name,
+    scenes: Scenes = 100,
+    planes: Planes = None,
+    noise: Noise = None,
+    side: Side = None,
+    masks: Masks = None,
+    templates: Templates = None,
+    system: System = None,
+    solver: Solver = None,
+    camera: OwnCamera = None,
+    depth: Depth = "4,6",
+    lateral: Lateral = "0,1",
+    seed: Seed = 0,
+    workers: Workers = 1,
+    dask: Dask = None,
+    out: Out = None,
+    plots: Plots = True,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -72,22 +89,15 @@ def evaluate(
     Examples:
       regionpose evaluate perspective --scenes 40 --workers 4
       regionpose evaluate perspective --planes 3 --noise 5 --seed 17 --scenes 1 --out one.csv
-      regionpose evaluate integration --scenes 200 --out integration.parquet
       regionpose evaluate occlusion --solver driver=scipy --solver driver=native
       regionpose evaluate regions --camera calib.yaml --depth 3,5 --noise 0,5
-      regionpose evaluate perspective --scenes 1000 --dask tcp://head:8786
     """
-    from regionpose.evaluation.studies.storage import check_rows_path
-
-    rows_path = out or Path(f"{name}.csv")
     lists = {"planes": planes, "noise": noise, "side": side, "masks": masks, "templates": templates}
     study = _chosen_study(name, lists, system, solver or [])
     if camera is not None:
         study = _with_camera(study, camera, _range("--depth", depth), _range("--lateral", lateral))
-    check_rows_path(rows_path)
-    refuse_existing([rows_path, *(rows_path.with_suffix(ending) for ending in (".md", ".json"))], force)
-    if plots:
-        _check_plots()
+    rows_path = out or Path(f"{name}.csv")
+    _check_files(rows_path, plots=plots, force=force)
     results = _run(study, rows_path, scenes, seed, workers, dask, force=force, quiet=quiet)
     _write_all(study, results, rows_path, plots=plots, force=force)
 
@@ -132,13 +142,18 @@ def _with_camera(study: Study, path: Path, depth: tuple[float, float], lateral: 
     return study.with_setup(path.stem, Setup(camera, PoseRange(lateral=lateral, depth=depth)))
 
 
-def _check_plots() -> None:
+def _check_files(rows_path: Path, *, plots: bool, force: bool) -> None:
+    """Refuse before the long work what could not be written after it."""
     from regionpose.evaluation.studies.plots import check_plots
+    from regionpose.evaluation.studies.storage import check_rows_path
 
-    try:
-        check_plots()
-    except ImportError as error:
-        raise ImportError(f"{error}, or --no-plots") from error
+    check_rows_path(rows_path)
+    refuse_existing([rows_path, *(rows_path.with_suffix(ending) for ending in (".md", ".json"))], force)
+    if plots:
+        try:
+            check_plots()
+        except ImportError as error:
+            raise ImportError(f"{error}, or --no-plots") from error
 
 
 def _run(
