@@ -38,6 +38,9 @@ SHARE_PRECISION = 1e-9
 GRID_SHARE = 1e-9
 
 
+POLYGON_TYPES = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
+
+
 def _checked_share(share: float) -> float:
     if not 0.0 <= share < 1.0:
         raise ValueError(f"share is {share}; it must be at least 0 and under 1")
@@ -173,7 +176,6 @@ def squares_on_region(
     count = len(pieces)
     before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
     last = _fitting_piece(region, before, squares, count - 1, length, target - before.area, grid)
-    # Touching squares may leave lines beside the polygons, which the overlay refuses.
     changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
 
@@ -185,6 +187,9 @@ def changed_pieces(region: BaseGeometry, squares: Squares, side: float) -> NDArr
     pieces = np.empty(len(boxes), dtype=np.object_)
     pieces[squares.adds] = shapely.difference(boxes[squares.adds], region)
     pieces[~squares.adds] = shapely.intersection(boxes[~squares.adds], region)
+    # A square that touches an edge leaves lines beside polygons, which the overlay refuses.
+    for index in np.flatnonzero(~np.isin(shapely.get_type_id(pieces), POLYGON_TYPES)):
+        pieces[index] = as_multipolygon(pieces[index])
     return pieces
 
 
@@ -240,7 +245,7 @@ def _fitting_piece(
     def piece(size: float) -> BaseGeometry:
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
         part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
-        left: BaseGeometry = part.difference(before, grid_size=grid)
+        left: BaseGeometry = as_multipolygon(part).difference(before, grid_size=grid)
         return left
 
     if piece(side).area <= missing:
