@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from matplotlib.patches import Rectangle
-from regionpose.cameras import PinholeCamera
+from regionpose.cameras import Camera, PinholeCamera, UnifiedCamera
 from regionpose.evaluation import setups
 from regionpose.evaluation.measures import summarize
 from regionpose.evaluation.scenes import Layout, draw_scene, problem_generator
@@ -145,6 +145,19 @@ def test_a_lidar_and_a_wrong_calibration_reach_the_estimate() -> None:
     assert 0.0 < problem.world_change < 0.5
     axis = problem.camera.project(np.array([[0.0, 0.0, 1.0]]))
     assert 0.1 < np.linalg.norm(axis - (179.5, 119.5)) < 10.0
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        PinholeCamera(288.0, 280.0, 170.0, 125.0, WIDTH, HEIGHT, distortion=(-0.2, 0.05, 0.001, -0.001)),
+        UnifiedCamera(1.1, 300.0, 300.0, 179.5, 119.5, width=WIDTH, height=HEIGHT),
+    ],
+)
+def test_any_camera_draws_and_solves_problems(camera: Camera) -> None:
+    study = QUICK.with_setup("mine", setups.Setup(camera, setups.PoseRange((0.0, 0.5), (2.0, 3.0))))
+    rows = run_study(study.with_values({"noise": (0.0,)}), 3)
+    assert rows.column("nearest_solved").all()
 
 
 @pytest.mark.parametrize("grazing", [1.0, 20.0])

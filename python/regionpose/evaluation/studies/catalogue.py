@@ -107,13 +107,10 @@ _ALL = (
     Study(
         "calibration",
         "Errors of a camera whose focal length and principal point are not quite known.",
-        [
-            {"planes": PLANES, "focal_error": (0.0, 0.001, 0.003, 0.01)},
-            {"planes": PLANES, "center_error_px": (1.0, 3.0, 10.0)},
-        ],
+        [{"planes": PLANES, "center_error_px": (0.0, 3.0), "focal_error": (0.0, 0.001, 0.003, 0.01)}],
         [
             Chart("sorted", lines="focal_error", panels="planes"),
-            Chart("solved", lines="planes", across="focal_error"),
+            Chart("solved", lines="planes", panels="center_error_px", across="focal_error"),
         ],
     ),
 )

@@ -52,6 +52,7 @@ NAMES = {
     "lidar_beams": "beams",
     "range_noise_m": "range noise, m",
     "focal_error": "focal length error",
+    "center_error_px": "principal point error, px",
 }
 """How columns are called in pictures; by their own name when not here, left out when empty."""
 
