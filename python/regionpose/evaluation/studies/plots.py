@@ -29,6 +29,12 @@ MARKERS = ("o", "s", "^", "D", "v", "x")
 LIGHTEST = 0.82
 """Share of the colour map that is used: what is lighter vanishes on paper."""
 
+LEGEND_CHARACTERS, HANDLE_CHARACTERS = 13.0, 8
+"""Characters of a legend on an inch, and those that the line before a name takes the room of."""
+
+LABELLED_DECADES = (1.5, 0.6)
+"""Decades of an axis below which some of the values between powers of ten have labels, and below which all have."""
+
 MARKS_ON_A_CURVE = 6
 MOST_BARS = 8
 """Values of a column up to which solved shares are bars; a line beyond."""
@@ -113,7 +119,8 @@ def _titled(name: str, value: Value) -> str:
     text, called = value_text(name, value), NAMES.get(name, name)
     if name == "planes":
         return f"{text} plane{'s' if value != 1 else ''}"
-    return f"{called} {text}".strip()
+    what, _, unit = called.partition(", ")
+    return f"{what} {text} {unit}".strip()
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
@@ -143,6 +150,8 @@ def _sorted_figure(results: Results, chart: Chart) -> Figure:
 
 
 def _draw_sorted(panel: Axes, shown: Results, lines: str, values: Sequence[Value], name: str, factor: float) -> None:
+    from matplotlib.ticker import LogFormatter
+
     column = name if name == "estimate_s" else f"{NEAREST}{name}"
     for value, style in zip(values, _styles(len(values)), strict=True):
         group = shown.where(**{lines: value})
@@ -153,6 +162,8 @@ def _draw_sorted(panel: Axes, shown: Results, lines: str, values: Sequence[Value
         every = max(len(errors) // MARKS_ON_A_CURVE, 1)
         panel.plot(share, errors, label=value_text(lines, value), linewidth=1.2, markevery=every, **style)
     panel.set_yscale("log")
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=LABELLED_DECADES))
     panel.set_xlim(0.0, 100.0)
     panel.grid(alpha=0.3)
 
@@ -167,7 +178,8 @@ def _share_limits(row: Sequence[Axes]) -> None:
 def _legend(figure: Figure, panel: Axes, lines: str) -> None:
     handles, labels = panel.get_legend_handles_labels()
     title = NAMES.get(lines, lines)
-    columns = min(len(labels), 6)
+    room = int(LEGEND_CHARACTERS * figure.get_figwidth() / (max(map(len, labels)) + HANDLE_CHARACTERS))
+    columns = int(np.clip(len(labels), 1, max(room, 1)))
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, title=title or None, fontsize=8)
 
 
