@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -141,6 +143,18 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     path.write_text("rotation,translation\n", encoding="utf-8")
     with pytest.raises(ValueError, match="line 1 is not JSON"):
         Journal(path, {})
+
+
+def test_a_script_that_its_workers_would_run_again_is_told_so(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from regionpose.evaluation.studies import run_study, study_named\n"
+        "run_study(study_named('regions'), 1, workers=2)\n",
+        encoding="utf-8",
+    )
+    ended = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 1
+    assert 'needs `if __name__ == "__main__":`' in ended.stderr
 
 
 def refused(task: int) -> int:

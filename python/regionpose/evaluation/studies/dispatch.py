@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
@@ -120,6 +121,7 @@ def process_pool(workers: int, function: Callable[[Task], Result]) -> Iterator[D
             pool.shutdown(wait=False, cancel_futures=True)
         context = multiprocessing.get_context("spawn")
         pools.append(ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_interrupts))
+        _refuse_stillborn(pools[-1])
         return pools[-1]
 
     dispatcher: Dispatcher[Task, Result] = Dispatcher(start(), function, start, TASKS_AHEAD * workers)
@@ -128,6 +130,17 @@ def process_pool(workers: int, function: Callable[[Task], Result]) -> Iterator[D
     finally:
         for pool in pools:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _refuse_stillborn(pool: Executor) -> None:
+    """RuntimeError where no process lives long enough to do anything: tasks would be given up one after the other."""
+    try:
+        pool.submit(os.getpid).result()
+    except BrokenExecutor as error:
+        raise RuntimeError(
+            'the worker processes ended as they started; a script with workers needs `if __name__ == "__main__":`'
+            " around what it runs"
+        ) from error
 
 
 def _leave_interrupts() -> None:
