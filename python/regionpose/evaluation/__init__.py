@@ -2,6 +2,7 @@
 
 `scene = perspective_scene(seed, planes)` makes one problem; `scene.masks()` is what the camera sees of
 `scene.regions`, and `pose_errors` compares an estimate with `scene.rotation, scene.translation` at `scene.anchor`.
+Studies of many problems are in `regionpose.evaluation.studies`.
 """
 
 from __future__ import annotations
