@@ -20,7 +20,7 @@ from regionpose.clouds import read_cloud
 from regionpose.demo.scene import folder as demo_folder
 from scene_files import POSE, scene_values, write_scene
 
-COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "info", "schema")
+COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
 
 HELP_SECONDS = 0.5
 """What `regionpose --help` may take, the interpreter's start included: longer feels slow at a prompt."""

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import PinholeCamera
-from regionpose.evaluation import masks, measures, planar, scenes
+from regionpose.evaluation import masks, measures, planar, scenes, setups
 from regionpose.evaluation.template_drawings import drawn_templates
 from regionpose.evaluation.templates import Template, all_templates, load_templates, template_named
 from scipy.spatial.transform import Rotation
@@ -177,9 +177,9 @@ def test_coverage_agrees_with_supersampling() -> None:
 
 def test_fisheye_ring_follows_the_curved_boundary_and_pinhole_ring_stays() -> None:
     square = np.array([[-1.0, -1.0, 1.2], [1.0, -1.0, 0.9], [1.0, 1.0, 1.1], [-1.0, 1.0, 1.4]])
-    pinhole, fisheye = scenes.perspective_camera(), scenes.fisheye_camera()
+    pinhole, fisheye = setups.perspective_camera(), setups.fisheye_camera()
     assert np.array_equal(masks.project_ring(pinhole, square), pinhole.project(square))
-    for camera in (fisheye, scenes.omnidirectional_camera()):
+    for camera in (fisheye, setups.omnidirectional_camera()):
         ring = shapely.LinearRing(masks.project_ring(camera, square))
         steps = np.linspace(0.0, 1.0, 3001)[:, None]
         for a, b in zip(square, np.roll(square, -1, axis=0), strict=True):
@@ -190,7 +190,7 @@ def test_fisheye_ring_follows_the_curved_boundary_and_pinhole_ring_stays() -> No
 def test_what_cannot_be_drawn_is_named() -> None:
     behind = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, -1.0], [0.0, 1.0, 1.0]])
     with pytest.raises(masks.ProjectionError, match=r"no image, the first at \[ 1\. +0\. -1\.\] m"):
-        masks.project_ring(scenes.perspective_camera(), behind)
+        masks.project_ring(setups.perspective_camera(), behind)
     with pytest.raises(ValueError, match=r"ring 0 has shape \(2, 2\)"):
         masks.binary_mask([np.zeros((2, 2))], 5, 5)
     with pytest.raises(ValueError, match="ring 0 holds NaN"):
@@ -208,7 +208,7 @@ def test_every_region_is_wholly_seen_from_its_front_and_hides_no_other(make: Sce
         planes, regions_per_plane = LAYOUTS[seed % len(LAYOUTS)]
         scene = make(seed, planes, regions_per_plane=regions_per_plane, study="test")
         assert len(scene.regions) == len(scene.names) == planes * regions_per_plane
-        image = shapely.box(-0.5, -0.5, scenes.SENSOR_WIDTH_PX - 0.5, scenes.SENSOR_HEIGHT_PX - 0.5)
+        image = shapely.box(-0.5, -0.5, setups.SENSOR_WIDTH_PX - 0.5, setups.SENSOR_HEIGHT_PX - 0.5)
         outlines = [shapely.Polygon(rings[0]) for rings in scene.image_rings]
         assert all(image.contains(outline) and outline.exterior.is_ccw for outline in outlines)
         assert shapely.union_all(outlines).area == pytest.approx(sum(outline.area for outline in outlines))
@@ -225,7 +225,7 @@ def test_masks_and_coverages_hold_the_regions_area(make: SceneMaker) -> None:
         area = even_odd(rings).area
         assert coverage.sum() == pytest.approx(area, rel=1e-12)
         assert int(mask.sum()) == pytest.approx(area, rel=5e-3)
-        assert mask.shape == coverage.shape == (scenes.SENSOR_HEIGHT_PX, scenes.SENSOR_WIDTH_PX)
+        assert mask.shape == coverage.shape == (setups.SENSOR_HEIGHT_PX, setups.SENSOR_WIDTH_PX)
         assert not mask[coverage == 0.0].any()
         assert mask[coverage == 1.0].all()
     assert np.sum(scene.masks(), axis=0).max() == 1
@@ -299,7 +299,7 @@ def test_an_impossible_scene_says_what_could_not_be_placed() -> None:
     narrow = PinholeCamera(50_000, 50_000, 100, 100, width=200, height=200)
     layout = scenes.Layout(planes=2, templates="symmetric")
     with pytest.raises(scenes.ScenePlacementError, match=r"plane 1 of 2 \(\w+\) could not be placed"):
-        scenes.draw_scene(narrow, scenes.PERSPECTIVE_RANGE, layout, scenes.problem_generator(0))
+        scenes.draw_scene(narrow, setups.perspective_setup().poses, layout, scenes.problem_generator(0))
     with pytest.raises(ValueError, match="planes is 0"):
         scenes.perspective_scene(0, 0)
     with pytest.raises(ValueError, match="'lidar'"):
@@ -307,9 +307,9 @@ def test_an_impossible_scene_says_what_could_not_be_placed() -> None:
 
 
 def test_omnidirectional_camera_sees_180_degrees_within_its_image() -> None:
-    camera = scenes.omnidirectional_camera()
+    camera = setups.omnidirectional_camera()
     center = np.array(camera.center)
-    edge = camera.bearings(np.array([center, center + np.array([0, scenes.OMNIDIRECTIONAL_RADIUS_PX])]))
+    edge = camera.bearings(np.array([center, center + np.array([0, setups.OMNIDIRECTIONAL_RADIUS_PX])]))
     assert edge[0] == pytest.approx([0, 0, 1])
     assert edge[1] == pytest.approx([0, 1, 0], abs=1e-9)
-    assert center[1] + scenes.OMNIDIRECTIONAL_RADIUS_PX <= scenes.SENSOR_HEIGHT_PX - 0.5
+    assert center[1] + setups.OMNIDIRECTIONAL_RADIUS_PX <= setups.SENSOR_HEIGHT_PX - 0.5

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import FisheyeCamera, PinholeCamera
-from regionpose.evaluation import masks, measures, noise, planar, scenes
+from regionpose.evaluation import masks, measures, noise, planar, setups
 from regionpose.evaluation.templates import all_templates, template_named
 from scipy.spatial.transform import Rotation
 
@@ -37,7 +37,7 @@ def small_mask(seed: int) -> NDArray[np.bool_]:
 
 def tilted_region(seed: int) -> list[Array]:
     """A template turned and moved in space."""
-    turn = scenes.any_rotation(np.random.default_rng(seed))
+    turn = setups.any_rotation(np.random.default_rng(seed))
     return [ring @ turn.T + (1.0, 2.0, 3.0) for ring in all_templates()[seed % 25].region()]
 
 
@@ -176,7 +176,7 @@ def test_a_miscalibrated_pinhole_is_the_pinhole_with_the_wrong_numbers() -> None
 
 
 def test_calibration_errors_have_the_stated_spread_and_stay_consistent() -> None:
-    camera: FisheyeCamera = scenes.fisheye_camera()
+    camera: FisheyeCamera = setups.fisheye_camera()
     drawn = [noise.miscalibrate(camera, 0.01, 2.0, np.random.default_rng(seed)) for seed in range(300)]
     assert np.std([wrong.focal_scale for wrong in drawn]) == pytest.approx(0.01, rel=0.15)
     assert np.std([wrong.shift for wrong in drawn]) == pytest.approx(2.0, rel=0.15)
@@ -193,14 +193,14 @@ def test_calibration_errors_have_the_stated_spread_and_stay_consistent() -> None
 
 def random_pose(rng: np.random.Generator) -> tuple[Array, Array]:
     """Any rotation and a translation of a few metres."""
-    return scenes.any_rotation(rng), rng.normal(0.0, 3.0, 3)
+    return setups.any_rotation(rng), rng.normal(0.0, 3.0, 3)
 
 
 @given(SEEDS, st.floats(1e-6, 179.0))
 def test_rotation_error_is_the_angle_between_the_poses(seed: int, angle: float) -> None:
     rng = np.random.default_rng(seed)
     true, _ = random_pose(rng)
-    axis = scenes.random_direction(3, rng)
+    axis = setups.random_direction(3, rng)
     estimated = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix() @ true
     assert measures.rotation_error(estimated, true) == pytest.approx(angle, abs=1e-9)
     assert measures.rotation_error(true, estimated) == pytest.approx(angle, abs=1e-9)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from regionpose import __version__
-from regionpose.cli import demo, estimate, fuse, info, project, schema, segment
+from regionpose.cli import demo, estimate, evaluate, fuse, info, project, schema, segment
 
 FINE, BAD_INPUT, NO_POSE, INTERRUPTED = 0, 2, 3, 130
 
@@ -42,6 +42,7 @@ app.command("segment")(segment.segment)
 app.command("fuse")(fuse.fuse)
 app.command("project")(project.project)
 app.command("demo")(demo.demo)
+app.command("evaluate")(evaluate.evaluate)
 app.command("info")(info.info)
 app.command("schema")(schema.schema)
 

@@ -2,6 +2,7 @@
 
 `scene = perspective_scene(seed, planes)` makes one problem; `scene.masks()` is what the camera sees of
 `scene.regions`, and `pose_errors` compares an estimate with `scene.rotation, scene.translation` at `scene.anchor`.
+Studies of many problems are in `regionpose.evaluation.studies`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ from regionpose.evaluation.noise import (
 )
 from regionpose.evaluation.scenes import (
     Layout,
-    PoseRange,
     Scene,
     ScenePlacementError,
     draw_scene,
@@ -37,24 +37,38 @@ from regionpose.evaluation.scenes import (
     omnidirectional_scene,
     perspective_scene,
     problem_generator,
+    setup_scene,
+)
+from regionpose.evaluation.setups import (
+    GrazingPoses,
+    PoseRange,
+    Setup,
+    TurnedPoses,
+    fisheye_setup,
+    omnidirectional_setup,
+    perspective_setup,
 )
 from regionpose.evaluation.templates import Template, all_templates, load_templates, template_named
 
 __all__ = [
+    "GrazingPoses",
     "Layout",
     "MiscalibratedCamera",
     "PoseErrors",
     "PoseRange",
     "Scene",
     "ScenePlacementError",
+    "Setup",
     "SpinningLidar",
     "Summary",
     "Template",
+    "TurnedPoses",
     "all_templates",
     "area_coverage",
     "binary_mask",
     "draw_scene",
     "fisheye_scene",
+    "fisheye_setup",
     "is_solved",
     "lidar_points",
     "load_templates",
@@ -62,11 +76,14 @@ __all__ = [
     "occlude_mask",
     "occlude_region",
     "omnidirectional_scene",
+    "omnidirectional_setup",
     "overlap_error",
     "perspective_scene",
+    "perspective_setup",
     "pose_errors",
     "problem_generator",
     "project_region",
+    "setup_scene",
     "solved_share",
     "squares_on_mask",
     "squares_on_region",

@@ -5,7 +5,7 @@ Each function returns a new object, changes none of its inputs, and draws only f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from skimage.measure import find_contours
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Array, Window
-from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon
+from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon, axes_across
 
 Mask = NDArray[np.bool_]
 
@@ -29,11 +29,16 @@ SQUARE_SIDE_SHARE = 0.1
 SQUARE_SIDE_GROWTH = 0.5
 # Squares are laid until their sides add up to so many boundary lengths; then the band beside it is full (1 - e^-12).
 MAX_BOUNDARY_COVER = 24.0
+# Squares looked at first, in target areas: one changes about half of itself, and some of that twice.
+SQUARES_LAID = 3.0
 # Relative precision in length to which the last square and the edge of an occlusion are placed.
 SHARE_PRECISION = 1e-9
 # Grid of polygon operations as a share of the square root of the region's area: snapping to it keeps the many
 # coinciding edges of squares and region from breaking an operation, and moves areas by about 1e-8.
 GRID_SHARE = 1e-9
+
+
+POLYGON_TYPES = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 
 
 def _checked_share(share: float) -> float:
@@ -92,18 +97,25 @@ def mask_boundary(mask: Mask) -> list[Array]:
     return [contour[:-1, ::-1] + corner for contour in contours]
 
 
-def squares_on_mask(mask: ArrayLike, share: float, rng: np.random.Generator, side: float | None = None) -> Mask:
+def squares_on_mask(
+    mask: ArrayLike,
+    share: float,
+    rng: np.random.Generator,
+    side: float | None = None,
+    boundary: Sequence[Array] | None = None,
+) -> Mask:
     """The mask after squares were added or removed along its boundary until `share` of its area has changed.
 
     Exact to half a pixel: of the last square only as many pixels change as are needed. Pixels once changed stay so.
-    `side`: px, else `square_side`. ValueError when the squares are too small ever to reach the share.
+    `side`: px, else `square_side`. `boundary`: the (m, 2) rings along which squares lie, px, where they are known; else
+    they are traced. ValueError when the squares are too small ever to reach the share.
     """
     region = _checked_mask(mask)
     target = round(_checked_share(share) * int(region.sum()))
     length = square_side(share, float(region.sum())) if side is None else _checked_side(side)
     changed = np.zeros_like(region)
     missing = target
-    squares = squares_along(mask_boundary(region), length, rng)
+    squares = squares_along(mask_boundary(region) if boundary is None else boundary, length, rng)
     for centre, adds in zip(squares.centres, squares.adds, strict=True):
         if missing <= 0:
             break
@@ -155,55 +167,86 @@ def squares_on_region(
     target = _checked_share(share) * region.area
     length = square_side(share, region.area) if side is None else _checked_side(side)
     squares = squares_along([frame.flat(ring) for ring in rings], length, rng)
-    count = _squares_needed(lambda n: disturbance(region, squares, n, length, grid).area, target, len(squares.adds))
-    if count is None:
-        reached = disturbance(region, squares, len(squares.adds), length, grid).area / target
-        raise ValueError(_unreached(share, reached, length, "m"))
-    if count == 0:
+    if target == 0.0:
         return frame.rings(region)
-    before = disturbance(region, squares, count - 1, length, grid)
-    last = _fitting_piece(region, before, squares, count - 1, length, target - before.area)
-    # Touching squares may leave lines beside the polygons, which the overlay refuses.
+    pieces = _pieces_reaching(region, squares, length, target, grid)
+    if pieces is None:
+        reached = _union_area(changed_pieces(region, squares, length), grid) / target
+        raise ValueError(_unreached(share, reached, length, "m"))
+    count = len(pieces)
+    before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
+    last = _fitting_piece(region, before, squares, count - 1, length, target - before.area, grid)
     changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
 
 
-def disturbance(region: BaseGeometry, squares: Squares, count: int, side: float, grid: float) -> BaseGeometry:
-    """The part of the plane that the first `count` squares change: added outside the region, removed inside."""
-    corners = squares.centres[:count] - 0.5 * side
+def changed_pieces(region: BaseGeometry, squares: Squares, side: float) -> NDArray[np.object_]:
+    """(n,) what each square alone changes of the plane: its part outside the region when it adds, inside otherwise."""
+    corners = squares.centres - 0.5 * side
     boxes = shapely.box(corners[:, 0], corners[:, 1], corners[:, 0] + side, corners[:, 1] + side)
-    adds = squares.adds[:count]
-    added = shapely.union_all(boxes[adds], grid_size=grid).difference(region, grid_size=grid)
-    removed = shapely.union_all(boxes[~adds], grid_size=grid).intersection(region, grid_size=grid)
-    return added.union(removed, grid_size=grid)
+    pieces = np.empty(len(boxes), dtype=np.object_)
+    pieces[squares.adds] = shapely.difference(boxes[squares.adds], region)
+    pieces[~squares.adds] = shapely.intersection(boxes[~squares.adds], region)
+    # A square that touches an edge leaves lines beside polygons, which the overlay refuses.
+    for index in np.flatnonzero(~np.isin(shapely.get_type_id(pieces), POLYGON_TYPES)):
+        pieces[index] = as_multipolygon(pieces[index])
+    return pieces
 
 
-def _squares_needed(changed_area: Callable[[int], float], target: float, most: int) -> int | None:
-    """The least count of squares that changes the target area; None when `most` do not."""
-    if target <= 0.0:
-        return 0
-    high = 1
-    while changed_area(high) < target:
-        if high == most:
+def _pieces_reaching(
+    region: BaseGeometry, squares: Squares, side: float, target: float, grid: float
+) -> NDArray[np.object_] | None:
+    """The least first pieces whose union has the target area; None when all of them have less."""
+    laid = int(np.ceil(SQUARES_LAID * target / side**2))
+    while True:
+        pieces = changed_pieces(region, Squares(squares.centres[:laid], squares.adds[:laid]), side)
+        area = _union_area(pieces, grid)
+        if area >= target:
+            return pieces[: _least_count(pieces, area, target, grid)]
+        if laid >= len(squares.adds):
             return None
-        high = min(2 * high, most)
-    low = high // 2
+        laid *= 2
+
+
+def _least_count(pieces: NDArray[np.object_], area: float, target: float, grid: float) -> int:
+    """The least count of pieces whose union has the target area, all of them having `area`.
+
+    The area of the union grows almost evenly with the count, so that it is looked for in proportion.
+    """
+    low, low_area, high, high_area = 0, 0.0, len(pieces), area
     while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if changed_area(middle) < target else (low, middle)
+        share = (target - low_area) / (high_area - low_area)
+        middle = int(np.clip(round(low + share * (high - low)), low + 1, high - 1))
+        area = _union_area(pieces[:middle], grid)
+        if area < target:
+            low, low_area = middle, area
+        else:
+            high, high_area = middle, area
     return high
 
 
+def _union_area(pieces: NDArray[np.object_], grid: float) -> float:
+    try:
+        return float(shapely.union_all(pieces).area)
+    except shapely.GEOSException:
+        # The grid is what coinciding edges need, at three times the cost.
+        return float(shapely.union_all(pieces, grid_size=grid).area)
+
+
 def _fitting_piece(
-    region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float
+    region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float, grid: float
 ) -> BaseGeometry:
     """What a square shrunk about its centre adds to the disturbance before it: the missing area."""
+    # Squares that miss the target by a rounding leave nothing to place.
+    if missing <= 0.0:
+        return shapely.Polygon()
     centre, adds = squares.centres[index], squares.adds[index]
 
     def piece(size: float) -> BaseGeometry:
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
-        part: BaseGeometry = square.difference(region) if adds else square.intersection(region)
-        return part.difference(before)
+        part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
+        left: BaseGeometry = as_multipolygon(part).difference(before, grid_size=grid)
+        return left
 
     if piece(side).area <= missing:
         return piece(side)
@@ -297,11 +340,10 @@ class SpinningLidar:
         """(n, 3) unit beams of one turn about the axis `up`, the first column at angle `phase` (rad)."""
         axis = np.asarray(up, dtype=np.float64)
         axis = axis / np.linalg.norm(axis)
-        forward = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        forward /= np.linalg.norm(forward)
+        forward, side = axes_across(axis).T
         elevation = np.radians(np.linspace(self.lowest_deg, self.highest_deg, self.beams))[:, None, None]
         azimuth = phase + np.radians(np.arange(0.0, 360.0, self.azimuth_step_deg))[None, :, None]
-        flat = np.cos(azimuth) * forward + np.sin(azimuth) * np.cross(axis, forward)
+        flat = np.cos(azimuth) * forward + np.sin(azimuth) * side
         beams: Array = (np.cos(elevation) * flat + np.sin(elevation) * axis).reshape(-1, 3)
         return beams
 

@@ -58,9 +58,20 @@ def view_angle(rings: Sequence[Array], rotation: Array, translation: Array) -> f
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
+def axes_across(normal: Array) -> Array:
+    """(3, 2) orthonormal directions u, v with u x v along a vector (3,)."""
+    unit = normal / np.linalg.norm(normal)
+    first = np.cross(unit, np.eye(3)[np.argmin(np.abs(unit))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(unit, first)])
+
+
 @dataclass(frozen=True)
 class PlaneFrame:
-    """A plane's own coordinates: `X = origin + axes @ (u, v)`, (3, 2) orthonormal axes, u x v along the area vector."""
+    """A plane's own coordinates: `X = origin + axes @ (u, v)`, (3, 2) orthonormal axes, u x v along the area vector.
+
+    The solver's plane has an arbitrary side; this one keeps the region's front, which scenes and noise need.
+    """
 
     origin: Array
     axes: Array
@@ -72,10 +83,7 @@ class PlaneFrame:
         area = float(np.linalg.norm(normal))
         if not area > 0.0:
             raise ValueError(f"the region's area is {area} m^2; a region with a positive area is needed")
-        normal = normal / area
-        first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        first /= np.linalg.norm(first)
-        return cls(region_centroid(rings), np.column_stack([first, np.cross(normal, first)]))
+        return cls(region_centroid(rings), axes_across(normal))
 
     def flat(self, points: Array) -> Array:
         """(n, 2) plane coordinates of (n, 3) points."""

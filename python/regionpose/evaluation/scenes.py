@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera
+from regionpose.cameras import Camera
 from regionpose.evaluation.masks import (
     Array,
     ProjectionError,
@@ -27,17 +27,20 @@ from regionpose.evaluation.masks import (
     to_camera,
 )
 from regionpose.evaluation.planar import region_centroid, view_angle
+from regionpose.evaluation.setups import (
+    PoseSource,
+    Setup,
+    any_rotation,
+    fisheye_setup,
+    omnidirectional_setup,
+    perspective_setup,
+    random_direction,
+    turn_within,
+)
 from regionpose.evaluation.templates import Template, TemplateSet, load_templates
 
 WorldFrame = Literal["first", "arbitrary"]
 
-SENSOR_WIDTH_PX, SENSOR_HEIGHT_PX = 2376, 1584
-PERSPECTIVE_FOCAL_PX = 1900.0
-FISHEYE_FOCAL_PX = 500.0
-# px; radius at which the polynomial fisheye looks 90 deg off its axis: the circle touches the sensor's long sides.
-OMNIDIRECTIONAL_RADIUS_PX = 792.0
-
-POSE_ANGLE_DEG = 40.0
 PLANE_ANGLE_DEG = 30.0
 # m; distance between the centroids of the first region and of another plane's, and of two regions on a plane.
 PLANE_DISTANCE_M = (1.0, 2.0)
@@ -50,7 +53,7 @@ BORDER_MARGIN_PX = 2.0
 REGION_GAP_PX = 4.0
 # px; precision of the outlines that gaps and margins are checked with, well inside both.
 OUTLINE_TOLERANCE_PX = 0.1
-# deg; between a region's normal and the line of sight: nearer to edge-on a 1 m region is but a few tens of pixels wide.
+# deg; between a region's normal and the line of sight.
 MAX_VIEW_ANGLE_DEG = 75.0
 # m; every point lies so far before the camera's own plane z = 0, within the 180 deg field.
 MIN_DEPTH_M = 0.05
@@ -61,24 +64,6 @@ PLANE_TRIES = 40
 
 class ScenePlacementError(ValueError):
     """No arrangement of the regions that fits the image was found."""
-
-
-@dataclass(frozen=True)
-class PoseRange:
-    """Ranges that the true translation is drawn from, metres; the sign of the sideways and vertical parts is random."""
-
-    lateral: tuple[float, float]
-    depth: tuple[float, float]
-
-    def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Rotation (3, 3) within +-40 deg about each axis and translation (3,)."""
-        lateral = rng.uniform(*self.lateral, size=2) * rng.choice([-1.0, 1.0], size=2)
-        return turn_within(POSE_ANGLE_DEG, rng), np.append(lateral, rng.uniform(*self.depth))
-
-
-PERSPECTIVE_RANGE = PoseRange(lateral=(0.5, 2.0), depth=(4.0, 6.0))
-OMNIDIRECTIONAL_RANGE = PoseRange(lateral=(0.5, 1.0), depth=(1.0, 3.0))
-FISHEYE_RANGE = PoseRange(lateral=(0.25, 1.0), depth=(2.0, 3.0))
 
 
 @dataclass(frozen=True)
@@ -110,13 +95,11 @@ class Scene:
 
     def masks(self) -> list[NDArray[np.bool_]]:
         """The (height, width) mask of each region: pixels whose centre is inside."""
-        width, height = image_size(self.camera)
-        return [binary_mask(rings, width, height) for rings in self.image_rings]
+        return [binary_mask(rings, *image_size(self.camera)) for rings in self.image_rings]
 
     def coverages(self) -> list[Array]:
         """The (height, width) share in [0, 1] of each pixel's area that each region covers."""
-        width, height = image_size(self.camera)
-        return [area_coverage(rings, width, height) for rings in self.image_rings]
+        return [area_coverage(rings, *image_size(self.camera)) for rings in self.image_rings]
 
     def view_angles(self) -> Array:
         """(regions,) angle in degrees between line of sight and normal; above 90 a region is seen from behind."""
@@ -130,87 +113,34 @@ def problem_generator(seed: int, study: str = "") -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(study.encode())))
 
 
-def perspective_camera() -> PinholeCamera:
-    """The benchmark's pinhole camera: 2376 x 1584 px, f = 1900 px, the principal point at the image centre."""
-    return PinholeCamera(
-        PERSPECTIVE_FOCAL_PX,
-        PERSPECTIVE_FOCAL_PX,
-        0.5 * (SENSOR_WIDTH_PX - 1),
-        0.5 * (SENSOR_HEIGHT_PX - 1),
-        width=SENSOR_WIDTH_PX,
-        height=SENSOR_HEIGHT_PX,
-    )
+class LayoutOptions(TypedDict, total=False):
+    """Fields of `Layout` beside the number of planes."""
+
+    regions_per_plane: int
+    templates: TemplateSet
+    world: WorldFrame
+    front: bool
+    max_view_angle_deg: float
 
 
-def omnidirectional_camera() -> OcamCamera:
-    """The benchmark's omnidirectional camera: a polynomial fisheye of 180 deg field on the same sensor.
-
-    `g(rho) = a0 + a2 rho^2 + a4 rho^4` follows the equidistant fisheye, `g = rho / tan(rho / f)`,
-    `f = 2 radius / pi`, to second order; `a4` makes the field exactly 180 deg at the image circle, `g(radius) = 0`.
-    """
-    radius = OMNIDIRECTIONAL_RADIUS_PX
-    a0 = 2.0 * radius / np.pi
-    a2 = -1.0 / (3.0 * a0)
-    a4 = -(a0 + a2 * radius**2) / radius**4
-    center = (0.5 * (SENSOR_WIDTH_PX - 1), 0.5 * (SENSOR_HEIGHT_PX - 1))
-    return OcamCamera((a0, 0.0, a2, 0.0, a4), center, width=SENSOR_WIDTH_PX, height=SENSOR_HEIGHT_PX)
+def perspective_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+    """A scene of the pinhole camera, 4 to 6 m away; `layout` as of `Layout`."""
+    return setup_scene(perspective_setup(), Layout(planes, **layout), seed, study)
 
 
-def fisheye_camera() -> FisheyeCamera:
-    """An equidistant fisheye, f = 500 px, on the same sensor."""
-    return FisheyeCamera(
-        FISHEYE_FOCAL_PX,
-        FISHEYE_FOCAL_PX,
-        0.5 * (SENSOR_WIDTH_PX - 1),
-        0.5 * (SENSOR_HEIGHT_PX - 1),
-        width=SENSOR_WIDTH_PX,
-        height=SENSOR_HEIGHT_PX,
-    )
+def omnidirectional_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+    """A scene of the polynomial fisheye of 180 deg field, 1 to 3 m away; `layout` as of `Layout`."""
+    return setup_scene(omnidirectional_setup(), Layout(planes, **layout), seed, study)
 
 
-def perspective_scene(
-    seed: int,
-    planes: int = 1,
-    *,
-    regions_per_plane: int = 1,
-    templates: TemplateSet = "all",
-    world: WorldFrame = "first",
-    front: bool = True,
-    study: str = "",
-) -> Scene:
-    """A scene of the pinhole camera, 4 to 6 m away; the arguments are those of `draw_scene`."""
-    layout = Layout(planes, regions_per_plane, templates, world, front)
-    return draw_scene(perspective_camera(), PERSPECTIVE_RANGE, layout, problem_generator(seed, study))
+def fisheye_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+    """A scene of the equidistant fisheye at half the perspective distances; `layout` as of `Layout`."""
+    return setup_scene(fisheye_setup(), Layout(planes, **layout), seed, study)
 
 
-def omnidirectional_scene(
-    seed: int,
-    planes: int = 1,
-    *,
-    regions_per_plane: int = 1,
-    templates: TemplateSet = "all",
-    world: WorldFrame = "first",
-    front: bool = True,
-    study: str = "",
-) -> Scene:
-    """A scene of the polynomial fisheye of 180 deg field, 1 to 3 m away; the arguments are those of `draw_scene`."""
-    layout = Layout(planes, regions_per_plane, templates, world, front)
-    return draw_scene(omnidirectional_camera(), OMNIDIRECTIONAL_RANGE, layout, problem_generator(seed, study))
-
-
-def fisheye_scene(
-    seed: int,
-    planes: int = 1,
-    *,
-    regions_per_plane: int = 1,
-    templates: TemplateSet = "all",
-    world: WorldFrame = "first",
-    front: bool = True,
-    study: str = "",
-) -> Scene:
-    """A scene of the equidistant fisheye at half the perspective distances; the arguments are those of `draw_scene`."""
-    layout = Layout(planes, regions_per_plane, templates, world, front)
-    return draw_scene(fisheye_camera(), FISHEYE_RANGE, layout, problem_generator(seed, study))
+def setup_scene(setup: Setup, layout: Layout, seed: int, study: str = "") -> Scene:
+    """The scene of a seed."""
+    return draw_scene(setup.camera, setup.poses, layout, problem_generator(seed, study))
 
 
 @dataclass(frozen=True)
@@ -221,6 +151,8 @@ class Layout:
     repetition while it lasts.
     `world`: "first" (the first plane's frame) or "arbitrary" (any rotation, the origin up to 5 m off along each axis).
     `front`: False turns each plane over with probability 1/2, so that it is seen from behind.
+    `max_view_angle_deg`: no region is seen at a larger angle between its normal and the line of sight; from 75 to 90
+    deg a 1 m region is but a few tens of pixels wide.
     """
 
     planes: int = 1
@@ -228,6 +160,7 @@ class Layout:
     templates: TemplateSet = "all"
     world: WorldFrame = "first"
     front: bool = True
+    max_view_angle_deg: float = MAX_VIEW_ANGLE_DEG
 
     def __post_init__(self) -> None:
         """Check the counts and the name of the world frame."""
@@ -238,7 +171,7 @@ class Layout:
             raise ValueError(f'world frame is {self.world!r}; it must be "first" or "arbitrary"')
 
 
-def draw_scene(camera: Camera, pose_range: PoseRange, layout: Layout, rng: np.random.Generator) -> Scene:
+def draw_scene(camera: Camera, poses: PoseSource, layout: Layout, rng: np.random.Generator) -> Scene:
     """A random scene whose regions lie wholly in the image, apart from one another, none nearly edge-on.
 
     Poses and planes are drawn again until all fits; ScenePlacementError says what could not be placed.
@@ -247,7 +180,7 @@ def draw_scene(camera: Camera, pose_range: PoseRange, layout: Layout, rng: np.ra
     flips = [not layout.front and bool(rng.random() < 0.5) for _ in range(layout.planes)]
     furthest = 0
     for _ in range(POSE_TRIES):
-        view = View(camera, *pose_range.draw(rng))
+        view = View(camera, *poses.draw(rng), layout.max_view_angle_deg)
         placed = _place_all(view, shapes, flips, rng)
         if len(placed) == layout.planes:
             scene = _assembled(view, placed, shapes)
@@ -261,11 +194,12 @@ def draw_scene(camera: Camera, pose_range: PoseRange, layout: Layout, rng: np.ra
 
 @dataclass(frozen=True)
 class View:
-    """A camera at a pose."""
+    """A camera at a pose, and the largest angle between normal and line of sight at which it sees a region well."""
 
     camera: Camera
     rotation: Array
     translation: Array
+    max_view_angle_deg: float
 
     def outlines(self, regions: Sequence[list[Array]]) -> list[shapely.Polygon] | None:
         """The outer boundary of each region's image; None when one isn't wholly visible, in the image and well seen."""
@@ -289,7 +223,7 @@ class View:
     def _well_seen(self, rings: list[Array]) -> bool:
         depth = to_camera(rings[0], self.rotation, self.translation)[:, 2]
         angle = view_angle(rings, self.rotation, self.translation)
-        return bool(depth.min() > MIN_DEPTH_M and min(angle, 180.0 - angle) < MAX_VIEW_ANGLE_DEG)
+        return bool(depth.min() > MIN_DEPTH_M and min(angle, 180.0 - angle) < self.max_view_angle_deg)
 
     def _vertices_within(self, frame: shapely.Polygon, rings: list[Array]) -> bool:
         """Whether the outer ring's vertices fall in the frame: spares most misfits the costly outline."""
@@ -396,23 +330,3 @@ def in_arbitrary_world(scene: Scene, rng: np.random.Generator) -> Scene:
         translation=scene.translation - rotation @ offset,
         regions=[[ring @ turn.T + offset for ring in rings] for rings in scene.regions],
     )
-
-
-def turn_within(limit_deg: float, rng: np.random.Generator) -> Array:
-    """(3, 3) rotation about x, then y, then z (fixed axes), each angle uniform within +- `limit_deg`."""
-    angles = rng.uniform(-limit_deg, limit_deg, size=3)
-    matrix: Array = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-    return matrix
-
-
-def any_rotation(rng: np.random.Generator) -> Array:
-    """(3, 3) rotation drawn uniformly from all: a normal vector of four numbers is the direction of its quaternion."""
-    matrix: Array = Rotation.from_quat(rng.normal(size=4)).as_matrix()
-    return matrix
-
-
-def random_direction(dimensions: int, rng: np.random.Generator) -> Array:
-    """Uniform unit vector of so many dimensions."""
-    vector = rng.normal(size=dimensions)
-    direction: Array = vector / np.linalg.norm(vector)
-    return direction

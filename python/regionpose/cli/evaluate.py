@@ -1,0 +1,252 @@
+"""`regionpose evaluate`: a study of the synthetic benchmark, to rows, a table and plots."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from regionpose.cli.options import Force, Quiet
+from regionpose.cli.outputs import Writer, refuse_existing, text_writer, write_files
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from regionpose.evaluation.studies import Results, Study
+
+STOPPED = 130
+"""Exit code of a command that Ctrl-C ended, as shells have it."""
+
+TOLD_PERCENT = 10
+"""Where there is no terminal, progress is a line each time that so much more is done."""
+
+
+Name = Annotated[
+    str,
+    typer.Argument(
+        help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion, truncation,"
+        " lidar or calibration."
+    ),
+]
+Scenes = Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")]
+Planes = Annotated[str | None, typer.Option("--planes", help="Numbers of planes, as 1,2,3.")]
+Noise = Annotated[str | None, typer.Option("--noise", help="Per cent of a region's area that is wrong, as 0,5,20.")]
+Side = Annotated[str | None, typer.Option("--side", help="What is wrong: 2d (the mask), 3d, or 2d,3d.")]
+Masks = Annotated[str | None, typer.Option("--masks", help="binary, coverage, or both as binary,coverage.")]
+Templates = Annotated[str | None, typer.Option("--templates", help="all, asymmetric or symmetric.")]
+System = Annotated[str | None, typer.Option("--system", help="plane, sphere, or plane,sphere.")]
+Solver = Annotated[
+    list[str] | None,
+    typer.Option("--solver", help="Options of estimate_pose, as 'driver=native'; repeat it to compare several."),
+]
+OwnCamera = Annotated[
+    Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
+]
+Depth = Annotated[str, typer.Option("--depth", help="Metres before a camera of your own.")]
+Lateral = Annotated[str, typer.Option("--lateral", help="Metres sideways and up, of a camera of your own.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of the first scene.")]
+Workers = Annotated[int, typer.Option("--workers", "-j", help="Processes.")]
+Dask = Annotated[str | None, typer.Option("--dask", help="Address of a dask scheduler, in place of them.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="File of the rows, .csv or .parquet.  [default: NAME.csv]")
+]
+Plots = Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the plots (matplotlib).")]
+
+
+def evaluate(
+    name: Name,
+    scenes: Scenes = 100,
+    planes: Planes = None,
+    noise: Noise = None,
+    side: Side = None,
+    masks: Masks = None,
+    templates: Templates = None,
+    system: System = None,
+    solver: Solver = None,
+    camera: OwnCamera = None,
+    depth: Depth = "4,6",
+    lateral: Lateral = "0,1",
+    seed: Seed = 0,
+    workers: Workers = 1,
+    dask: Dask = None,
+    out: Out = None,
+    plots: Plots = True,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a study of the synthetic benchmark.
+
+    Prints a table and writes the rows, the table (.md), the settings (.json) and plots (.png) beside one another.
+    Ctrl-C stops it; the same command goes on where it stopped. The rows do not depend on the number of workers.
+
+    \b
+    Examples:
+      regionpose evaluate perspective --scenes 40 --workers 4
+      regionpose evaluate perspective --planes 3 --noise 5 --seed 17 --scenes 1 --out one.csv
+      regionpose evaluate occlusion --solver driver=scipy --solver driver=native
+      regionpose evaluate regions --camera calib.yaml --depth 3,5 --noise 0,5
+    """
+    lists = {"planes": planes, "noise": noise, "side": side, "masks": masks, "templates": templates}
+    study = _chosen_study(name, lists, system, solver or [])
+    if camera is not None:
+        study = _with_camera(study, camera, _range("--depth", depth), _range("--lateral", lateral))
+    rows_path = out or Path(f"{name}.csv")
+    _check_files(rows_path, plots=plots, force=force)
+    results = _run(study, rows_path, scenes, seed, workers, dask, force=force, quiet=quiet)
+    _write_all(study, results, rows_path, plots=plots, force=force)
+
+
+def _chosen_study(name: str, lists: dict[str, str | None], system: str | None, solver: list[str]) -> Study:
+    """The study with the values that the options name."""
+    from regionpose.evaluation.studies import study_named
+
+    axes = {key: _values(key, text) for key, text in lists.items() if text is not None}
+    study = study_named(name).with_values(axes, solver)
+    if system is not None:
+        study = study.with_values({}, [f"system={value.strip()}" for value in system.split(",")])
+    return study
+
+
+def _values(name: str, text: str) -> list[str | int | float]:
+    """The values of an option that takes several."""
+    words = [word.strip() for word in text.split(",")]
+    if name not in ("planes", "noise"):
+        return [*words]
+    try:
+        return [int(word) for word in words] if name == "planes" else [float(word) / 100.0 for word in words]
+    except ValueError as error:
+        raise ValueError(f"--{name}: found {text!r}; needed numbers with commas between") from error
+
+
+def _range(option: str, text: str) -> tuple[float, float]:
+    try:
+        low, high = (float(word) for word in text.split(","))
+    except ValueError as error:
+        raise ValueError(f"{option}: found {text!r}; needed two numbers of metres, as 4,6") from error
+    return low, high
+
+
+def _with_camera(study: Study, path: Path, depth: tuple[float, float], lateral: tuple[float, float]) -> Study:
+    from regionpose.calibration import load_camera
+    from regionpose.evaluation.masks import image_size
+    from regionpose.evaluation.setups import PoseRange, Setup
+
+    camera = load_camera(path)
+    image_size(camera)
+    return study.with_setup(path.stem, Setup(camera, PoseRange(lateral=lateral, depth=depth)))
+
+
+def _check_files(rows_path: Path, *, plots: bool, force: bool) -> None:
+    """Refuse before the long work what could not be written after it."""
+    from regionpose.evaluation.studies.plots import check_plots
+    from regionpose.evaluation.studies.storage import check_rows_path
+
+    check_rows_path(rows_path)
+    refuse_existing([rows_path, *(rows_path.with_suffix(ending) for ending in (".md", ".json"))], force)
+    if plots:
+        try:
+            check_plots()
+        except ImportError as error:
+            raise ImportError(f"{error}, or --no-plots") from error
+
+
+def _run(
+    study: Study, rows_path: Path, scenes: int, seed: int, workers: int, dask: str | None, *, force: bool, quiet: bool
+) -> Results:
+    """The rows; what is done when Ctrl-C comes stays in the journal."""
+    from regionpose.evaluation.studies import run_study
+    from regionpose.evaluation.studies.storage import OtherSettingsError
+
+    journal = rows_path.with_name(f"{rows_path.name}.partial")
+    run = partial(run_study, study, scenes, seed=seed, workers=workers, journal=journal)
+    with _executor(dask) as executor, _bar(study.name, quiet) as progress:
+        try:
+            return run(executor=executor, progress=progress)
+        except OtherSettingsError:
+            if not force:
+                raise
+            journal.unlink()
+            return run(executor=executor, progress=progress)
+        except KeyboardInterrupt:
+            typer.echo(f"stopped; what is done is kept in {journal}, and the same command goes on there", err=True)
+            raise typer.Exit(STOPPED) from None
+
+
+@contextmanager
+def _executor(dask: str | None) -> Iterator[Executor | None]:
+    if dask is None:
+        yield None
+        return
+    from regionpose.evaluation.studies import dask_executor
+
+    with dask_executor(dask) as executor:
+        yield executor
+
+
+@contextmanager
+def _bar(name: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """What is told of the progress: a bar with the time left at a terminal, a line now and then elsewhere."""
+    if quiet:
+        yield None
+    elif not sys.stderr.isatty():
+        yield _Lines(name).tell
+    else:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=Console(stderr=True)) as bar:
+            task = bar.add_task(name, total=None)
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+class _Lines:
+    """Progress as lines on standard error."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._told = name, 0
+
+    def tell(self, done: int, total: int) -> None:
+        """Say how much is done when it is enough more than the last time."""
+        percent = 100 * done // total
+        if percent >= self._told + TOLD_PERCENT or done == total:
+            self._told = percent
+            typer.echo(f"{self._name}: {done} of {total} ({percent} %)", err=True)
+
+
+def _write_all(study: Study, results: Results, rows_path: Path, *, plots: bool, force: bool) -> None:
+    """Write the files whole, say the table, and take the journal away."""
+    from regionpose.evaluation.studies import results_table, write_rows
+
+    table = results_table(results, f"{study.name}: {study.description}")
+    writers: dict[str, Writer] = {
+        rows_path.name: lambda path: write_rows(path, results),
+        f"{rows_path.stem}.md": text_writer(table),
+        f"{rows_path.stem}.json": text_writer(json.dumps(results.settings, indent=2) + "\n"),
+    }
+    if plots:
+        from regionpose.evaluation.studies.plots import drawn_charts
+
+        for name, figure in drawn_charts(results, study.charts).items():
+            writers[f"{rows_path.stem}-{name}.png"] = partial(_save, figure)
+    written = write_files(rows_path.parent, writers, force=force)
+    rows_path.with_name(f"{rows_path.name}.partial").unlink(missing_ok=True)
+    typer.echo(table)
+    typer.echo(f"written: {', '.join(str(path) for path in written)}")
+
+
+def _save(figure: object, path: Path) -> None:
+    figure.savefig(path)  # type: ignore[attr-defined]

@@ -1,0 +1,126 @@
+"""The studies of the benchmark, by name."""
+
+from __future__ import annotations
+
+from regionpose.evaluation.studies.conditions import Grid
+from regionpose.evaluation.studies.study import Chart, Study
+
+NOISE = (0.0, 0.02, 0.05, 0.08, 0.12, 0.2)
+"""Shares of a region's area that segmentation errors change (the paper's levels)."""
+
+CUTS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
+"""Shares of a region's area that something hides or a border cuts."""
+
+PLANES = (1, 2, 3)
+GRAZING_DEG = (1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0, 25.0, 30.0)
+TURNS_DEG = tuple(float(turn) for turn in range(-180, 180, 15))
+PAPER_START = "initial=paper up=[0,-1,0]"
+"""The paper's start, right in the plane where the plane is not turned: the template's up is the world's -y."""
+
+SYMMETRIES = ("asymmetric", "symmetric")
+
+BY_NOISE = Chart("sorted", lines="noise", panels="planes")
+SOLVED_BY_NOISE = Chart("solved", lines="planes", across="noise")
+
+
+def _by_noise(name: str, camera: str, description: str) -> Study:
+    grid: Grid = {"camera": (camera,), "side": ("2d", "3d"), "planes": PLANES, "noise": NOISE}
+    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE])
+
+
+def _cut(name: str, disturbance: str, sides: tuple[str, ...], description: str) -> Study:
+    grid: Grid = {"disturbance": (disturbance,), "side": sides, "planes": PLANES, "noise": CUTS}
+    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE])
+
+
+_ALL = (
+    _by_noise("perspective", "perspective", "Errors of a pinhole camera by planes and segmentation error."),
+    _by_noise("omnidirectional", "omnidirectional", "Errors of a 180 deg fisheye by planes and segmentation error."),
+    Study(
+        "integration",
+        "Error and time of sums over the boundary, a mesh and the mask's pixels.",
+        [
+            {
+                "camera": ("omnidirectional",),
+                "planes": (1, 3),
+                "noise": (0.0, 0.05),
+                "solver": (
+                    "",
+                    "integration=boundary system=sphere",
+                    "integration=mesh",
+                    "integration=mesh system=sphere",
+                    "integration=pixels system=sphere",
+                ),
+            }
+        ],
+        [Chart("sorted", lines="solver", panels="planes")],
+    ),
+    Study(
+        "regions",
+        "Errors by the number of planes, 1 to 5, and with two regions on each of three.",
+        [
+            {"noise": (0.0, 0.05, 0.12), "planes": (1, 2, 3, 4, 5)},
+            {"noise": (0.0, 0.05, 0.12), "planes": (3,), "regions_per_plane": (2,)},
+        ],
+        [
+            Chart("sorted", lines="planes", panels="noise"),
+            Chart("solved", lines="noise", across="planes"),
+        ],
+    ),
+    Study(
+        "degeneracy",
+        "Success by the angle between plane and line of sight, and by the plane's turn in itself, symmetric or not.",
+        [
+            {"templates": SYMMETRIES, "grazing_deg": GRAZING_DEG},
+            {"templates": SYMMETRIES, "turn_deg": TURNS_DEG, "world": ("first",)},
+        ],
+        [
+            Chart("solved", lines="templates", across="grazing_deg"),
+            Chart("solved", lines="templates", across="turn_deg"),
+        ],
+    ),
+    Study(
+        "initialization",
+        "The paper's start alone against the global search, by the plane's turn in itself.",
+        [
+            {
+                "camera": ("perspective", "omnidirectional"),
+                "templates": ("asymmetric",),
+                "solver": ("", PAPER_START),
+                "turn_deg": TURNS_DEG,
+                "world": ("first",),
+            }
+        ],
+        [Chart("solved", lines="solver", panels="camera", across="turn_deg")],
+    ),
+    _cut("occlusion", "occlusion", ("2d", "3d"), "Errors when a half plane hides a part of each region."),
+    _cut("truncation", "truncation", ("2d",), "Errors when the image border cuts the regions."),
+    Study(
+        "lidar",
+        "Errors of outlines from a lidar's points, by beams and range noise.",
+        [{"planes": PLANES, "range_noise_m": (0.0, 0.01, 0.03), "lidar_beams": (16, 32, 64, 128)}],
+        [
+            Chart("sorted", lines="lidar_beams", panels="planes"),
+            Chart("solved", lines="planes", panels="range_noise_m", across="lidar_beams"),
+        ],
+    ),
+    Study(
+        "calibration",
+        "Errors of a camera whose focal length and principal point are not quite known.",
+        [{"planes": PLANES, "center_error_px": (0.0, 3.0), "focal_error": (0.0, 0.001, 0.003, 0.01)}],
+        [
+            Chart("sorted", lines="focal_error", panels="planes"),
+            Chart("solved", lines="planes", panels="center_error_px", across="focal_error"),
+        ],
+    ),
+)
+
+STUDIES: dict[str, Study] = {study.name: study for study in _ALL}
+"""The studies by name."""
+
+
+def study_named(name: str) -> Study:
+    """The study of that name; ValueError lists the known names."""
+    if name not in STUDIES:
+        raise ValueError(f"no study is named {name!r}; the studies are {', '.join(STUDIES)}")
+    return STUDIES[name]

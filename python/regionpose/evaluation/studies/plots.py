@@ -1,0 +1,220 @@
+"""Rows as pictures in the paper's manner: sorted errors, and shares of solved problems.
+
+Lines differ in lightness, dash and marker, so that they can be told apart in print without colour.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from regionpose.evaluation.measures import solved_share
+from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.studies.rows import NEAREST, Results
+from regionpose.evaluation.studies.study import Chart
+from regionpose.evaluation.studies.tables import value_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANEL_INCHES = (3.2, 2.5)
+"""Width and height of one panel: three stand beside one another on a page."""
+
+DASHES = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)), (0, (1, 1)))
+MARKERS = ("o", "s", "^", "D", "v", "x")
+LIGHTEST = 0.82
+"""Share of the colour map that is used: what is lighter vanishes on paper."""
+
+LEGEND_CHARACTERS, HANDLE_CHARACTERS = 13.0, 8
+"""Characters of a legend on an inch, and those that the line before a name takes the room of."""
+
+LABELLED_DECADES = (1.5, 0.6)
+"""Decades of an axis below which some of the values between powers of ten have labels, and below which all have."""
+
+MARKS_ON_A_CURVE = 6
+MOST_BARS = 8
+"""Values of a column up to which solved shares are bars; a line beyond."""
+
+SORTED_COLUMNS = (
+    ("rotation_deg", 1.0, "rotation error, deg"),
+    ("translation_m", 1000.0, "translation error, mm"),
+    ("estimate_s", 1000.0, "time, ms"),
+)
+"""Column, factor to the unit shown, and label of the sorted curves."""
+
+NAMES = {
+    "noise": "segmentation error",
+    "planes": "planes",
+    "solver": "",
+    "templates": "",
+    "camera": "",
+    "side": "side",
+    "grazing_deg": "angle between plane and line of sight, deg",
+    "turn_deg": "turn of the plane in itself, deg",
+    "lidar_beams": "beams",
+    "range_noise_m": "range noise, m",
+    "focal_error": "focal length error",
+    "center_error_px": "principal point error, px",
+}
+"""How columns are called in pictures; by their own name when not here, left out when empty."""
+
+
+def drawn_charts(results: Results, charts: Sequence[Chart]) -> dict[str, Figure]:
+    """The pictures of the charts by a name for each; ImportError without the extra `plots`."""
+    figures: dict[str, Figure] = {}
+    for chart in charts:
+        for name, shown in _pictures(results, chart):
+            figures[name] = _sorted_figure(shown, chart) if chart.kind == "sorted" else _solved_figure(shown, chart)
+    return figures
+
+
+def check_plots() -> None:
+    """ImportError when matplotlib is not there: better known before hours of work."""
+    _figure(1, 1)
+
+
+def _pictures(results: Results, chart: Chart) -> Iterator[tuple[str, Results]]:
+    """Name and rows of each picture of a chart: one for each value of the other columns that vary."""
+    shown = results
+    if chart.across is not None:
+        shown = Results(results.settings, [row for row in results.rows if row[chart.across] is not None])
+    if not shown.rows:
+        return
+    across = f"-by-{chart.across}" if chart.across else ""
+    others = [name for name in shown.varying() if name not in (chart.lines, chart.panels, chart.across)]
+    for values, group in shown.groups(others):
+        told = "".join(f"-{name}-{_file_text(value_text(name, value))}" for name, value in values.items())
+        yield f"{chart.kind}{across}{told}", group
+
+
+def _file_text(text: str) -> str:
+    """A value's text as a part of a file's name."""
+    return "".join(c if c.isalnum() or c in "._" else "-" for c in text.replace(" %", "pc")).strip("-")
+
+
+def _figure(rows: int, columns: int) -> tuple[Figure, Any]:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("matplotlib is not installed; needed: pip install 'regionpose[plots]'") from error
+    size = (PANEL_INCHES[0] * columns + 0.8, PANEL_INCHES[1] * rows + 0.9)
+    figure = Figure(figsize=size, dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _panels(results: Results, chart: Chart) -> list[tuple[str, Results]]:
+    """Title and rows of each panel."""
+    if chart.panels is None:
+        return [("", results)]
+    return [(_titled(chart.panels, v), results.where(**{chart.panels: v})) for v in results.values(chart.panels)]
+
+
+def _titled(name: str, value: Value) -> str:
+    text, called = value_text(name, value), NAMES.get(name, name)
+    if name == "planes":
+        return f"{text} plane{'s' if value != 1 else ''}"
+    what, _, unit = called.partition(", ")
+    return f"{what} {text} {unit}".strip()
+
+
+def _styles(count: int) -> list[dict[str, Any]]:
+    """Line styles of increasing lightness."""
+    from matplotlib import colormaps
+
+    colours = colormaps["viridis"](np.linspace(0.0, LIGHTEST, count))
+    cycles = zip(colours, itertools.cycle(DASHES), itertools.cycle(MARKERS), strict=False)
+    return [{"color": colour, "linestyle": dash, "marker": marker, "markersize": 4} for colour, dash, marker in cycles]
+
+
+def _sorted_figure(results: Results, chart: Chart) -> Figure:
+    """Sorted errors of the nearest answers and run times, a row of panels each."""
+    panels = _panels(results, chart)
+    figure, axes = _figure(len(SORTED_COLUMNS), len(panels))
+    values = results.values(chart.lines)
+    for column, (title, shown) in enumerate(panels):
+        axes[0, column].set_title(title)
+        for row, (name, factor, label) in enumerate(SORTED_COLUMNS):
+            _draw_sorted(axes[row, column], shown, chart.lines, values, name, factor)
+            axes[row, 0].set_ylabel(label)
+        axes[-1, column].set_xlabel("share of scenes, %")
+    for row in axes:
+        _share_limits(row)
+    _legend(figure, axes[0, 0], chart.lines)
+    return figure
+
+
+def _draw_sorted(panel: Axes, shown: Results, lines: str, values: Sequence[Value], name: str, factor: float) -> None:
+    from matplotlib.ticker import LogFormatter
+
+    column = name if name == "estimate_s" else f"{NEAREST}{name}"
+    for value, style in zip(values, _styles(len(values)), strict=True):
+        group = shown.where(**{lines: value})
+        if not group.rows:
+            continue
+        errors = np.sort(factor * group.column(column))
+        share = 100.0 * (np.arange(len(errors)) + 0.5) / len(errors)
+        every = max(len(errors) // MARKS_ON_A_CURVE, 1)
+        panel.plot(share, errors, label=value_text(lines, value), linewidth=1.2, markevery=every, **style)
+    panel.set_yscale("log")
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=LABELLED_DECADES))
+    panel.set_xlim(0.0, 100.0)
+    panel.grid(alpha=0.3)
+
+
+def _share_limits(row: Sequence[Axes]) -> None:
+    """One range of errors for all panels of a row, so that they compare."""
+    limits = np.array([panel.get_ylim() for panel in row])
+    for panel in row:
+        panel.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+
+
+def _legend(figure: Figure, panel: Axes, lines: str) -> None:
+    handles, labels = panel.get_legend_handles_labels()
+    title = NAMES.get(lines, lines)
+    room = int(LEGEND_CHARACTERS * figure.get_figwidth() / (max(map(len, labels)) + HANDLE_CHARACTERS))
+    columns = int(np.clip(len(labels), 1, max(room, 1)))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, title=title or None, fontsize=8)
+
+
+def _solved_figure(results: Results, chart: Chart) -> Figure:
+    """Share of problems whose answers hold the true pose."""
+    panels = _panels(results, chart)
+    figure, axes = _figure(1, len(panels))
+    values = results.values(chart.lines)
+    for panel, (title, shown) in zip(axes[0], panels, strict=True):
+        panel.set_title(title)
+        _draw_solved(panel, shown, chart, values)
+        panel.set_ylim(0.0, 105.0)
+        panel.set_xlabel(NAMES.get(str(chart.across), str(chart.across)))
+        panel.grid(axis="y", alpha=0.3)
+    axes[0, 0].set_ylabel("solved, %")
+    _legend(figure, axes[0, 0], chart.lines)
+    return figure
+
+
+def _draw_solved(panel: Axes, shown: Results, chart: Chart, values: Sequence[Value]) -> None:
+    name = str(chart.across)
+    places = shown.values(name)
+    bars = len(places) <= MOST_BARS
+    for index, (value, style) in enumerate(zip(values, _styles(len(values)), strict=True)):
+        group = shown.where(**{chart.lines: value})
+        found = dict((row[name], rows) for row, rows in group.groups([name]))
+        at = [place for place in places if place in found]
+        shares = [100.0 * solved_share(found[place].column(f"{NEAREST}solved")) for place in at]
+        label = _titled(chart.lines, value) if chart.lines == "planes" else value_text(chart.lines, value)
+        if bars:
+            width = 0.8 / len(values)
+            offset = (index - 0.5 * (len(values) - 1)) * width
+            where = [places.index(place) + offset for place in at]
+            panel.bar(where, shares, width, label=label, color=style["color"], edgecolor="black", linewidth=0.5)
+        else:
+            panel.plot(at, shares, label=label, linewidth=1.2, **style)  # type: ignore[arg-type]
+    if bars:
+        panel.set_xticks(range(len(places)), [value_text(name, place) for place in places], fontsize=8)
