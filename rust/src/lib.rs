@@ -28,6 +28,7 @@
 pub mod batch;
 pub mod bearing_rings;
 pub mod chart;
+pub mod contour;
 pub mod derivatives;
 pub mod equations;
 pub mod error;
@@ -37,6 +38,7 @@ pub mod fit;
 pub mod initial;
 pub mod least_squares;
 pub mod mesh;
+pub mod mixture;
 pub mod moments;
 pub mod overlap;
 pub mod pose;
