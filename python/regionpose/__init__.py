@@ -12,9 +12,20 @@ if TYPE_CHECKING:
     from regionpose._core import alpha_shape, planar_moments, spherical_moments, triangulate
     from regionpose.calibration import load_camera
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+    from regionpose.drawing import overlay_depth, overlay_regions
+    from regionpose.fusion import blend_colors, colorize
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.segmentation.cloud import grow_plane
+    from regionpose.segmentation.image import grow_image_region
+    from regionpose.segmentation.masks import (
+        mask_from_file,
+        masks_from_file,
+        masks_from_segmenter,
+        region_from_file,
+        regions_from_file,
+    )
+    from regionpose.segmentation.planes import find_planes
     from regionpose.solver import (
         Alternative,
         PoseError,
@@ -38,11 +49,22 @@ __all__ = [
     "WorldRegion",
     "__version__",
     "alpha_shape",
+    "blend_colors",
+    "colorize",
     "estimate_pose",
     "estimate_poses",
+    "find_planes",
+    "grow_image_region",
     "grow_plane",
     "load_camera",
+    "mask_from_file",
+    "masks_from_file",
+    "masks_from_segmenter",
+    "overlay_depth",
+    "overlay_regions",
     "planar_moments",
+    "region_from_file",
+    "regions_from_file",
     "spherical_moments",
     "triangulate",
 ]
@@ -51,9 +73,20 @@ _MODULES = {
     "_core": ("alpha_shape", "planar_moments", "spherical_moments", "triangulate"),
     "calibration": ("load_camera",),
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
+    "drawing": ("overlay_depth", "overlay_regions"),
+    "fusion": ("blend_colors", "colorize"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "segmentation.cloud": ("grow_plane",),
+    "segmentation.image": ("grow_image_region",),
+    "segmentation.masks": (
+        "mask_from_file",
+        "masks_from_file",
+        "masks_from_segmenter",
+        "region_from_file",
+        "regions_from_file",
+    ),
+    "segmentation.planes": ("find_planes",),
     "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,12 @@ from scipy.spatial import Delaunay, QhullError
 from shapely.geometry.base import BaseGeometry
 
 from regionpose import _core
-from regionpose.scan_lines import scan_lines
+from regionpose.scan_lines import ScanLines, scan_lines
 
 Array = NDArray[np.float64]
+
+PLANE_POINTS = 100_000
+"""Points to which the plane of an outline is fitted; more change it by less than a hundredth of the noise."""
 
 PLANE_TRIALS = 200
 """Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""
@@ -33,9 +37,18 @@ INLIER_SIGMAS = 3.0
 REFITS = 10
 """Least squares fits to the inliers at the most; they settle in two or three."""
 
-LINE_WIDTH_SHARE = 0.05
-"""Width over length below which the points on a plane are one scan line, which its beams' plane holds without any
-error."""
+LINE_WIDTH_SHARE = 0.15
+"""Width over length below which the points on a plane may be one scan line, which its beams' plane holds without any
+error; range noise widens a short one to this much."""
+
+WIDER = 1.3
+"""Width over length of all points in that of such a line from which they show another plane."""
+
+LINE_NOISES = 3.0
+"""Noise of the plane of all points over the width of such a line at the most; outliers make it larger."""
+
+LEAST_NOISE_SHARE = 0.02
+"""Least width over length of a line that is compared with the noise, for range noise that leaves it in its plane."""
 
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
@@ -68,6 +81,21 @@ LONG_EDGE = 4.0
 """Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
 
 
+MOST_SAMPLES = 50_000
+"""Samples from which an outline is taken: 200 or more across the patch tell its area to a ten-thousandth."""
+
+SPARSE_AREA = 0.05
+"""Standard deviation of the area, as a share, above which too few scan lines cross a patch to tell its outline."""
+
+LOST_SHARE = 0.05
+"""Share of the samples beyond the outline above which parts of the patch are missing: limbs narrower than two gaps
+between scan lines fall apart."""
+
+
+class SparseSamplingWarning(UserWarning):
+    """An outline of samples too sparse to show the patch."""
+
+
 class Outline(NamedTuple):
     """A plane `origin + u axes[0] + v axes[1]`, axes (2, 3), and rings (n, 2) in its coordinates."""
 
@@ -90,12 +118,13 @@ def outline_of_points(
     other samples as far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through
     the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay
     open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are
-    moved onto the plane along their beams, which range noise doesn't move sideways. ValueError for values that are not
+    moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning tells that
+    the samples are too sparse to show the outline. ValueError for values that are not
     finite, fewer than 3 points, points that are identical or on one line, or a radius that is not positive.
     """
     given = _checked_points(points)
     checked = None if radius is None else checked_radius(radius)
-    origin, axes, _ = robust_plane(given)
+    origin, axes, _ = robust_plane(given[:: max(1, len(given) // PLANE_POINTS)])
     flat = _flat_samples(given, origin, axes, sensor_origin)
     return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
 
@@ -110,13 +139,58 @@ def checked_radius(radius: object) -> float:
 
 
 def flat_outline(points: Array, *, radius: float | None = None, correct_sampling: bool = True) -> list[Array]:
-    """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes."""
-    if correct_sampling:
-        lines = scan_lines(points, radius)
-        if lines is not None:
-            return lines.rings()
-    rings = _main_part(_core.alpha_shape(points, bridging_radius(points) if radius is None else radius))
-    return grown_rings(points, rings) if correct_sampling else rings
+    """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes.
+
+    A SparseSamplingWarning tells that few scan lines cross the patch, or that the outline misses a part of it.
+    """
+    points = _thinned(points)
+    lines = scan_lines(points, radius) if correct_sampling else None
+    if lines is not None:
+        rings = lines.rings()
+        _warn_of_few_lines(lines)
+    else:
+        rings = _main_part(_core.alpha_shape(points, bridging_radius(points) if radius is None else radius))
+        rings = grown_rings(points, rings) if correct_sampling else rings
+    if radius is None:
+        _warn_of_lost_samples(points, rings)
+    return rings
+
+
+def _thinned(points: Array) -> Array:
+    """The samples (n, 2), or where they are many one a cell of a grid, which keeps them even."""
+    extent = np.ptp(points, axis=0)
+    size = float(np.sqrt(np.prod(np.maximum(extent, extent.max() / MOST_SAMPLES)) / MOST_SAMPLES))
+    if len(points) <= MOST_SAMPLES or size == 0.0:
+        return points
+    cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
+    return points[np.unique(cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1], return_index=True)[1]]
+
+
+def _warn_of_few_lines(lines: ScanLines) -> None:
+    """The patch's two ends lie anywhere in the gap beyond its outer lines: each has a variance of gap^2 / 12."""
+    count = len(lines.levels)
+    deviation = 1.0 / (np.sqrt(6.0) * count)
+    if deviation > SPARSE_AREA:
+        warnings.warn(
+            f"{count} scan lines, {lines.gap:.2g} m apart, cross the patch: its area is known to"
+            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * lines.gap:.2g} m may be missing",
+            SparseSamplingWarning,
+            stacklevel=2,
+        )
+
+
+def _warn_of_lost_samples(points: Array, rings: list[Array]) -> None:
+    region = shapely.Polygon(rings[0], rings[1:])
+    around = region.buffer(np.sqrt(region.area / len(points)))
+    shapely.prepare(around)
+    lost = 1.0 - float(shapely.intersects_xy(around, points[:, 0], points[:, 1]).mean())
+    if lost > LOST_SHARE:
+        warnings.warn(
+            f"{100.0 * lost:.0f} % of {len(points)} points lie outside the outline: the patch falls into parts where it"
+            " is narrower than two gaps between samples",
+            SparseSamplingWarning,
+            stacklevel=2,
+        )
 
 
 def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
@@ -201,15 +275,23 @@ def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     """
     everything = _refitted(points, *_least_squares_plane(points))
     majority = _refitted(points, *_least_median_plane(points))
-    if _width_share(points[majority[2]]) < LINE_WIDTH_SHARE <= _width_share(points[everything[2]]):
+    if _is_line_of(points[majority[2]], points[everything[2]], everything):
         return everything
     return min(everything, majority, key=lambda fit: _code_length(points, *fit))
 
 
-def _width_share(points: Array) -> float:
-    """The points' second spread over their first: 0 on a line."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return float(spread[1] / max(spread[0], np.finfo(float).tiny))
+def _is_line_of(line: Array, points: Array, plane: tuple[Array, Array, NDArray[np.intp]]) -> bool:
+    """Whether some points are a scan line of a plane that more show: narrow, no wider than its noise makes them."""
+    (length, width), (whole_length, whole_width) = _extents(line), _extents(points)
+    noise = float(np.std((points - plane[0]) @ plane[1][2]))
+    narrow = width < LINE_WIDTH_SHARE * length and noise < LINE_NOISES * max(width, LEAST_NOISE_SHARE * length)
+    return narrow and len(points) > len(line) and whole_width * length > WIDER * width * whole_length
+
+
+def _extents(points: Array) -> tuple[float, float]:
+    """Standard deviations of the points along their first two directions."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
+    return float(spread[0]), float(spread[1])
 
 
 def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -232,7 +314,7 @@ def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.
     """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
     extent = float(np.ptp(points, axis=0).max())
     sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
-    return len(inliers) * float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi * np.e)))
+    return len(inliers) * (0.5 + float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi))))
 
 
 def bridging_radius(points: Array) -> float:
@@ -303,7 +385,8 @@ def _checked_points(points: ArrayLike) -> Array:
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
         raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
-    if len(np.unique(given, axis=0)) < 3:
+    others = given[(given != given[0]).any(axis=1)] if len(given) else given
+    if len(others) < 2 or (others == others[0]).all():
         raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
     return given
 

@@ -44,7 +44,15 @@ table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 th,td{text-align:right;padding:.4rem .7rem;border-bottom:1px solid var(--line);white-space:nowrap}
 th:first-child,td:first-child{text-align:left}th{color:var(--soft);font-weight:600;font-size:.88rem}
 pre{background:var(--card);padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font-size:.85rem;line-height:1.45}
-td code{font-size:.78rem}
+td:first-child{white-space:normal}td code{font-size:.78rem;white-space:normal;overflow-wrap:anywhere}
+@page{margin:14mm}
+@media print{:root{color-scheme:light;--ink:#000;--soft:#444;--paper:#fff;--line:#bbb;--card:#fff;
+--good:#1a7f4b;--check:#a86400;--bad:#b42318}
+body{max-width:none;padding:0;font-size:11px}
+h2{break-after:avoid}figure,tr,.verdict,.facts,pre{break-inside:avoid}
+figure img{max-height:11cm;width:auto;max-width:100%}
+.facts div,.verdict,pre{border:1px solid var(--line)}pre{white-space:pre-wrap;overflow-wrap:anywhere}
+.wide{overflow:visible}th,td{white-space:normal}}
 """
 
 VIEWPORT = '<meta name="viewport" content="width=device-width,initial-scale=1">'
@@ -142,10 +150,12 @@ def _figure(figure: Figure) -> str:
     return f'<figure><img alt="{caption}" src="{data_url(figure.picture)}"><figcaption>{caption}</figcaption></figure>'
 
 
-def _regions(regions: Iterable[Mapping[str, Any]]) -> str:
+def _regions(regions: Sequence[Mapping[str, Any]]) -> str:
+    compared = any("overlap_error_before" in region for region in regions)
     rows = [
         [
             escape(region["name"]),
+            *([_percent(region.get("overlap_error_before"))] if compared else []),
             _percent(region["overlap_error"]),
             f"{region['image_area_px']:,.0f}",
             f"{region['world_area_m2']:.4g}",
@@ -153,7 +163,8 @@ def _regions(regions: Iterable[Mapping[str, Any]]) -> str:
         ]
         for region in regions
     ]
-    return _table(["region", "overlap error", "image area (px)", "world area (m²)", "cloud points"], rows)
+    errors = ["overlap error before", "overlap error after"] if compared else ["overlap error"]
+    return _table(["region", *errors, "image area (px)", "world area (m²)", "cloud points"], rows)
 
 
 def _truth(errors: Mapping[str, Any] | None) -> str:
@@ -232,7 +243,7 @@ def _table(names: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _percent(fraction: float | None) -> str:
-    return f"{_fixed(_scaled(fraction, 100.0), 2)} %"
+    return "unknown" if fraction is None else f"{100.0 * fraction:.2f} %"
 
 
 def _scaled(value: float | None, scale: float) -> float | None:

@@ -105,6 +105,11 @@ class ScanLines:
     levels: Array
     runs: list[list[Run]]
 
+    @property
+    def gap(self) -> float:
+        """Median distance between neighbouring lines, metres."""
+        return float(np.median(np.diff(self.levels))) * self.scale
+
     def rings(self) -> list[Array]:
         """Rings (n, 2) of the patch's largest part: the outer one first, counter-clockwise, then its holes."""
         patch = shapely.union_all(list(Strips(self).polygons()))

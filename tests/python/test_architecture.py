@@ -35,11 +35,11 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
-    ("calibration", "scan_lines"),
+    ("calibration", "fusion", "scan_lines"),
     ("outline",),
     ("regions",),
     ("segmentation", "solver"),
-    ("evaluation", "overlay", "report", "splat"),
+    ("drawing", "evaluation", "report", "splat"),
     ("scene",),
     ("__init__",),
     ("demo",),

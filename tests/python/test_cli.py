@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from regionpose import Pose
 from regionpose.calibration import load_camera
 from regionpose.cli import main
 from regionpose.cli.outputs import text_writer, write_files
@@ -50,7 +51,7 @@ def test_every_command_shows_examples(command: str, capsys: pytest.CaptureFixtur
 def test_help_says_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "--help")
     assert code == 0
-    assert all(f"\n    {number}  " in out for number in range(4))
+    assert all(f"\n    {number}  " in out for number in (0, 1, 2, 3, 130))
 
 
 def test_help_loads_nothing_slow() -> None:
@@ -119,6 +120,63 @@ def test_an_output_below_a_file_is_refused_before_the_work(tmp_path: Path, capsy
     assert "found a file; needed a folder" in err and "pose ..." not in err
 
 
+def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Make the last of the writing fail."""
+    from regionpose.scene import bundle
+
+    def fails(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(bundle, "save_png", fails)
+
+
+def test_ctrl_c_leaves_nothing_behind_and_ends_with_130(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = write_scene(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    failing(monkeypatch, KeyboardInterrupt())
+    code, said, err = run(capsys, "estimate", scene, "--out", tmp_path / "new" / "out", "--quiet")
+    assert (code, said) == (130, "") and "Traceback" not in err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("mine", encoding="utf-8")
+    failing(monkeypatch, KeyboardInterrupt())
+    assert main(["estimate", str(scene), "--out", str(out), "--force", "--quiet"]) == 130
+    assert [path.name for path in out.iterdir()] == ["report.html"]
+    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_full_disk_is_one_line_and_a_mistake_of_ours_is_raised(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from regionpose.clouds import MissingExtraError
+
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    expected = OSError(28, "No space left on device", "cloud.ply"), MissingExtraError("needed regionpose[las]")
+    for error, line in zip(expected, ("cloud.ply: no space left on device", "needed regionpose[las]"), strict=True):
+        failing(monkeypatch, error)
+        code, said, err = run(capsys, "estimate", scene, "--out", out, "--quiet")
+        assert (code, said, err) == (2, "", f"error: {line}\n")
+    for unexpected in (KeyError("pose"), ImportError("scipy is broken"), MemoryError()):
+        failing(monkeypatch, unexpected)
+        with pytest.raises(type(unexpected)):
+            main(["estimate", str(scene), "--out", str(out), "--quiet"])
+    assert not out.exists()
+
+
+def test_an_initial_pose_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = scene_values()
+    values["prior"] = {"initial": {"camera_from_world": {"matrix": (POSE.matrix + 0.05 * np.eye(4, k=3)).tolist()}}}
+    code, said, _ = run(capsys, "estimate", write_scene(tmp_path, values), "--out", tmp_path / "out")
+    assert code == 0 and said.count(", before: ") == 2
+    assert (tmp_path / "out" / "overlay_before.png").exists()
+
+
 def one_square(folder: Path) -> Path:
     """A scene of one square, which looks the same from several poses."""
     values: dict[str, Any] = scene_values()
@@ -152,7 +210,7 @@ def test_no_pose_ends_with_3_and_writes_nothing(
     monkeypatch.setattr(estimate, "estimate_pose", no_pose)
     code, _, err = run(capsys, "estimate", write_scene(tmp_path), "--out", tmp_path / "out", "--quiet")
     assert code == 3
-    assert err.startswith("regionpose: error: no pose shows") and err.count("\n") == 1
+    assert err.startswith("error: no pose shows") and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
@@ -163,7 +221,7 @@ def test_bad_input_is_one_line_with_exit_code_2(tmp_path: Path, capsys: pytest.C
     line = 1 + next(k for k, row in enumerate(scene.read_text(encoding="utf-8").splitlines()) if "seed:" in row)
     code, said, err = run(capsys, "estimate", scene, "--quiet", "--out", tmp_path / "out")
     assert (code, said) == (2, "")
-    assert err == f"regionpose: error: {scene}:{line}: regions[0].image.seed: found 3 numbers; needed [x, y]\n"
+    assert err == f"error: {scene}:{line}: regions[0].image.seed: found 3 numbers; needed [x, y]\n"
 
 
 @pytest.mark.parametrize(
@@ -225,6 +283,49 @@ def test_fuse_colours_a_cloud_as_the_estimate_did(
     assert 0 < facts["visible_points"] < facts["points"]
     assert out.read_bytes() == (demo_out / "cloud.ply").read_bytes()
     assert run(capsys, "fuse", *sensors(demo_out), "--out", out)[0] == 2
+
+
+def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from regionpose.fusion import View, blend_colors
+
+    files, out = demo_folder(), tmp_path / "coloured.ply"
+    image = np.asarray(Image.open(files / "image.jpg"))
+    Image.fromarray(255 - image).save(tmp_path / "other.png")
+    camera, pose = load_camera(files / "camera_info.yaml"), read_pose(demo_out / "result.json")
+    back = Pose(pose.rotation, pose.translation + np.array([0.0, 0.0, 2.0]))
+    np.save(tmp_path / "back.npy", back.matrix)
+    code, said, err = run(
+        capsys,
+        "fuse",
+        *(files / "cloud.ply", files / "image.jpg", tmp_path / "other.png"),
+        *("--camera", files / "camera_info.yaml", "--out", out, "--json"),
+        *("--pose", demo_out / "result.json", "--pose", tmp_path / "back.npy"),
+    )
+    assert code == 0 and json.loads(said)["images"] == 2
+    assert "colours of image 1 of 2 ..." in err and "colours of image 2 of 2, about" in err and "s left ..." in err
+    points = read_cloud(files / "cloud.ply").points
+    colours, visible = blend_colors(points, [View(image, camera, pose), View(255 - image, camera, back)])
+    cloud = read_cloud(out)
+    np.testing.assert_array_equal(cloud.fields["visible"] > 0, visible)
+    assert cloud.colours is not None
+    np.testing.assert_array_equal(cloud.colours[visible], colours[visible])
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["image.jpg"], "--pose: found 1 for 2 images; needed one for each"),
+        (["--pose", "a.json"], "--pose: found 2 for 1 images"),
+        (["--camera", "a.yaml"], "--camera: found 2 for 1 images; needed one for all, or one for each"),
+        (["--camera-name", "a", "--camera-name", "b"], "--camera-name: found 2 for 1 images"),
+    ],
+)
+def test_fuse_needs_as_many_poses_as_images(
+    more: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["cloud.ply", "image.jpg", "--camera", "c.yaml", "--pose", "p.json", *more]
+    code, _, err = run(capsys, "fuse", *words, "--out", tmp_path / "a.ply")
+    assert code == 2 and said in err and err.count("\n") == 1
 
 
 def test_project_writes_pixels_and_a_picture(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.evaluation.noise import SpinningLidar, lidar_points
 from regionpose.evaluation.templates import all_templates
-from regionpose.outline import Outline, flat_outline, outline_of_points, robust_plane
+from regionpose.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points, robust_plane
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -172,6 +172,54 @@ def test_plane_is_not_that_of_one_scan_line() -> None:
     points = np.array([[x, y, 3.0] for x, y in beams])
     points *= (1.0 + generator.normal(0.0, 0.002, len(points)))[:, None]
     assert abs(robust_plane(points)[1][2][2]) > np.cos(np.radians(5.0))
+
+
+def test_plane_is_not_that_of_a_short_noisy_scan_line() -> None:
+    # Half of the points on one line 0.5 m long, which noise of 1 cm along the beams widens to a twentieth of that.
+    generator = np.random.default_rng(0)
+    lines = [(np.linspace(-0.25, 0.25, 24), 0.0), (np.linspace(-0.1, 0.1, 8), 0.18), (np.linspace(-0.1, 0.1, 8), -0.18)]
+    for _ in range(20):
+        points = np.concatenate([np.column_stack([x, np.full_like(x, y), 5.0 + 0.7 * x + y]) for x, y in lines])
+        points += generator.normal(0.0, 0.01, len(points))[:, None] * points / np.linalg.norm(points, axis=1)[:, None]
+        normal = np.array([0.7, 1.0, -1.0]) / np.sqrt(2.49)
+        assert abs(robust_plane(points)[1][2] @ normal) > np.cos(np.radians(8.0))
+
+
+@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.parametrize("distance", [3.0, 5.5])
+def test_correction_has_no_bias_over_where_the_rings_fall(distance: float) -> None:
+    # Rings 2 deg apart: a single scan errs by half a gap at either end, their mean by neither.
+    lidar, biases = SpinningLidar(16, -15.0, 15.0, 0.2, 0.01), []
+    square = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    for phase in np.linspace(-0.5, 0.5, 20, endpoint=False):
+        shifted = square + np.array([0.0, phase * distance * np.tan(np.radians(2.0)), distance])
+        points = lidar_points([shifted], np.zeros(3), np.random.default_rng(1), lidar)
+        biases.append(area(outline_of_points(points, sensor_origin=[0.0, 0.0, 0.0]).rings) - 1.0)
+    assert abs(np.mean(biases)) < 0.02
+    assert np.ptp(biases) > 0.05
+
+
+def test_few_scan_lines_are_warned_of() -> None:
+    with pytest.warns(SparseSamplingWarning, match=r"4 scan lines, 0\.2 m apart.* known to 10 %"):
+        flat_outline(grid(100, 4, (0.01, 0.2)))
+
+
+def test_parts_that_the_outline_misses_are_warned_of() -> None:
+    # Two fields a metre apart, hardly joined by two points.
+    fields = np.concatenate(
+        [grid(20, 20, (0.02, 0.02)), grid(10, 20, (0.02, 0.02)) + np.array([1.4, 0.0]), [[0.7, 0.2], [1.0, 0.2]]]
+    )
+    with pytest.warns(SparseSamplingWarning, match=r"\d+ % of 602 points lie outside"):
+        flat_outline(fields)
+
+
+def test_many_samples_give_the_outline_of_their_even_part() -> None:
+    # A wall of 3 m x 2 m with a door of 0.8 m x 1.6 m, in 200 000 samples.
+    samples = np.random.default_rng(0).uniform(0.0, 1.0, (200_000, 2)) * [3.0, 2.0]
+    door = (np.abs(samples[:, 0] - 1.5) < 0.4) & (np.abs(samples[:, 1] - 1.0) < 0.8)
+    rings = flat_outline(samples[~door])
+    assert len(rings) == 2
+    assert area(rings) == pytest.approx(6.0 - 1.28, rel=5e-3)
 
 
 def test_four_corners_are_their_own_outline() -> None:

@@ -68,6 +68,24 @@ def test_the_report_says_what_the_result_holds(run: SceneEstimate) -> None:
     assert f"{result['translation_sigma_m'][2] * 1000:.2f}" in html
 
 
+def test_a_result_with_an_initial_pose_shows_both_errors(run: SceneEstimate) -> None:
+    result = scene_result(run)
+    for region, before in zip(result["regions"], (0.25, None), strict=True):
+        region["overlap_error_before"] = before
+    html = report_html(Report("t", "trusted", "h", [], result, []))
+    first, second = result["regions"]
+    assert "<th>overlap error before</th><th>overlap error after</th>" in html
+    assert f"<td>{first['name']}</td><td>25.00 %</td><td>{100 * first['overlap_error']:.2f} %</td>" in html
+    assert f"<td>{second['name']}</td><td>unknown</td>" in html
+    assert "overlap error before" not in page(run)
+
+
+def test_the_page_prints_dark_on_white_without_cutting_tables_and_pictures(run: SceneEstimate) -> None:
+    rules = page(run).partition("@media print{")[2].partition("</style>")[0]
+    assert "--ink:#000" in rules and "--paper:#fff" in rules
+    assert "break-inside:avoid" in rules and "overflow-wrap:anywhere" in rules
+
+
 def test_unknown_numbers_are_said_to_be_unknown(run: SceneEstimate) -> None:
     result = scene_result(run)
     result["covariance"] = [[None] * 6] * 6

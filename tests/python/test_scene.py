@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
+import shapely
 from PIL import Image
-from regionpose.clouds import Cloud
-from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result, scene_schema, scene_sides
-from regionpose.scene.colours import coloured_cloud, overlay_depth, seen_pixels
-from regionpose.scene.mask_files import read_mask
+from regionpose.scene import SceneError, Stages, estimate_scene, load_scene, scene_result, scene_schema, scene_sides
+from regionpose.scene.bundle import bundle, file_names
+from regionpose.scene.estimate import overlap_errors
 from regionpose.scene.result import exports, plain
 from regionpose.scene.verdict import with_names
-from scene_files import HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
+from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 from scipy.spatial.transform import Rotation
 
 GOOD = """\
@@ -239,17 +239,124 @@ def test_points_that_give_no_region_are_named(world: dict[str, Any], said: str, 
         region_from_cloud(tmp_path, world)
 
 
-def test_masks_are_read_by_value_and_by_label(tmp_path: Path) -> None:
-    labels = np.zeros((6, 8), dtype=np.uint8)
-    labels[1:3, 1:4], labels[4:, 5:] = 2, 7
-    Image.fromarray(labels).save(tmp_path / "labels.png")
-    Image.fromarray(np.where(labels == 2, 255, 0).astype(np.uint8)).convert("RGB").save(tmp_path / "mask.png")
-    assert (read_mask(tmp_path / "labels.png", 7) == (labels == 7)).all()
-    assert (read_mask(tmp_path / "mask.png") == (labels == 2)).all()
-    with pytest.raises(ValueError, match=r"found 2 values besides 0; needed one, or the key label \(2, 7\)"):
-        read_mask(tmp_path / "labels.png")
-    with pytest.raises(ValueError, match=r"no pixel of the label 5; needed one of 2, 7"):
-        read_mask(tmp_path / "labels.png", 5)
+def label_files(folder: Path) -> np.ndarray[Any, Any]:
+    """Labels (h, w), in a picture, a COCO and a labelme file of the same two rectangles."""
+    labels = np.zeros((HEIGHT, WIDTH), dtype=np.uint8)
+    labels[20:100, 30:150], labels[120:200, 160:300] = 2, 7
+    Image.fromarray(labels).save(folder / "labels.png")
+    rings = {
+        "door": [[30, 20], [150, 20], [150, 100], [30, 100]],
+        "sign": [[160, 120], [300, 120], [300, 200], [160, 200]],
+    }
+    shapes = [{"label": name, "shape_type": "polygon", "points": ring} for name, ring in rings.items()]
+    size = {"imageHeight": HEIGHT, "imageWidth": WIDTH}
+    (folder / "labelme.json").write_text(json.dumps({"shapes": shapes, **size}), encoding="utf-8")
+    names = list(rings)
+    coco = {
+        "images": [{"id": 1, "file_name": "image.png", "height": HEIGHT, "width": WIDTH}],
+        "categories": [{"id": k, "name": name} for k, name in enumerate(names)],
+        "annotations": [
+            {"id": 10 + k, "image_id": 1, "category_id": k, "segmentation": [np.ravel(rings[name]).tolist()]}
+            for k, name in enumerate(names)
+        ],
+    }
+    (folder / "coco.json").write_text(json.dumps(coco), encoding="utf-8")
+    return labels
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        {"mask": "labels.png", "label": 7},
+        {"mask": "labels.png", "label": "7"},
+        {"mask": "labelme.json", "label": "sign"},
+        {"mask": "coco.json", "label": "sign"},
+        {"mask": "coco.json", "label": 11},
+        {"mask": "coco.json", "label": "sign", "image": "image.png"},
+    ],
+    ids=str,
+)
+def test_masks_are_read_from_label_images_coco_and_labelme_files(image: dict[str, Any], tmp_path: Path) -> None:
+    label_files(tmp_path)
+    values = scene_values()
+    values["regions"][0]["image"] = image
+    region = scene_sides(load_scene(write_scene(tmp_path, values))).image_regions[0]
+    low, high = (function(region.rings[0], axis=0) for function in (np.min, np.max))
+    assert region.area == pytest.approx(140 * 80, rel=0.001)
+    np.testing.assert_allclose([low, high], [[159.5, 119.5], [299.5, 199.5]], atol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        ({"mask": "labels.png"}, "labels.png"),
+        ({"mask": "labels.png", "label": 5}, "5"),
+        ({"mask": "labelme.json", "label": "window"}, "window"),
+        ({"mask": "small.png"}, "found masks of 8 x 6 pixels; needed 320 x 240"),
+        ({"mask": "labels.png", "label": 1.5}, r"found 1\.5; needed "),
+    ],
+)
+def test_masks_that_give_no_region_are_named_with_their_line(image: dict[str, Any], said: str, tmp_path: Path) -> None:
+    label_files(tmp_path)
+    Image.fromarray(np.eye(6, 8, dtype=np.uint8)).save(tmp_path / "small.png")
+    values = scene_values()
+    values["regions"][0]["image"] = image
+    with pytest.raises(SceneError, match=rf"scene\.yaml:\d+: regions\[0\]\.image\.(mask|label): .*{said}"):
+        scene_sides(load_scene(write_scene(tmp_path, values)))
+
+
+def turned(degrees: float, shift: float) -> rp.Pose:
+    """The scene's pose, off by a turn and a shift."""
+    rotation = Rotation.from_euler("y", degrees, degrees=True) * POSE.rotation
+    return rp.Pose(rotation, POSE.translation + np.array([shift, 0.0, 0.0]))
+
+
+def test_overlap_errors_at_the_estimate_are_the_estimates(tmp_path: Path) -> None:
+    values = scene_values()
+    values["regions"][0]["image"]["polygon"][0][0] += 3.0
+    run = estimate_scene(load_scene(write_scene(tmp_path, values)))
+    errors = overlap_errors(run.sides, run.local_pose)
+    np.testing.assert_allclose(errors, run.estimate.region_overlap_errors, rtol=1e-9)
+    assert (errors > 1e-4).any()
+
+
+def test_overlap_errors_at_another_pose_are_the_area_that_differs(tmp_path: Path) -> None:
+    sides = scene_sides(load_scene(write_scene(tmp_path)))
+    pose = turned(0.6, 0.05)
+    errors = overlap_errors(sides, pose)
+    for error, observed, plate in zip(errors, sides.image_regions, PLATES.values(), strict=True):
+        truth = shapely.Polygon(observed.rings[0])
+        other = shapely.Polygon(CAMERA.project(pose.transform(plate)))
+        # The solver's areas are solid angles; within a small region they are in proportion to the pixels'.
+        assert error == pytest.approx(truth.symmetric_difference(other).area / truth.area, rel=0.05)
+    assert np.isnan(overlap_errors(sides, rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))).all()
+
+
+def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) -> None:
+    values = scene_values((20_000.0, 0.0, 0.0))
+    start = turned(2.0, 0.1)
+    moved = rp.Pose(start.rotation, start.translation - start.rotation.apply([20_000.0, 0.0, 0.0]))
+    values["prior"] = {"initial": {"camera_from_world": {"matrix": moved.matrix.tolist()}}}
+    run = estimate_scene(load_scene(write_scene(tmp_path, values)))
+    made = bundle(run, Stages())
+    assert set(made.writers) == set(file_names(run.sides.scene)) >= {"overlay.png", "overlay_before.png"}
+    for region, error in zip(made.result["regions"], overlap_errors(run.sides, start), strict=True):
+        assert region["overlap_error_before"] == pytest.approx(error, rel=1e-6)
+        assert region["overlap_error_before"] > 0.05 > region["overlap_error"]
+    for name in ("overlay.png", "overlay_before.png", "report.html"):
+        made.writers[name](tmp_path / name)
+    assert (tmp_path / "overlay.png").read_bytes() != (tmp_path / "overlay_before.png").read_bytes()
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert html.count("<figure>") == 2 and "overlap error before" in html
+
+
+@pytest.mark.parametrize("prior", [None, {"initial": "paper"}])
+def test_without_an_initial_pose_there_is_no_before(prior: dict[str, Any] | None, tmp_path: Path) -> None:
+    values = scene_values() if prior is None else {**scene_values(), "prior": prior}
+    scene = load_scene(write_scene(tmp_path, values))
+    assert "overlay_before.png" not in file_names(scene)
+    regions = scene_result(estimate_scene(scene))["regions"]
+    assert all("overlap_error_before" not in region for region in regions)
 
 
 def test_the_result_says_the_pose_both_ways_and_is_json(tmp_path: Path) -> None:
@@ -281,56 +388,6 @@ def test_numbers_that_json_lacks_become_null() -> None:
 
 def test_warnings_name_regions() -> None:
     assert with_names("region 1 misses, region 9 too", ("door", "sign")) == "region 1 (sign) misses, region 9 too"
-
-
-def two_walls() -> NDArrayPair:
-    """Points on a near patch, and on a far wall of which the patch hides the middle."""
-    axis = np.linspace(-1.0, 1.0, 61)
-    x, y = (grid.ravel() for grid in np.meshgrid(axis, axis))
-    far = np.column_stack([2.5 * x, 1.8 * y, np.full(x.size, 6.0)])
-    near = np.column_stack([0.4 * x, 0.4 * y, np.full(x.size, 2.0)])
-    return near, far
-
-
-NDArrayPair = tuple[np.ndarray[Any, np.dtype[np.float64]], np.ndarray[Any, np.dtype[np.float64]]]
-CAMERA = rp.PinholeCamera(300.0, 300.0, 159.5, 119.5, width=WIDTH, height=HEIGHT)
-AT_ORIGIN = rp.Pose(Rotation.identity(), np.zeros(3))
-
-
-def test_points_behind_others_are_not_seen() -> None:
-    near, far = two_walls()
-    _, visible = seen_pixels(np.concatenate([near, far]), (HEIGHT, WIDTH), CAMERA, AT_ORIGIN)
-    hidden = (np.abs(far[:, :2]) < 3.0 * 0.4 - 0.15).all(axis=1)
-    clear = (np.abs(far[:, :2]) > 3.0 * 0.4 + 0.25).any(axis=1) & (np.abs(far[:, 0]) < 3.1) & (np.abs(far[:, 1]) < 2.3)
-    assert visible[: len(near)].all()
-    assert not visible[len(near) :][hidden].any()
-    assert visible[len(near) :][clear].all()
-
-
-def test_a_cloud_takes_the_colours_it_projects_to() -> None:
-    near, _ = two_walls()
-    behind = np.array([[0.0, 0.0, -2.0]])
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    picture = np.stack([columns * 0.7, rows, np.full((HEIGHT, WIDTH), 9)], axis=-1).astype(np.uint8)
-    before = np.full((len(near) + 1, 3), 77, dtype=np.uint8)
-    cloud = Cloud(np.concatenate([near, behind]), colours=before)
-    coloured, visible = coloured_cloud(cloud, picture, CAMERA, AT_ORIGIN)
-    pixels = CAMERA.project(near)
-    assert coloured.colours is not None
-    np.testing.assert_allclose(coloured.colours[:-1, 1], pixels[:, 1], atol=0.51)
-    np.testing.assert_allclose(coloured.colours[:-1, 0], 0.7 * pixels[:, 0], atol=1.51)
-    assert not visible[-1] and coloured.colours[-1].tolist() == [77, 77, 77]
-    assert coloured.fields["visible"].sum() == len(near)
-
-
-def test_the_depth_picture_marks_near_points_yellow_and_far_ones_violet() -> None:
-    near, far = two_walls()
-    picture = overlay_depth(np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.concatenate([near, far]), CAMERA, AT_ORIGIN)
-    red, green, blue = picture[119, 159].astype(int)
-    assert red > 200 and green > 200 and blue < 100
-    x, y = np.rint(CAMERA.project(far[:1] * [0.9, 0.9, 1.0])[0]).astype(int)
-    around = picture[y - 5 : y + 6, x - 5 : x + 6].reshape(-1, 3).max(axis=0)
-    assert around[2] > around[1]
 
 
 def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import typer
 from regionpose import __version__
 from regionpose.cli import demo, estimate, fuse, info, project, schema, segment
 
-FINE, BAD_INPUT, NO_POSE = 0, 2, 3
+FINE, BAD_INPUT, NO_POSE, INTERRUPTED = 0, 2, 3, 130
 
 HELP = """Absolute pose of a central camera from planar regions, without correspondences.
 
@@ -26,6 +26,7 @@ Exit codes:
   1  a pose with warnings, under --strict
   2  bad input, or a file that would be overwritten
   3  no pose shows the regions as they were observed
+  130  interrupted (Ctrl-C); nothing was written
 """
 
 app = typer.Typer(
@@ -61,16 +62,29 @@ def _options(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of the command line `arguments` (those of the process when None); errors are one line on standard
-    error.
+    """The exit code of the command line `arguments` (those of the process when None).
+
+    Expected errors (bad input, files, a missing extra) are one line on standard error; others are raised.
     """
     try:
         app(args=None if arguments is None else list(arguments), prog_name="regionpose")
     except SystemExit as end:
-        return end.code if isinstance(end.code, int) else FINE
-    except (ValueError, OSError, ImportError, MemoryError) as error:
+        # Typer ends with 1 after Ctrl-C, which is the code of --strict here.
+        code = INTERRUPTED if isinstance(end.__context__, typer.Abort) else end.code
+        return code if isinstance(code, int) else FINE
+    except (ValueError, OSError) as error:
         return _failed(_one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
+    except ImportError as error:
+        if not _is_missing_extra(error):
+            raise
+        return _failed(_one_line(error), BAD_INPUT)
     return FINE
+
+
+def _is_missing_extra(error: ImportError) -> bool:
+    from regionpose.clouds import MissingExtraError
+
+    return isinstance(error, MissingExtraError)
 
 
 def _is_pose_error(error: BaseException) -> bool:
@@ -86,5 +100,5 @@ def _one_line(error: BaseException) -> str:
 
 
 def _failed(message: str, code: int) -> int:
-    typer.echo(f"regionpose: error: {message}", err=True)
+    typer.echo(f"error: {message}", err=True)
     return code

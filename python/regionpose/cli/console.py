@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+import time
+from collections.abc import Iterator, Sequence
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import typer
+
+Item = TypeVar("Item")
 
 
 class Progress:
@@ -40,6 +44,14 @@ class Progress:
             self._status.update(stage)
         elif not self._quiet:
             typer.echo(f"{stage} ...", err=True)
+
+    def each(self, items: Sequence[Item], stage: str) -> Iterator[Item]:
+        """The items in turn; says which one is worked on and, after the first, how long the rest will take."""
+        start = time.perf_counter()
+        for index, item in enumerate(items):
+            left = (time.perf_counter() - start) / max(index, 1) * (len(items) - index)
+            self.begin(f"{stage} {index + 1} of {len(items)}" + (f", about {left:.0f} s left" if index else ""))
+            yield item
 
 
 def say_json(values: object) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -34,6 +34,7 @@ def estimate(
     """Estimate the pose of a scene's camera.
 
     Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png and cloud.ply (coloured).
+    Where the scene gives an initial pose, overlay_before.png shows the regions projected with that.
 
     \b
     Examples:
@@ -67,7 +68,7 @@ def run_scene(
         raise typer.Exit(WARNED)
 
 
-def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> None:
+def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
     from regionpose.scene.verdict import verdict
 
     estimate = run.estimate
@@ -84,12 +85,7 @@ def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> 
         ]
     )
     typer.echo("overlap error by region")
-    say_rows(
-        [
-            (name, f"{100.0 * error:.2f} %")
-            for name, error in zip(run.sides.names, estimate.region_overlap_errors, strict=True)
-        ]
-    )
+    say_rows([(region["name"], _errors(region)) for region in result["regions"]])
     _say_truth(result)
     judged = verdict(run)
     typer.echo(f"{judged.level}: {judged.headline}")
@@ -98,7 +94,16 @@ def _say(run: SceneEstimate, result: dict[str, object], written: list[Path]) -> 
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
-def _say_truth(result: dict[str, object]) -> None:
+def _errors(region: dict[str, Any]) -> str:
+    """A region's overlap error, after that of the initial pose where there is one."""
+    after = f"{100.0 * region['overlap_error']:.2f} %"
+    if "overlap_error_before" not in region:
+        return after
+    before = region["overlap_error_before"]
+    return f"{after}, before: " + ("unknown" if before is None else f"{100.0 * before:.2f} %")
+
+
+def _say_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
         centre = 1000.0 * errors["camera_center_m"]

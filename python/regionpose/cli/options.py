@@ -10,21 +10,28 @@ import typer
 Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
-CameraPath = Annotated[
-    Path,
-    typer.Option(
-        "--camera", help="Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI.", show_default=False
-    ),
-]
+CAMERA_HELP = "Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI."
+POSE_HELP = (
+    "result.json, a matrix camera_from_world (.txt, .npy), KITTI's Tr, "
+    "or calib.json of direct_visual_lidar_calibration."
+)
+CameraPath = Annotated[Path, typer.Option("--camera", help=CAMERA_HELP, show_default=False)]
 CameraName = Annotated[
     str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
 ]
-PosePath = Annotated[
-    Path,
+PosePath = Annotated[Path, typer.Option("--pose", help=POSE_HELP, show_default=False)]
+CameraPaths = Annotated[
+    list[Path],
+    typer.Option("--camera", help=f"{CAMERA_HELP} One for all images, or one for each.", show_default=False),
+]
+CameraNames = Annotated[
+    list[str] | None,
     typer.Option(
-        "--pose",
-        help="result.json, a matrix camera_from_world (.txt, .npy), KITTI's Tr, "
-        "or calib.json of direct_visual_lidar_calibration.",
+        "--camera-name",
+        help="Which camera, where the calibration holds several; one for all images, or one for each.",
         show_default=False,
     ),
+]
+PosePaths = Annotated[
+    list[Path], typer.Option("--pose", help=f"{POSE_HELP} One for each image, in order.", show_default=False)
 ]

@@ -38,6 +38,7 @@ def write_files(folder: Path, writers: Mapping[str, Writer], *, force: bool) -> 
     """
     paths = [folder / name for name in writers]
     refuse_existing(paths, force)
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     made = Path(tempfile.mkdtemp(prefix=".regionpose-", dir=folder))
     try:
@@ -46,9 +47,21 @@ def write_files(folder: Path, writers: Mapping[str, Writer], *, force: bool) -> 
         refuse_existing(paths, force)
         for path in paths:
             os.replace(made / path.name, path)
-    finally:
+    except BaseException:
         shutil.rmtree(made, ignore_errors=True)
+        _remove_empty(missing)
+        raise
+    made.rmdir()
     return paths
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove the folders, innermost first, that nothing was put into."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
 
 
 def write_file(path: Path, write: Writer, *, force: bool) -> Path:

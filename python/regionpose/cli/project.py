@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.fuse import read_sensors
 from regionpose.cli.options import AsJson, CameraName, CameraPath, Force, PosePath, Quiet
 from regionpose.cli.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
-    from regionpose.cameras import Camera
     from regionpose.clouds import Cloud
-    from regionpose.pose import Pose
-    from regionpose.scene.sensors import Picture
+    from regionpose.fusion import View
 
 CSV_HEADER = "index,x_px,y_px,depth_m"
 
@@ -36,9 +33,9 @@ def project(
 ) -> None:
     """Project a cloud into an image with a known pose.
 
-    A PNG shows the points over the image, coloured by depth. A CSV lists, for each point inside the image, its index
-    in the
-    cloud, its pixel (an integer is a pixel's centre) and its distance along the optical axis.
+    A PNG shows the points that the camera sees over the image, coloured by their distance. A CSV lists, for each point
+    inside the image, hidden ones too, its index in the cloud, its pixel (an integer is a pixel's centre) and its
+    distance along the optical axis.
 
     \b
     Examples:
@@ -49,40 +46,39 @@ def project(
     if kind not in {".png", ".csv"}:
         raise ValueError(f"{out}: found the ending {kind!r}; needed .png or .csv")
     refuse_existing([out], force)
+    from regionpose.cli.views import ViewFiles, read_view
+    from regionpose.clouds import read_cloud
+
     with Progress(quiet) as progress:
         progress.begin("read files")
-        points, picture, known_camera, local = read_sensors(cloud, image, camera, pose, camera_name)
+        points = read_cloud(cloud)
+        view = read_view(ViewFiles(image, camera, pose, camera_name), points)
         progress.begin("projection")
-        rows = _rows_inside(points, picture, known_camera, local)
-        write_file(out, lambda path: _write(path, rows, (points, picture, known_camera, local)), force=force)
+        rows = _rows_inside(points, view)
+        write_file(out, lambda path: _write(path, rows, points, view), force=force)
     if as_json:
         say_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
     else:
         typer.echo(f"{len(rows)} of {len(points)} points inside the image; written: {out}")
 
 
-def _rows_inside(cloud: Cloud, picture: Picture, camera: Camera, pose: Pose) -> list[tuple[int, float, float, float]]:
+def _rows_inside(cloud: Cloud, view: View) -> list[tuple[int, float, float, float]]:
     """Index, pixel and depth of each point inside the image."""
     import numpy as np
 
-    seen = pose.transform(cloud.points)
-    pixels = camera.project(seen)
-    height, width = picture.shape[:2]
+    seen = view.pose.transform(cloud.points)
+    pixels = view.camera.project(seen)
+    height, width = np.shape(view.image)[:2]
     with np.errstate(invalid="ignore"):
         inside = np.flatnonzero(((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1))
     return [(int(k), float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2])) for k in inside]
 
 
-def _write(
-    path: Path, rows: list[tuple[int, float, float, float]], sensors: tuple[Cloud, Picture, Camera, Pose]
-) -> None:
+def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud, view: View) -> None:
     if path.suffix.lower() == ".csv":
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from PIL import Image
+    from regionpose.drawing import overlay_depth, save_png
 
-    from regionpose.scene.colours import overlay_depth
-
-    cloud, picture, camera, pose = sensors
-    Image.fromarray(overlay_depth(picture, cloud.points, camera, pose)).save(path, format="PNG")
+    save_png(path, overlay_depth(view.image, view.camera, view.pose, cloud.points))

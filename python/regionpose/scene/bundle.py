@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from regionpose.clouds import Cloud, write_ply
-from regionpose.overlay import overlay_regions
+from regionpose.drawing import overlay_depth, overlay_regions, save_png
+from regionpose.fusion import coloured_cloud
 from regionpose.pose import Pose
 from regionpose.report import Figure, Report, report_html
-from regionpose.scene.colours import coloured_cloud, overlay_depth
-from regionpose.scene.estimate import SceneEstimate, Stages
+from regionpose.scene.estimate import SceneEstimate, Stages, given_pose
 from regionpose.scene.loading import Scene
 from regionpose.scene.result import scene_result
 from regionpose.scene.verdict import verdict
@@ -26,7 +25,8 @@ from regionpose.splat import splatted, viewpoints
 
 Colours = NDArray[np.uint8]
 
-RESULT, REPORT, OVERLAY, DEPTH, CLOUD = "result.json", "report.html", "overlay.png", "depth.png", "cloud.ply"
+RESULT, REPORT, OVERLAY, BEFORE = "result.json", "report.html", "overlay.png", "overlay_before.png"
+DEPTH, CLOUD = "depth.png", "cloud.ply"
 
 UNSEEN = 0.35
 """Brightness of points that the camera doesn't see, in the report's views: there, but behind the coloured ones."""
@@ -49,7 +49,8 @@ class Bundle:
 
 def file_names(scene: Scene) -> list[str]:
     """The names of the files of a scene's bundle."""
-    return [RESULT, REPORT, OVERLAY, *([DEPTH, CLOUD] if scene.model.cloud is not None else [])]
+    before = [] if given_pose(scene) is None else [BEFORE]
+    return [RESULT, REPORT, OVERLAY, *before, *([DEPTH, CLOUD] if scene.model.cloud is not None else [])]
 
 
 def read_truth(path: Path) -> Truth:
@@ -71,50 +72,53 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
 
 def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bundle:
     """Everything that is written of a run; the pictures' seconds are added to `stages`."""
-    sides = run.sides
     writers: dict[str, Callable[[Path], object]] = {}
-    figures, views = [], []
     with stages.stage("pictures"):
-        overlay = overlay_of(run)
-        figures.append(
-            Figure(
-                overlay,
-                "Each region's outline in the image (blue) and its 3D region projected with the pose (orange).",
-            )
-        )
-        if sides.cloud is not None:
-            depth = overlay_depth(sides.image, sides.cloud.points, sides.camera, run.local_pose)
-            figures.append(Figure(depth, "The cloud projected onto the image, coloured by depth."))
-    if sides.cloud is not None:
+        drawn = pictures(run)
+    views: list[Figure] = []
+    if run.sides.cloud is not None:
         with stages.stage("colours"):
-            coloured, visible = coloured_cloud(sides.cloud, sides.image, sides.camera, run.local_pose)
-            views = cloud_views(run, coloured, visible)
-        writers[CLOUD] = lambda path: write_ply(path, coloured)
-        writers[DEPTH] = partial(Image.fromarray(depth).save, format="PNG")
+            cloud, visible = coloured_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+            views = cloud_views(run, cloud, visible)
+        writers[CLOUD] = lambda path: write_ply(path, cloud)
     result = scene_result(run)
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
-    judged = verdict(run)
-    report = Report(
-        f"Camera pose of {sides.scene.path.stem}", judged.level, judged.headline, judged.remarks, result, figures, views
-    )
-    html = report_html(report)
+    judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
+    figures = list(drawn.values())
+    html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, views))
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    writers[OVERLAY] = partial(Image.fromarray(overlay).save, format="PNG")
+    writers |= {name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()}
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
     return Bundle(result, writers)
 
 
-def overlay_of(run: SceneEstimate) -> Colours:
-    """The image with both sides of each region."""
+def pictures(run: SceneEstimate) -> dict[str, Figure]:
+    """The pictures over the image by file name: regions before and after, and the cloud by depth."""
+    sides, made = run.sides, {}
+    if run.local_initial is not None:
+        before = overlay_of(run, run.local_initial, run.errors_before)
+        made[BEFORE] = Figure(before, "Before: the 3D regions (orange) projected with the scene's initial pose.")
+    after = overlay_of(run, run.local_pose, run.estimate.region_overlap_errors)
+    word = "After: each" if made else "Each"
+    caption = f"{word} region's outline in the image (blue) and its 3D region projected with the pose (orange)."
+    made[OVERLAY] = Figure(after, f"{caption} Beside the names: the overlap error.")
+    if sides.cloud is not None:
+        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.points)
+        made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
+    return made
+
+
+def overlay_of(run: SceneEstimate, pose: Pose, errors: Sequence[float] | NDArray[np.float64]) -> Colours:
+    """The image with both sides of each region at a pose, and their overlap errors."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
     labels = [
-        f"{name} {100.0 * error:.1f} %"
-        for name, error in zip(sides.names, run.estimate.region_overlap_errors, strict=True)
+        f"{name}  {100.0 * error:.1f} %" if np.isfinite(error) else name
+        for name, error in zip(sides.names, errors, strict=True)
     ]
-    return overlay_regions(sides.image, sides.camera, run.local_pose, sides.image_regions, regions, labels)
+    return overlay_regions(sides.image, sides.camera, pose, sides.image_regions, regions, labels)
 
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:

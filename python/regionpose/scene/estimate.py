@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
@@ -19,7 +20,7 @@ from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
-from regionpose.solver import Alternative, PoseEstimate, estimate_pose
+from regionpose.solver import Alternative, PoseEstimate, PoseWarning, estimate_pose
 
 Array = NDArray[np.float64]
 
@@ -76,6 +77,18 @@ class SceneEstimate:
         """The pose for points about the scene's local origin."""
         return _moved(self.estimate.pose, -self.sides.origin)
 
+    @property
+    def local_initial(self) -> Pose | None:
+        """The initial pose that the scene gives, for points about the local origin; None when it gives none."""
+        given = given_pose(self.sides.scene)
+        return None if given is None else _moved(given, -self.sides.origin)
+
+    @property
+    def errors_before(self) -> Array:
+        """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
+        pose = self.local_initial
+        return np.full(len(self.sides.names), np.nan) if pose is None else overlap_errors(self.sides, pose)
+
 
 def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
     """The sensors and regions of a scene; SceneError that names the line for a file that cannot be used."""
@@ -101,6 +114,22 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     return SceneEstimate(sides, estimate, stages.seconds)
 
 
+def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
+    """Each region's overlap error (k,) at a pose for points about the local origin, as `PoseEstimate` has it.
+
+    A fraction; NaN where a region can't be projected.
+    """
+    problem = _core.Problem(
+        [_core.ObservedRegion(region.bearings(sides.camera), region.area) for region in sides.image_regions],
+        [side.region.core for side in sides.world_sides],
+        system="plane",
+        integration="boundary",
+    )
+    place = _core.Minimum(pose.rotation.as_matrix(), pose.translation, 0.0, True, "given", 0)
+    judged = problem.judged([place])
+    return np.full(len(sides.names), np.nan) if judged is None else judged.best.region_overlap_errors
+
+
 def _estimate(sides: SceneSides) -> PoseEstimate:
     model, prior = sides.scene.model.solver, sides.scene.model.prior
     local = estimate_pose(
@@ -118,7 +147,13 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
         for other in local.alternatives
         for moved in [_moved(other, sides.origin)]
     )
-    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives)
+    remarks = (
+        PoseWarning("sparse-sampling", f"region {index}: {remark}")
+        for index, side in enumerate(sides.world_sides)
+        for remark in side.remarks
+    )
+    warnings = (*local.warnings, *remarks)
+    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:
@@ -129,12 +164,19 @@ def _moved(pose: Pose, origin: Array) -> Pose:
 
 
 def _initial(scene: Scene, origin: Array) -> Pose | Literal["paper"] | None:
+    pose = given_pose(scene)
+    if pose is not None:
+        return _moved(pose, -origin)
+    return "paper" if scene.model.prior.initial == "paper" else None
+
+
+def given_pose(scene: Scene) -> Pose | None:
+    """The pose that the scene gives as `prior.initial`, in the cloud's world; None when it gives none."""
     given = scene.model.prior.initial
     if given is None or isinstance(given, str):
-        return given
+        return None
     key = "camera_from_world" if isinstance(given, CameraFromWorld) else "world_from_camera"
-    pose = named(scene, ("prior", "initial", key), lambda: _written_pose(given))
-    return _moved(pose, -origin)
+    return named(scene, ("prior", "initial", key), lambda: _written_pose(given))
 
 
 def _written_pose(given: CameraFromWorld | WorldFromCamera) -> Pose:

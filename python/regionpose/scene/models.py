@@ -192,10 +192,19 @@ class ImageSeed(Item):
 
 
 class ImageMask(Item):
-    """A mask file: a picture of 0 and another value, or of labels."""
+    """A label image (0 is no region), a COCO or a labelme file, and which of its regions."""
 
     mask: FileName
-    label: int | None = Field(None, description="which value, where the picture holds several")
+    label: Annotated[
+        Annotated[int, Tag("<number>")] | Annotated[str, Field(min_length=1), Tag("<name>")] | None,
+        Field(
+            description="which region, where the file holds several: a label image's value, a name, or the id of a "
+            "COCO annotation"
+        ),
+    ] = None
+    image: int | str | None = Field(
+        None, description="which image of a COCO file that holds several: its id or its file name"
+    )
 
 
 class ImagePolygonSide(Item):
@@ -219,6 +228,9 @@ class WorldSeed(Item):
     intensity_tolerance: Positive | None = Field(
         None,
         description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
+    )
+    min_width: Positive | None = Field(
+        None, description="metres; parts of the patch narrower than this, such as posts in its plane, are left out"
     )
     radius: Positive | None = Field(
         None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"

@@ -73,11 +73,17 @@ def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
-    """Each region's overlap error (a fraction) and how large it is on both sides."""
-    errors = run.estimate.region_overlap_errors
+    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, and its sizes."""
+    errors, before = run.estimate.region_overlap_errors, run.errors_before
+    given = run.local_initial is not None
     return [
-        {"name": size.pop("name"), "overlap_error": float(error), **size}
-        for size, error in zip(region_sizes(run.sides), errors, strict=True)
+        {
+            "name": size.pop("name"),
+            "overlap_error": float(error),
+            **({"overlap_error_before": float(first)} if given else {}),
+            **size,
+        }
+        for size, error, first in zip(region_sizes(run.sides), errors, before, strict=True)
     ]
 
 

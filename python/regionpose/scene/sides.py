@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.outline import SparseSamplingWarning
 from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
-from regionpose.scene.mask_files import read_mask
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, named
 
@@ -37,11 +38,12 @@ class WorldSide:
     """A region's world side and the cloud points it was made from.
 
     `region` is about the scene's local origin. `indices`: into the cloud, None where the region is not made of its
-    points.
+    points. `remarks`: what its outline was warned of.
     """
 
     region: WorldRegion
     indices: Indices | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
@@ -68,6 +70,13 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
 
 def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:
     """The world side of region `index` about `origin`; SceneError that names its line when it gives no region."""
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always", SparseSamplingWarning)
+        side = _unremarked_side(scene, index, cloud, origin)
+    return replace(side, remarks=tuple(str(warning.message) for warning in raised))
+
+
+def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:
     item = scene.model.regions[index].world
     place: Place = ("regions", index, "world")
     if isinstance(item, WorldPolygonSide):
@@ -90,13 +99,9 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
 
 
 def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
-    mask = read_mask(path, label=item.label)
-    if mask.shape != image.shape[:2]:
-        raise ValueError(
-            f"found a mask of {mask.shape[1]} x {mask.shape[0]}; "
-            f"needed {image.shape[1]} x {image.shape[0]}, as the image"
-        )
-    return ImageRegion.from_mask(mask)
+    from regionpose.segmentation.masks import region_from_file
+
+    return region_from_file(path, item.label, image=item.image, size=(image.shape[0], image.shape[1]))
 
 
 def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:
@@ -121,10 +126,10 @@ def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array) -> WorldSi
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
     seed = np.asarray(item.seed) - origin
     if item.intensity_tolerance is None:
-        indices = grow_plane(cloud.points, seed)
+        indices = grow_plane(cloud.points, seed, min_width=item.min_width)
     else:
         alike = _alike(cloud, seed, item.intensity_tolerance)
-        indices = alike[grow_plane(cloud.points[alike], seed)]
+        indices = alike[grow_plane(cloud.points[alike], seed, min_width=item.min_width)]
     return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)
 
 

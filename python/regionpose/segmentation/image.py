@@ -6,7 +6,7 @@ outline at full resolution, placed by how the colours of both sides mix in each 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+Window = tuple[slice, slice]
 
 WORK_PIXELS = 300_000
 """Size of the reduced image: a region worth a pose keeps hundreds of pixels, and growing takes under a second."""
@@ -64,6 +65,13 @@ LOCAL_REACH = 5
 """Pixels within which the colours of both sides are taken, beyond the soft ones."""
 
 
+CLOSER_SHARE = 0.5
+"""A region whose surroundings take less than this share of the image is grown again in them alone, less reduced."""
+
+WINDOW_BANDS = 7
+"""Margin around the region, in bands: the colours of both sides are averaged within six, one more is the band."""
+
+
 class _Reduced(NamedTuple):
     """The image at the working size: sRGB levels, CIELAB after the median, and pixels per reduced pixel."""
 
@@ -80,6 +88,32 @@ class _Growth(NamedTuple):
     colour: Floats
     tolerance: float
     score: float
+
+
+@overload
+def grow_image_region(
+    image: ArrayLike,
+    seed: ArrayLike,
+    *,
+    tolerance: float | None = None,
+    smoothing: float | None = None,
+    fill_holes: bool = True,
+    coverage: Literal[False] = False,
+    linear_light: bool = False,
+) -> Mask: ...
+
+
+@overload
+def grow_image_region(
+    image: ArrayLike,
+    seed: ArrayLike,
+    *,
+    tolerance: float | None = None,
+    smoothing: float | None = None,
+    fill_holes: bool = True,
+    coverage: Literal[True],
+    linear_light: bool = False,
+) -> Floats: ...
 
 
 def grow_image_region(
@@ -104,18 +138,69 @@ def grow_image_region(
     seed outside it, or a negative option.
     """
     given = _checked_image(image)
-    x, y = _checked_seed(seed, given.shape)
-    reduced = _reduced(given, _checked_option("smoothing", smoothing))
-    start = (int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor))
-    growth = _grown(reduced, start, _checked_option("tolerance", tolerance))
+    seed_place = _checked_seed(seed, given.shape)
+    options = _checked_option("tolerance", tolerance), _checked_option("smoothing", smoothing)
+    reduced, growth = _found(given, seed_place, *options)
+    closer = _surroundings(growth.mask, reduced.factor, given.shape)
+    if reduced.factor > 1 and given[closer].size <= CLOSER_SHARE * given.size:
+        seed_place = seed_place[0] - closer[1].start, seed_place[1] - closer[0].start
+        reduced, growth = _found(given[closer], seed_place, *options)
+    else:
+        closer = slice(0, given.shape[0]), slice(0, given.shape[1])
+    shares = np.zeros(given.shape[:2], dtype=np.float32)
+    shares[closer] = _outlined(given[closer], seed_place, reduced, growth, fill_holes, linear_light)
+    return shares if coverage else np.asarray(shares >= 0.5)
+
+
+def _found(
+    image: NDArray[np.generic], seed: tuple[float, float], tolerance: float | None, smoothing: float | None
+) -> tuple[_Reduced, _Growth]:
+    """The reduced image and the region grown in it."""
+    reduced = _reduced(image, smoothing)
+    x, y = seed
+    return reduced, _grown(reduced, (int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)), tolerance)
+
+
+def _surroundings(mask: Mask, factor: int, shape: tuple[int, ...]) -> Window:
+    """The box of a mask of the reduced image, with as much again on every side, in the image."""
+    bounds = [np.flatnonzero(mask.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    spans = [(max(int(2 * low - high - 1), 0), int(2 * high - low + 2)) for low, high in bounds]
+    rows, columns = (
+        slice(low * factor, min(high * factor, size)) for (low, high), size in zip(spans, shape[:2], strict=True)
+    )
+    return rows, columns
+
+
+def _outlined(
+    image: NDArray[np.generic],
+    seed: tuple[float, float],
+    reduced: _Reduced,
+    growth: _Growth,
+    fill_holes: bool,
+    linear_light: bool,
+) -> Floats:
+    """Share (h, w) of each pixel of the image that a region grown in the reduced image covers."""
     if fill_holes:
         growth = growth._replace(mask=np.asarray(ndimage.binary_fill_holes(growth.mask)))
-    mask, textured = _full_size(given, reduced, growth, linear_light)
+    near, window = _windows(growth.mask, reduced, image.shape)
+    reduced, growth = reduced._replace(levels=reduced.levels[near]), growth._replace(mask=growth.mask[near])
+    mask, textured = _full_size(image[window], reduced, growth, linear_light)
     radius = reduced.radius * reduced.factor
     mask = _smoothed(mask, max(radius if textured else radius // 2, 1))
-    mask = _one_piece(mask, (round(y), round(x)), fill_holes)
-    shares = mask.astype(np.float32) if textured else _outline_shares(given, mask, linear_light)
-    return shares if coverage else np.asarray(shares >= 0.5)
+    mask = _one_piece(mask, (round(seed[1]) - window[0].start, round(seed[0]) - window[1].start), fill_holes)
+    shares = np.zeros(image.shape[:2], dtype=np.float32)
+    shares[window] = mask if textured else _outline_shares(image[window], mask, linear_light)
+    return shares
+
+
+def _windows(mask: Mask, reduced: _Reduced, shape: tuple[int, ...]) -> tuple[Window, Window]:
+    """The part of the reduced image, and that of the image, that decide where the outline of a mask runs."""
+    margin = WINDOW_BANDS * (reduced.radius + 2)
+    bounds = [np.flatnonzero(mask.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    near = [(max(int(low) - margin, 0), int(high) + margin + 1) for low, high in bounds]
+    factor = reduced.factor
+    whole = [slice(low * factor, min(high * factor, size)) for (low, high), size in zip(near, shape[:2], strict=True)]
+    return (slice(*near[0]), slice(*near[1])), (whole[0], whole[1])
 
 
 def _checked_image(image: ArrayLike) -> NDArray[np.generic]:
@@ -321,12 +406,9 @@ def _is_textured(light: Floats, fields: Floats, core: Mask, outside: Mask, band:
 
 
 def _smoothed(mask: Mask, radius: int) -> Mask:
-    """The mask after a median, which takes out texture and spikes and leaves straight outlines where they are."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    window = tuple(slice(max(int(k[0]) - radius, 0), int(k[-1]) + radius + 1) for k in (rows, columns))
-    smooth = np.zeros_like(mask)
-    smooth[window] = rank.median(mask[window].astype(np.uint8), disk(radius)) > 0  # type: ignore[no-untyped-call]
-    return smooth
+    """The mask after a median over a square, which takes out texture and spikes and leaves straight outlines."""
+    means = ndimage.uniform_filter(mask.astype(np.float32), 2 * radius + 1)
+    return np.asarray(means > 0.5)
 
 
 def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
@@ -363,7 +445,11 @@ def _local_mean(
 def _one_piece(mask: Mask, seed: tuple[int, int], fill_holes: bool) -> Mask:
     """The piece of the mask that holds the seed, or the largest, with its holes filled when asked."""
     pieces, _ = ndimage.label(mask)
-    sizes = np.bincount(pieces.ravel())
-    sizes[0] = 0
-    chosen = pieces == (pieces[seed] or np.argmax(sizes))
-    return np.asarray(ndimage.binary_fill_holes(chosen) if fill_holes else chosen)
+    chosen = pieces == (pieces[seed] or np.argmax(np.bincount(pieces[mask])))
+    if not fill_holes:
+        return np.asarray(chosen)
+    gaps, count = ndimage.label(~chosen)
+    edges = np.concatenate([gaps[0], gaps[-1], gaps[:, 0], gaps[:, -1]])
+    open_gaps = np.isin(np.arange(count + 1), edges)
+    open_gaps[0] = False
+    return np.asarray(~open_gaps[gaps])

@@ -1,0 +1,219 @@
+"""Time and peak memory of each stage on a cloud of 5 million points and an image of 24 megapixels.
+
+The scene is made here: a room of 10 x 8 x 3 m with 3 mm noise, three panels before its walls, and a picture of them.
+Each stage runs in a process of its own; `beside` is the most memory that it took beside what it was given.
+
+    python benchmarks/scale.py [--points 5000000] [--megapixels 24]
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import regionpose as rp
+import yaml
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from regionpose.scene import Stages, estimate_scene, load_scene
+from regionpose.scene.bundle import bundle
+
+Array = NDArray[np.float64]
+
+ROOM = np.array([10.0, 8.0, 3.0])
+NOISE = 0.003
+CENTER, FORWARD = np.array([3.5, 1.5, 1.6]), np.array([0.72, 0.69, 0.0])
+WALLS = [
+    ((0.0, 0.0, 0.0), (10.0, 0.0, 0.0), (0.0, 8.0, 0.0)),
+    ((0.0, 0.0, 3.0), (10.0, 0.0, 0.0), (0.0, 8.0, 0.0)),
+    ((0.0, 0.0, 0.0), (10.0, 0.0, 0.0), (0.0, 0.0, 3.0)),
+    ((0.0, 8.0, 0.0), (10.0, 0.0, 0.0), (0.0, 0.0, 3.0)),
+    ((0.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 3.0)),
+    ((10.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 3.0)),
+]
+PANELS = {  # corner and two edges, metres; 10 cm before a wall
+    "notice": ((6.2, 7.9, 0.9), (1.4, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "poster": ((8.2, 7.9, 1.1), (1.2, 0.0, 0.0), (0.0, 0.0, 1.5)),
+    "sign": ((9.9, 4.4, 1.0), (0.0, 1.4, 0.0), (0.0, 0.0, 1.2)),
+}
+COLOURS = {"notice": (150, 60, 40), "poster": (40, 90, 150), "sign": (200, 170, 40)}
+
+
+class Inputs(NamedTuple):
+    """The files of the scene."""
+
+    cloud: Path
+    image: Path
+    scene: Path
+
+
+def camera_of(megapixels: float) -> rp.PinholeCamera:
+    """A pinhole camera of 3 : 2."""
+    height = round(float(np.sqrt(megapixels * 1e6 / 1.5)))
+    width = round(1.5 * height)
+    return rp.PinholeCamera(0.62 * width, 0.62 * width, width / 2, height / 2, width=width, height=height)
+
+
+def true_pose() -> rp.Pose:
+    """`camera_from_world`."""
+    forward = FORWARD / np.linalg.norm(FORWARD)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    rotation = np.array([right, [0.0, 0.0, -1.0], forward])
+    return rp.Pose.from_parts(rotation, -rotation @ CENTER)
+
+
+def points_of(count: int) -> Array:
+    """Points (n, 3) on the walls and panels."""
+    generator = np.random.default_rng(1)
+    faces = [tuple(np.array(part) for part in face) for face in (*WALLS, *PANELS.values())]
+    areas = np.array([np.linalg.norm(np.cross(u, v)) for _, u, v in faces])
+    parts = []
+    for (corner, u, v), area in zip(faces, areas, strict=True):
+        shares = generator.uniform(0.0, 1.0, (round(count * area / areas.sum()), 2))
+        parts.append(corner + shares[:, :1] * u + shares[:, 1:] * v)
+    points = np.concatenate(parts)
+    return points + generator.normal(0.0, NOISE, points.shape)
+
+
+def picture_of(camera: rp.PinholeCamera) -> Image.Image:
+    """The panels on a shaded, noisy wall."""
+    assert camera.width is not None and camera.height is not None
+    shade = np.linspace(150, 200, camera.width)[None, :] + np.zeros((camera.height, 1))
+    page = Image.fromarray(np.repeat(shade[..., None], 3, axis=2).astype(np.uint8))
+    pen = ImageDraw.Draw(page)
+    for name, (corner, u, v) in PANELS.items():
+        first, along, up = np.array(corner), np.array(u), np.array(v)
+        corners = np.array([first, first + along, first + along + up, first + up])
+        pixels = camera.project(true_pose().transform(corners))
+        pen.polygon([(float(x), float(y)) for x, y in pixels], fill=COLOURS[name])
+    noisy = np.asarray(page) + np.random.default_rng(2).normal(0.0, 3.0, (camera.height, camera.width, 1))
+    return Image.fromarray(np.clip(noisy, 0.0, 255.0).astype(np.uint8))
+
+
+def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
+    """Write the cloud, the image and the scene file."""
+    camera = camera_of(megapixels)
+    inputs = Inputs(folder / "cloud.ply", folder / "image.png", folder / "scene.yaml")
+    rp.clouds.write_ply(inputs.cloud, rp.clouds.Cloud(points_of(count)))
+    picture_of(camera).save(inputs.image)
+    regions = []
+    for name, (corner, u, v) in PANELS.items():
+        middle = np.array(corner) + 0.5 * np.array(u) + 0.5 * np.array(v)
+        pixel = camera.project(true_pose().transform(middle[None]))[0]
+        regions.append({"name": name, "image": {"seed": pixel.tolist()}, "world": {"seed": middle.tolist()}})
+    size = {"width": camera.width, "height": camera.height}
+    lens = {"model": "pinhole", "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
+    scene = {"camera": lens | size, "image": inputs.image.name, "cloud": inputs.cloud.name, "regions": regions}
+    inputs.scene.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    return inputs
+
+
+def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable[[], object]]]:
+    """What is measured: each entry prepares its inputs and returns the action."""
+    camera, pose = camera_of(megapixels), true_pose()
+    corner, u, v = (np.array(part) for part in PANELS["poster"])
+    seed = corner + 0.5 * u + 0.5 * v
+    pixel = camera.project(pose.transform(seed[None]))[0]
+
+    def cloud() -> rp.clouds.Cloud:
+        return rp.clouds.read_cloud(inputs.cloud)
+
+    def image() -> NDArray[np.uint8]:
+        return np.asarray(Image.open(inputs.image).convert("RGB"))
+
+    def with_cloud(action: Callable[[Array], object]) -> Callable[[], Callable[[], object]]:
+        def prepared() -> Callable[[], object]:
+            points = cloud().points
+            return lambda: action(points)
+
+        return prepared
+
+    def with_image(action: Callable[[NDArray[np.uint8]], object]) -> Callable[[], Callable[[], object]]:
+        def prepared() -> Callable[[], object]:
+            picture = image()
+            return lambda: action(picture)
+
+        return prepared
+
+    def with_both(action: Callable[[Array, NDArray[np.uint8]], object]) -> Callable[[], Callable[[], object]]:
+        def prepared() -> Callable[[], object]:
+            points, picture = cloud().points, image()
+            return lambda: action(points, picture)
+
+        return prepared
+
+    def outlined() -> Callable[[], object]:
+        points = cloud().points
+        wall = points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE]
+        return lambda: rp.WorldRegion.from_points(wall)
+
+    def written() -> Callable[[], object]:
+        held = cloud()
+        return lambda: rp.clouds.write_ply(inputs.cloud.with_name("written.ply"), held)
+
+    def whole() -> object:
+        (inputs.scene.parent / "result").mkdir()
+        run, timing = estimate_scene(load_scene(inputs.scene)), Stages()
+        for name, write in bundle(run, timing).writers.items():
+            write(inputs.scene.parent / "result" / name)
+        return None
+
+    return {
+        "read_cloud (PLY)": lambda: cloud,
+        "read image (PNG)": lambda: image,
+        "grow_image_region": with_image(lambda picture: rp.grow_image_region(picture, pixel)),
+        "grow_plane": with_cloud(lambda points: rp.grow_plane(points, seed)),
+        "find_planes": with_cloud(lambda points: rp.find_planes(points)),
+        "WorldRegion.from_points (a wall)": lambda: outlined(),
+        "colorize": with_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
+        "overlay_depth": with_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
+        "write_ply": lambda: written(),
+        "regionpose estimate, all files": lambda: whole,
+    }
+
+
+def memory(field: str) -> float:
+    """Megabytes that this process holds (`VmRSS`) or held at the most (`VmHWM`), as Linux counts them."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return float(next(line.split()[1] for line in lines if line.startswith(field))) / 1024.0
+
+
+def run_stage(inputs: Inputs, megapixels: float, name: str) -> None:
+    """Run one stage in this process and print its figures."""
+    action = stages(inputs, megapixels)[name]()
+    Path("/proc/self/clear_refs").write_text("5")  # the peak counts from here
+    before, start = memory("VmRSS"), time.perf_counter()
+    action()
+    seconds, peak = time.perf_counter() - start, memory("VmHWM")
+    print(f"{name:34} {seconds:7.2f} s  {peak - before:7.0f} MB beside  {peak:7.0f} MB in all", flush=True)
+
+
+def main() -> None:
+    """Make the scene and run each stage on it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, default=5_000_000)
+    parser.add_argument("--megapixels", type=float, default=24.0)
+    parser.add_argument("--stages", nargs="+", help="names or beginnings of names")
+    parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.folder:
+        inputs = Inputs(*(arguments.folder / name for name in ("cloud.ply", "image.png", "scene.yaml")))
+        return run_stage(inputs, arguments.megapixels, arguments.stages[0])
+    with tempfile.TemporaryDirectory() as temporary:
+        inputs = make_inputs(Path(temporary), arguments.points, arguments.megapixels)
+        for name in stages(inputs, arguments.megapixels):
+            if arguments.stages is None or name.startswith(tuple(arguments.stages)):
+                options = ["--folder", temporary, "--megapixels", str(arguments.megapixels), "--stages", name]
+                subprocess.run([sys.executable, __file__, *options], check=False)
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,413 @@
+"""Masks and outlines that others made: label images, COCO and labelme files, arrays of a segmenter.
+
+COCO and labelme put (0, 0) at the outer corner of the first pixel; here an integer is a pixel's centre, so their
+polygons are moved by half a pixel.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+from shapely.geometry.polygon import orient
+from skimage.draw import polygon2mask
+
+from regionpose import _core
+from regionpose.regions import ImageRegion
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CORNER_TO_CENTRE = 0.5
+"""Pixels from the outer corner of the first pixel to its centre."""
+
+OUTSIDE_MARGIN = 1.0
+"""Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
+
+MOST_LABELS = 1000
+"""Distinct values of a label image at the most; a picture that is no label image holds more."""
+
+MOST_SHOWN = 12
+"""Regions that a message lists at most."""
+
+
+class _Item(NamedTuple):
+    """One region of a file.
+
+    `number`: the value of a label image, the id of a COCO annotation. `size`: (h, w) of the image. `polygons`: (n, 2)
+    in pixels, none where the file holds pixels. `mask`: makes the mask, which may be large, when asked.
+    """
+
+    name: str
+    number: int | None
+    size: tuple[int, int]
+    polygons: list[Array]
+    mask: Callable[[], Mask]
+
+
+def masks_from_file(path: str | Path, *, image: str | int | None = None) -> dict[str, Mask]:
+    """Masks (h, w) by name from a label image (PNG, TIFF, ...), a COCO or a labelme file.
+
+    A label image has one mask per value other than 0 (per colour other than black), named by the value; a single one is
+    named after the file. COCO names come from the categories, labelme's from the labels; those of a name that several
+    have get a number each. `image`: id or file name of the image within a COCO file that holds several. Polygons cover
+    the pixels whose centre is inside. FileNotFoundError, or ValueError that names the file and the item.
+    """
+    return {item.name: item.mask() for item in _items(Path(path), image)}
+
+
+def mask_from_file(path: str | Path, label: int | str | None = None, *, image: str | int | None = None) -> Mask:
+    """Mask (h, w) of one region of a file that `masks_from_file` reads.
+
+    `label`: its name there, the value in a label image, or the id of a COCO annotation; not needed where the file holds
+    one region. ValueError that lists what is there when no region or several match.
+    """
+    return _chosen(Path(path), label, image).mask()
+
+
+def regions_from_file(path: str | Path, *, image: str | int | None = None) -> dict[str, ImageRegion]:
+    """Image regions by name, of the files of `masks_from_file`; polygons keep their exact vertices.
+
+    Several polygons of one COCO annotation make one region, their union.
+    """
+    return {item.name: _region_of(item, path) for item in _items(Path(path), image)}
+
+
+def region_from_file(
+    path: str | Path,
+    label: int | str | None = None,
+    *,
+    image: str | int | None = None,
+    size: tuple[int, int] | None = None,
+) -> ImageRegion:
+    """One image region of a file, chosen as by `mask_from_file`, with exact vertices as by `regions_from_file`.
+
+    `size`: (h, w) of the image that the file must belong to; ValueError when it belongs to another size.
+    """
+    item = _chosen(Path(path), label, image)
+    if size is not None and item.size != tuple(size):
+        found, needed = (f"{width} x {height}" for height, width in (item.size, size))
+        raise ValueError(f"{path}: found masks of {found} pixels; needed {needed}, as the image")
+    return _region_of(item, path)
+
+
+def masks_from_segmenter(
+    masks: ArrayLike | Sequence[Mapping[str, ArrayLike]],
+    *,
+    kind: Literal["mask", "probability", "logit"] | None = None,
+    coverage: bool = False,
+) -> list[NDArray[np.bool_] | NDArray[np.float32]]:
+    """Masks (h, w) of a segmenter's array (n, h, w), (n, 1, h, w) or (h, w), or of dictionaries with a "segmentation".
+
+    `kind` says what numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1]
+    probabilities, other floats logits. The outline of probabilities lies at 1/2, of logits at 0. `coverage`: return
+    probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
+    """
+    given = _stacked(_arrays_of(masks))
+    held = kind or _guessed_kind(given)
+    if held not in {"mask", "probability", "logit"}:
+        raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
+    with np.errstate(over="ignore"):
+        shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if held == "logit" else given.astype(np.float32)
+    shares = (given != 0).astype(np.float32) if held == "mask" else shares
+    if not (shares.min() >= 0.0 and shares.max() <= 1.0):
+        raise ValueError(f"masks hold values from {given.min()} to {given.max()}; needed probabilities in [0, 1]")
+    return [share if coverage else np.asarray(share > 0.5) for share in shares]
+
+
+def _arrays_of(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[np.generic]:
+    if not isinstance(masks, Sequence):
+        return np.asarray(masks)
+    arrays = [_array_of(entry, f"mask {index}") for index, entry in enumerate(masks)]
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1:
+        raise ValueError(f"masks have the shapes {sorted(shapes)}; needed one shape")
+    return np.asarray(arrays)
+
+
+def _array_of(entry: object, item: str) -> NDArray[np.generic]:
+    """An entry of a list of masks: an array, or a dictionary with an array or COCO's run lengths."""
+    if not isinstance(entry, Mapping):
+        return np.asarray(entry)
+    if "segmentation" not in entry:
+        raise ValueError(f"{item} has no 'segmentation'; needed one in each, or arrays only")
+    held = entry["segmentation"]
+    if not isinstance(held, Mapping):
+        return np.asarray(held)
+    height, width = held.get("size", (None, None))
+    return _run_length_mask(held, _size({"h": height, "w": width}, "h", "w", item), item)
+
+
+def _stacked(given: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Masks (n, h, w) of numbers."""
+    if given.ndim == 4 and given.shape[1] == 1:
+        given = given[:, 0]
+    given = given[None] if given.ndim == 2 else given
+    if given.ndim != 3 or 0 in given.shape or given.dtype.kind not in "biuf":
+        raise ValueError(f"masks have shape {given.shape} and type {given.dtype}; needed numbers (n, h, w) or (h, w)")
+    if not np.isfinite(given).all():
+        raise ValueError("masks hold NaN or infinite values; needed finite numbers")
+    return given
+
+
+def _guessed_kind(given: NDArray[np.generic]) -> str:
+    if given.dtype.kind in "iu":
+        values = np.unique(given)
+        if len(values) > 2 or not np.isin(values, (0, 1, 255)).all():
+            raise ValueError(f"masks hold {len(values)} integer values; needed 0 and 1 (or 255), or say their kind")
+    if given.dtype.kind != "f":
+        return "mask"
+    return "probability" if given.min() >= 0.0 and given.max() <= 1.0 else "logit"
+
+
+def _chosen(path: Path, label: int | str | None, image: str | int | None) -> _Item:
+    items = _items(path, image)
+    matching = [item for item in items if label is None or label in (item.name, item.number)]
+    if len(matching) != 1:
+        held = [item.name if item.number is None else f"{item.number} ({item.name!r})" for item in items]
+        shown = ", ".join(held[:MOST_SHOWN]) + (", ..." if len(held) > MOST_SHOWN else "")
+        found = f"{len(matching)} regions" + ("" if label is None else f" of the label {label!r}")
+        raise ValueError(f"{path}: found {found}; needed the label of one of: {shown}")
+    return matching[0]
+
+
+def _items(path: Path, image: str | int | None) -> list[_Item]:
+    """The regions of a file, each with a name of its own."""
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} isn't there; needed a label image, a COCO or a labelme file")
+    items = list(_json_items(path, image) if path.suffix.lower() == ".json" else _label_items(path))
+    if not items:
+        raise ValueError(f"{path} holds no regions; needed at least one")
+    counts = Counter(item.name for item in items)
+    taken = {name for name, count in counts.items() if count == 1}
+    numbers = dict.fromkeys(counts, 0)
+    named = []
+    for item in items:
+        name = item.name
+        while counts[item.name] > 1 and (name in taken or name == item.name):
+            numbers[item.name] += 1
+            name = f"{item.name} {numbers[item.name]}"
+        taken.add(name)
+        named.append(item._replace(name=name))
+    return named
+
+
+def _label_items(path: Path) -> Iterator[_Item]:
+    labels, shown = _labels(path)
+    values = [int(value) for value in np.unique(labels) if value]
+    if len(values) > MOST_LABELS:
+        raise ValueError(f"{path} holds {len(values)} values; a label image has at most {MOST_LABELS}")
+    for value in values:
+        name = path.stem if len(values) == 1 else shown.format(value)
+        yield _Item(name, value, (labels.shape[0], labels.shape[1]), [], partial(_equal, labels, value))
+
+
+def _equal(labels: NDArray[np.generic], value: int) -> Mask:
+    return np.asarray(labels == value)
+
+
+def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
+    """Labels (h, w) of a picture, whole numbers, and the format of their names."""
+    try:
+        with Image.open(path) as picture:
+            pixels, lossy = np.asarray(picture), picture.format == "JPEG"
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(
+            f"{path}: found no picture ({error}); needed a label image, or COCO or labelme (.json)"
+        ) from error
+    if lossy:
+        raise ValueError(f"{path} is a JPEG, which changes the labels; needed a lossless format, as PNG")
+    if pixels.ndim == 3:
+        packed = _packed(pixels)
+        grey = np.asarray(packed % 256 * 0x010101 == packed).all()
+        return (packed % 256, "{}") if grey else (packed, "#{:06x}")
+    if pixels.dtype.kind == "f" and not (np.isfinite(pixels).all() and (pixels == np.round(pixels)).all()):
+        raise ValueError(f"{path} holds numbers that aren't whole; needed labels")
+    return pixels, "{}"
+
+
+def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Colours (h, w, 2 to 4) as one number 0xRRGGBB; transparent pixels count as black."""
+    channels = pixels.astype(np.uint32)
+    colours = channels[..., :3] if channels.shape[2] >= 3 else np.repeat(channels[..., :1], 3, axis=2)
+    packed = (colours[..., 0] << 16) | (colours[..., 1] << 8) | colours[..., 2]
+    shown = channels[..., -1] > 0 if channels.shape[2] in {2, 4} else True
+    return np.asarray(np.where(shown, packed, 0), dtype=np.uint32)
+
+
+def _json_items(path: Path, image: str | int | None) -> Iterator[_Item]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path} is no JSON ({error}); needed a COCO or a labelme file") from error
+    if isinstance(content, dict) and "shapes" in content:
+        return _labelme_items(path, content)
+    if isinstance(content, dict) and {"images", "annotations"} <= content.keys():
+        return _coco_items(path, content, image)
+    found = sorted(content) if isinstance(content, dict) else type(content).__name__
+    raise ValueError(f"{path} holds {found}; needed 'shapes' (labelme) or 'images' and 'annotations' (COCO)")
+
+
+def _labelme_items(path: Path, content: dict[str, object]) -> Iterator[_Item]:
+    size = _size(content, "imageHeight", "imageWidth", str(path))
+    for index, shape in enumerate(_listed(content, "shapes", str(path))):
+        item = f"{path}, shape {index}"
+        name, kind = shape.get("label"), shape.get("shape_type", "polygon")
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"{item} has the label {name!r}; needed a name")
+        if kind not in {"polygon", "rectangle"}:
+            raise ValueError(f"{item} ({name!r}) is a {kind!r}; needed a polygon or a rectangle")
+        points = _points(shape.get("points"), size, item, 2 if kind == "rectangle" else 3)
+        if len(points) == 2:
+            (left, top), (right, bottom) = points
+            points = np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
+        yield _polygon_item(name, None, size, [points])
+
+
+def _polygon_item(name: str, number: int | None, size: tuple[int, int], polygons: list[Array]) -> _Item:
+    return _Item(name, number, size, polygons, partial(_polygon_mask, polygons, size))
+
+
+def _coco_items(path: Path, content: dict[str, object], image: str | int | None) -> Iterator[_Item]:
+    chosen = _coco_image(path, _listed(content, "images", str(path)), image)
+    size = _size(chosen, "height", "width", f"{path}, image {chosen.get('id')}")
+    categories = _listed(content, "categories", str(path)) if "categories" in content else []
+    names = {entry.get("id"): entry.get("name") for entry in categories}
+    for index, entry in enumerate(_listed(content, "annotations", str(path))):
+        if entry.get("image_id") == chosen.get("id"):
+            category = entry.get("category_id")
+            yield _annotation(
+                entry,
+                str(names.get(category) or f"category {category}"),
+                size,
+                f"{path}, annotation {entry.get('id', index)}",
+            )
+
+
+def _annotation(entry: Mapping[str, object], name: str, size: tuple[int, int], item: str) -> _Item:
+    segmentation, number = entry.get("segmentation"), entry.get("id")
+    number = number if isinstance(number, int) else None
+    if isinstance(segmentation, dict):
+        return _Item(name, number, size, [], partial(_run_length_mask, segmentation, size, item))
+    if isinstance(segmentation, list) and segmentation:
+        polygons = [_points(part, size, f"{item}, polygon {k}", 3) for k, part in enumerate(segmentation)]
+        return _polygon_item(name, number, size, polygons)
+    raise ValueError(f"{item} has the segmentation {segmentation!r}; needed polygons or run lengths")
+
+
+def _coco_image(path: Path, images: list[dict[str, object]], image: str | int | None) -> dict[str, object]:
+    if image is None and len(images) == 1:
+        return images[0]
+    matching = [entry for entry in images if image is not None and image in (entry.get("id"), entry.get("file_name"))]
+    if len(matching) != 1:
+        held = ", ".join(f"{entry.get('id')} ({entry.get('file_name')})" for entry in images[:8])
+        raise ValueError(f"{path} has {len(matching)} images {image!r}; needed the id or file name of one of: {held}")
+    return matching[0]
+
+
+def _run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: str) -> Mask:
+    """The mask of COCO's run lengths: down the columns, starting with 0; as numbers or as their text."""
+    counts = code.get("counts")
+    text = counts.decode("latin-1") if isinstance(counts, bytes) else counts
+    try:
+        runs = np.asarray(_decoded(text) if isinstance(text, str) else text)
+    except ValueError as error:
+        raise ValueError(
+            f"{item} has counts that aren't run lengths ({error}); needed COCO's numbers or text"
+        ) from error
+    if runs.ndim != 1 or runs.dtype.kind not in "iu" or (runs < 0).any():
+        raise ValueError(f"{item} has counts that aren't run lengths; needed whole numbers of at least 0")
+    if code.get("size") not in (list(size), size):
+        raise ValueError(f"{item} has size {code.get('size')}; the image's is {list(size)} (h, w)")
+    if runs.sum() != size[0] * size[1]:
+        raise ValueError(f"{item} has run lengths for {runs.sum()} pixels; needed {size[0] * size[1]}")
+    values = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    return np.ascontiguousarray(values.reshape(size[1], size[0]).T)
+
+
+def _decoded(text: str) -> list[int]:
+    """Run lengths of COCO's text: 5 bits a character, the lowest first; 0x20 says that more follow.
+
+    From the fourth on they're differences from the last but one.
+    """
+    runs: list[int] = []
+    value, shift = 0, 0
+    for character in text:
+        bits = ord(character) - 48
+        if not 0 <= bits < 64:
+            raise ValueError(f"character {character!r} is no part of a run-length text")
+        value |= (bits & 0x1F) << shift
+        shift += 5
+        if not bits & 0x20:
+            if bits & 0x10:
+                value -= 1 << shift
+            runs.append(value + runs[-2] if len(runs) > 2 else value)
+            value, shift = 0, 0
+    if shift:
+        raise ValueError("the run-length text ends within a number")
+    return runs
+
+
+def _points(given: object, size: tuple[int, int], item: str, least: int) -> Array:
+    """Polygon (n, 2) of corner-based [[x, y], ...] or [x, y, x, y, ...], moved to pixel centres."""
+    try:
+        points = np.asarray(given, dtype=np.float64)
+        points = points.reshape(-1, 2) if points.ndim == 1 else points
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{item} has points that aren't pairs of numbers; needed [x, y] each") from error
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or not np.isfinite(points).all():
+        raise ValueError(f"{item} has points of shape {points.shape}; needed at least {least} finite [x, y]")
+    beyond = (points < -OUTSIDE_MARGIN) | (points > np.array(size[::-1]) + OUTSIDE_MARGIN)
+    if beyond.any():
+        x, y = points[beyond.any(axis=1)][0]
+        raise ValueError(f"{item} has the point ({x:g}, {y:g}); the image has {size[1]} x {size[0]} pixels")
+    closed = len(points) > least and (points[0] == points[-1]).all()
+    return (points[:-1] if closed else points) - CORNER_TO_CENTRE
+
+
+def _listed(content: Mapping[str, object], key: str, item: str) -> list[dict[str, object]]:
+    entries = content.get(key)
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise ValueError(f"{item} has {key!r} of type {type(entries).__name__}; needed a list of objects")
+    return entries
+
+
+def _size(content: Mapping[str, object], height: str, width: str, item: str) -> tuple[int, int]:
+    values = content.get(height), content.get(width)
+    if not all(isinstance(value, int) and value > 0 for value in values):
+        raise ValueError(f"{item} has {height} {values[0]!r} and {width} {values[1]!r}; needed whole numbers above 0")
+    return int(str(values[0])), int(str(values[1]))
+
+
+def _polygon_mask(polygons: list[Array], size: tuple[int, int]) -> Mask:
+    mask = np.zeros(size, dtype=np.bool_)
+    for polygon in polygons:
+        mask |= polygon2mask(size, polygon[:, ::-1])  # type: ignore[no-untyped-call]
+    return mask
+
+
+def _region_of(item: _Item, path: str | Path) -> ImageRegion:
+    try:
+        if not item.polygons:
+            return ImageRegion.from_mask(item.mask())
+        if len(item.polygons) == 1:
+            return ImageRegion.from_polygon(item.polygons[0])
+        return ImageRegion(tuple(_core.plane_rings(_union_rings(item.polygons), polygon=False)))
+    except ValueError as error:
+        raise ValueError(f"{path}, region {item.name!r}: {error}") from error
+
+
+def _union_rings(polygons: list[Array]) -> list[Array]:
+    """Rings of the union, outer ones counter-clockwise, holes the other way."""
+    union = shapely.union_all([shapely.make_valid(shapely.Polygon(polygon)) for polygon in polygons])
+    faces = [orient(part) for part in shapely.get_parts(union) if isinstance(part, shapely.Polygon)]
+    rings = [ring for face in faces for ring in (face.exterior, *face.interiors)]
+    return [np.asarray(ring.coords)[:-1] for ring in rings]

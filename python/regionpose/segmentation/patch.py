@@ -1,0 +1,289 @@
+"""A planar patch of a point cloud: its start around a seed, and its growth.
+
+A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighbouring scan lines of a
+sparse lidar, so that normals and connections take in both directions of sampling, however far apart the rings are.
+Cells join by the normal of the points in and around them, points by their distance from the plane; the plane is fitted
+anew after each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from regionpose.outline import bridging_radius, robust_plane
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+Progress = Callable[[float], None]
+
+SEED_NEIGHBOURS = (24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536)
+"""Neighbours that show the plane at the seed: more where the nearest all lie on one scan line, in steps fine enough for
+one to end near the edge of a small face."""
+
+SEED_WIDTH = 0.25
+"""Least width of the seed's neighbourhood over its length; a single scan line shows no plane."""
+
+SEED_THICKNESS = 0.3
+"""Largest thickness of the seed's neighbourhood over its width, which a face five noises wide keeps; foliage is as
+thick as wide, a corner half."""
+
+SEED_SHARE = 0.6
+"""Least share of the neighbours on the plane; a seed near an edge has a good part of them beyond it."""
+
+SAME_NOISE = 1.3
+"""Ratio of the noise in a neighbourhood and the next smaller up to which they show the same plane."""
+
+NOISE_TELLING = 192
+"""Neighbours up to which the smaller neighbourhood's noise tells nothing: few points on two scan lines lie on a plane
+anyway."""
+
+SEED_REACH = 20.0
+"""Largest distance from a seed to its nearest point in spacings around that point; beyond it marks nothing."""
+
+SEED_SIGMAS = 5.0
+"""Distance of the seed's nearest point from the plane at the most: any point may be picked, the noisiest ones too."""
+
+DISTANCE_SIGMAS = 3.0
+"""Distance from the plane up to which a point belongs to it, in standard deviations of the noise around the seed."""
+
+LEAST_DISTANCE_SHARE = 0.02
+"""Least such distance over the bridging radius, for clouds without noise."""
+
+SPACING_POINTS = 384
+"""Members nearest to the seed from which the gap between scan lines is taken; it holds for the surroundings alone."""
+
+ROUNDING = 64.0
+"""Rounding errors of a coordinate that a distance from a plane may hold."""
+
+CELL_DISTANCES = 2.0
+"""Least cell size in those distances: in narrower cells noise turns the normal."""
+
+ANGLE_DEG = 20.0
+"""Largest angle between the normals of cell and patch: noise turns that of a small cell by up to 15 deg, an edge by
+45, posts beside a face by 30 to 60."""
+
+LEAST_IN_BLOCK = 4
+"""Points in and around a cell below which its normal is unknown, and the cell joins by distance alone."""
+
+RIM_CELLS = 2
+"""Cells around those with the right normal in which points join by distance: edges between two planes mix normals
+there."""
+
+GROWTH_ROUNDS = 16
+"""Most rounds of growth; each doubles the extent, so that they end when the patch does."""
+
+FIT_POINTS = 20_000
+"""Points of a patch to which its plane is fitted; more change it by less than a hundredth of the noise."""
+
+MOST_CELLS = 2000
+"""Cells across the grid at the most, which bounds its memory; beyond it cells are wider than needed."""
+
+SETTLED_SHARE = 5e-3
+"""Change in the number of members below which a patch has stopped growing; points at the distance itself come and
+go, most of them in small patches."""
+
+SETTLED_POINTS = 2
+"""The same as a number of points."""
+
+SETTLED_REACH = 1.02
+"""Growth of the extent below which it has."""
+
+
+class Patch(NamedTuple):
+    """A plane as origin (3,) and rows u, v, normal (3, 3), and the members' indices; in metres the noise around the
+    seed, the distance of members from the plane at the most, and the size of a cell.
+    """
+
+    origin: Array
+    axes: Array
+    members: Indices
+    sigma: float
+    distance: float
+    cell: float
+
+
+def nearest_points(cloud: Array, position: Array) -> Indices:
+    """Indices of the points nearest to a position, the nearest first, as many as a start may need."""
+    offsets = cloud - position
+    squares = np.einsum("ij,ij->i", offsets, offsets)
+    count = min(SEED_NEIGHBOURS[-1], int(np.isfinite(squares).sum()))
+    nearest = np.argpartition(squares, count - 1)[:count]
+    ordered: Indices = nearest[np.argsort(squares[nearest])]
+    return ordered
+
+
+def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
+    """The plane around the seed, from as many of its nearest points, nearest first, as lie on it.
+
+    `distance`, `radius`: those of `grow_plane`. ValueError for a seed away from all points, or on no plane.
+    """
+    chosen: Patch | None = None
+    for size in SEED_NEIGHBOURS:
+        patch = _neighbourhood_patch(cloud, nearest[:size])
+        noisier = patch is not None and chosen is not None and patch.sigma > SAME_NOISE * chosen.sigma
+        if noisier and size > NOISE_TELLING:
+            break
+        chosen = patch or chosen
+        if size >= len(nearest):
+            break
+    if chosen is None:
+        raise ValueError(
+            f"{len(nearest)} points around seed {seed.tolist()} lie on no plane; needed a seed on a flat surface"
+        )
+    sized = _sized(cloud, chosen, distance, radius)
+    reach = float(np.linalg.norm(cloud[nearest[0]] - seed))
+    if reach > SEED_REACH * sized.cell:
+        raise ValueError(f"the nearest point is {reach:.3g} m from the seed; needed one within {sized.cell:.3g} m")
+    return sized
+
+
+def _neighbourhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
+    """The plane of the seed's neighbours, nearest first; None if they don't spread over one that passes the nearest."""
+    near = cloud[nearest]
+    if len(np.unique(near, axis=0)) < LEAST_IN_BLOCK:
+        return None
+    try:
+        origin, axes, inliers = robust_plane(near)
+    except ValueError:
+        return None
+    spread = np.linalg.svd(near[inliers] - origin, compute_uv=False)
+    if spread[1] < SEED_WIDTH * spread[0] or spread[2] > SEED_THICKNESS * spread[1]:
+        return None
+    sigma = float(np.std((near[inliers] - origin) @ axes[2]))
+    least = np.finfo(float).eps * np.abs(near).max() * ROUNDING
+    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > SEED_SIGMAS * sigma + least:
+        return None
+    return Patch(origin, axes, nearest[inliers], sigma, 0.0, 0.0)
+
+
+def _sized(cloud: Array, patch: Patch, distance: float | None, radius: float | None) -> Patch:
+    """The patch with the distance and the cell that its noise and the spacing of its points ask for."""
+    near = cloud[patch.members[:SPACING_POINTS]]
+    gap = bridging_radius((near - patch.origin) @ patch.axes[:2].T) if radius is None else radius
+    most = max(DISTANCE_SIGMAS * patch.sigma, LEAST_DISTANCE_SHARE * gap) if distance is None else distance
+    return patch._replace(distance=most, cell=max(gap, CELL_DISTANCES * most))
+
+
+def grown(cloud: Array, patch: Patch, seed: Array, angle_deg: float, progress: Progress | None) -> Patch:
+    """The patch after growing until it stays the same; each round looks as far again as the patch reaches."""
+    reach = 0.0
+    for round_ in range(GROWTH_ROUNDS):
+        flat = (cloud[patch.members] - seed) @ patch.axes[:2].T
+        reach = max(reach, float(np.abs(flat).max()))
+        joined = _joined(cloud, patch, seed, 2.0 * reach + 2.0 * patch.cell, angle_deg)
+        if progress is not None:
+            progress(1.0 - 1.0 / (round_ + 2))
+        if len(joined) < 3:
+            break
+        settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_SHARE * len(joined), SETTLED_POINTS)
+        patch = _refitted(cloud, patch, joined)
+        extent = float(np.abs((cloud[joined] - seed) @ patch.axes[:2].T).max())
+        if settled and extent <= SETTLED_REACH * reach:
+            break
+    if progress is not None:
+        progress(1.0)
+    return patch
+
+
+def _refitted(cloud: Array, patch: Patch, members: Indices) -> Patch:
+    """The patch with new members and the plane through them, its normal on the old side."""
+    used = members[:: max(1, len(members) // FIT_POINTS)]
+    origin = cloud[used].mean(axis=0)
+    directions = np.linalg.svd(cloud[used] - origin, full_matrices=False)[2]
+    normal = directions[2] * np.sign(directions[2] @ patch.axes[2] or 1.0)
+    axes = np.array([directions[0], np.cross(normal, directions[0]), normal])
+    return patch._replace(origin=origin, axes=axes, members=members)
+
+
+def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: float) -> Indices:
+    """Members of the patch within `reach` of the seed along its plane: connected to the seed by cells of its normal."""
+    heights = cloud @ patch.axes[2] - patch.origin @ patch.axes[2]
+    cell = max(patch.cell, 2.0 * reach / MOST_CELLS)
+    near = np.flatnonzero(np.abs(heights) <= cell)
+    flat = (cloud[near] - seed) @ patch.axes[:2].T
+    within = (np.abs(flat) <= reach).all(axis=1)
+    near, flat = near[within], flat[within]
+    cells = np.floor((flat + reach) / cell).astype(np.intp)
+    on_plane = np.abs(heights[near]) <= patch.distance
+    middle = np.full(2, int(reach / cell))
+    # Normals are taken where the patch can reach alone: the rest of the plane may be a hundred times as large.
+    around = _surroundings(cells[on_plane], middle, int(np.ceil(2.0 * reach / cell)) + 1)
+    low, shape = around.low, around.cells.shape
+    inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
+    inside = inside[around.cells[tuple((cells[inside] - low).T)]]
+    near, flat, cells, on_plane = near[inside], flat[inside], cells[inside] - low, on_plane[inside]
+    occupied = _counts(cells[on_plane], shape) > 0
+    core = occupied & _cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
+    core = _connected(core, middle - low)
+    rim = ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
+    kept: Indices = near[on_plane & rim[tuple(cells.T)]]
+    return kept
+
+
+class Surroundings(NamedTuple):
+    """A window of cells, its lowest cell in the grid, and which of its cells are connected to the seed's or next to
+    such.
+    """
+
+    low: Indices
+    cells: Mask
+
+
+def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
+    """Cells in and around the connected part of the filled cells (n, 2) of a square grid that is nearest to the
+    seed's.
+    """
+    connected = _connected(_counts(filled, (side, side)) > 0, seed)
+    rows, columns = (np.flatnonzero(connected.any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return Surroundings(seed, np.zeros((1, 1), dtype=np.bool_))
+    window = np.pad(connected[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], 1)
+    grown_window: Mask = ndimage.binary_dilation(window, np.ones((3, 3), dtype=np.bool_))
+    return Surroundings(np.array([rows[0] - 1, columns[0] - 1]), grown_window)
+
+
+def _counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
+    counts = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
+    return counts.reshape(shape).astype(np.float64)
+
+
+def _cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:
+    """Cells of a grid whose points, with those of the cells around, have a normal along the patch's.
+
+    The normal is the direction of least spread of the points (u, v, height) in the block of nine cells.
+    """
+
+    def block(weights: Array | None) -> Array:
+        return ndimage.uniform_filter(_counts(cells, shape, weights), 3, mode="constant") * 9.0
+
+    count = block(None)
+    filled = np.argwhere(count > 0.5)
+    rows, columns = filled.T
+    total = count[rows, columns]
+    mean = np.stack([block(local[:, a])[rows, columns] for a in range(3)], axis=1) / total[:, None]
+    spread = np.empty((len(filled), 3, 3))
+    for a in range(3):
+        for b in range(a, 3):
+            product = block(local[:, a] * local[:, b])[rows, columns] / total - mean[:, a] * mean[:, b]
+            spread[:, a, b] = spread[:, b, a] = product
+    normals = np.linalg.eigh(spread)[1][:, :, 0]
+    agree = np.zeros(shape, dtype=np.bool_)
+    agree[rows, columns] = (np.abs(normals[:, 2]) >= np.cos(np.radians(angle_deg))) | (total < LEAST_IN_BLOCK)
+    return agree
+
+
+def _connected(cells: Mask, seed: Indices) -> Mask:
+    """The connected cells that reach nearest to the seed's."""
+    labels, count = ndimage.label(cells, np.ones((3, 3)))
+    if count == 0:
+        return cells
+    filled = np.argwhere(cells)
+    nearest = filled[np.argmin(((filled - seed) ** 2).sum(axis=1))]
+    connected: Mask = labels == labels[nearest[0], nearest[1]]
+    return connected
