@@ -1,17 +1,17 @@
 //! The pose at which the projected boundary falls on the observed contour, whatever part of that is disturbed
-//! (`docs/math.md`, section 9).
+//! (`docs/math.md`, section 11).
 //!
 //! A bite out of a region moves all its moments, but only a part of its contour. The contour is cut into short pieces; each
 //! has a signed distance from the projected boundary, with exact derivatives by the pose. Their squares are weighted
 //! down where they are large against a scale that falls step by step, and the scale at which the distances are most
 //! likely wins: a fine one where most of the contour is clean, a wide one, which is plain least squares, where none is.
 
-use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
 use crate::mixture::{Distances, Mixture};
 use crate::pose::{Pose, Tangent};
 use crate::region::WorldRegion;
-use crate::residual::RegionEquations;
+use crate::residual::{Evaluation, RegionEquations};
 use crate::rings::PlaneRings;
 
 /// Length of a piece in pixels: a few steps of a binary mask's staircase average out, and a corner rounds only one.
@@ -53,9 +53,12 @@ const RIDGE: f64 = 1e-9;
 /// Weights fall to a quarter at this many scales (Geman-McClure).
 const HALF_WIDTH: f64 = 2.0;
 
-/// Distance in pixels at which a piece is off, and the share of such pieces in a clean contour at most: those at corners.
-const ASTRAY: f64 = 1.0;
+/// A piece is astray at this many standard deviations of the others; a clean contour has such pieces at corners alone.
+const ASTRAY: f64 = 4.0;
 const FEW_ASTRAY: f64 = 0.01;
+
+/// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
+const CLEAN_SIGMA: f64 = 1.0;
 
 /// Edges along the ring on either side of a piece's last nearest one that are looked at within a scale.
 const NEIGHBOURS: usize = 2;
@@ -80,8 +83,8 @@ pub struct ContourFit {
     pub pose: Pose,
     /// The distances' distribution.
     pub mixture: Mixture,
-    /// Share of the pieces more than a pixel off.
-    pub astray: f64,
+    /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
+    pub is_clean: bool,
     /// Parts of the contours that were disturbed, or not, independently of each other.
     pub independent: f64,
     /// `J^T W J` of the clean pieces over their variance and its correlation, per squared rad and metre.
@@ -91,11 +94,6 @@ pub struct ContourFit {
 }
 
 impl ContourFit {
-    /// Whether hardly a piece lies off the projected boundary.
-    pub fn is_clean(&self) -> bool {
-        self.astray < FEW_ASTRAY
-    }
-
     /// Covariance of the left increment `[omega (rad), tau (metres)]`; infinite where a direction is left free.
     pub fn covariance(&self) -> Matrix6<f64> {
         let free = Matrix6::from_element(f64::INFINITY);
@@ -215,16 +213,13 @@ impl Contour {
         };
         match before {
             None => self.pieces.iter().map(|point| among(point, &mut (0..edges.len()))).collect(),
-            Some(before) => self
-                .pieces
-                .iter()
-                .zip(before)
-                .map(|(point, &last)| among(point, &mut around(last, ends)))
-                .collect(),
+            Some(before) => {
+                self.pieces.iter().zip(before).map(|(point, &last)| among(point, &mut around(last, ends))).collect()
+            }
         }
     }
 
-    /// Distance and derivatives of one piece from one edge (`docs/math.md`, eq. 9.2 and 9.3).
+    /// Distance and derivatives of one piece from one edge (`docs/math.md`, eq. 11.2 and 11.3).
     fn row(&self, point: &Vector2<f64>, edge: &Edge) -> Row {
         let (share, offset) = edge.foot(point);
         let normal = Vector2::new(edge.step.y, -edge.step.x) * edge.inverse.sqrt();
@@ -307,6 +302,16 @@ impl Rows {
     }
 }
 
+/// Distances (pixels) and derivatives of all pieces at a pose about the problem's origin; `None` where a region is out of
+/// view.
+pub fn contour_distances(contours: &[Contour], pose: &Pose) -> Option<Evaluation> {
+    let rows = Rows::at(contours, pose, None)?.rows;
+    Some(Evaluation {
+        residual: DVector::from_iterator(rows.len(), rows.iter().map(|row| row.0)),
+        jacobian: OMatrix::<f64, Dyn, U6>::from_fn(rows.len(), |row, column| rows[row].1[column]),
+    })
+}
+
 /// What the contours show at a pose about the problem's origin; `None` where a region is out of view.
 pub fn contour_fit(contours: &[Contour], pose: &Pose) -> Option<ContourFit> {
     Some(fit_of(&Rows::at(contours, pose, None)?, pose, 1))
@@ -354,7 +359,9 @@ fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
     let correlated = variance * correlation(&residuals);
     let (information, _) = rows.normal_equations(|value| mixture.clean_probability(value) / correlated);
     let independent = clean.len() as f64 / correlation(&centred(&clean));
-    ContourFit { pose: *pose, mixture, astray: distances.share_beyond(ASTRAY), independent, information, evaluations }
+    let sigma = distances.robust_sigma().max(FINEST_SCALE);
+    let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
+    ContourFit { pose: *pose, mixture, is_clean, independent, information, evaluations }
 }
 
 fn centred(values: &[f64]) -> Vec<f64> {

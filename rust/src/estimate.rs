@@ -31,6 +31,9 @@ const WEAK_TRANSLATION: f64 = 0.02;
 /// Difference of log likelihood over independent parts of the contour below which poses fit alike: five standard deviations.
 const AMBIGUITY_LIKELIHOOD: f64 = 12.5;
 
+/// Minima that are led onto the contours at most, those of the least cost.
+const MOST_REFINED: usize = 12;
+
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 const SAME_PLACE: f64 = 1e-3;
 
@@ -184,7 +187,7 @@ impl Problem {
     /// the moments, which average over the whole region, are then the better measure.
     fn on_contours(&self, minima: &[Minimum]) -> Option<Vec<Place>> {
         let contours = self.contours();
-        if contour_fit(&contours, &self.centred(&minima.first()?.pose))?.is_clean() {
+        if contour_fit(&contours, &self.centred(&minima.first()?.pose))?.is_clean {
             return None;
         }
         let refine = |minimum: &Minimum| {
@@ -193,13 +196,14 @@ impl Problem {
         };
         let mut places: Vec<(f64, Place)> = minima
             .iter()
+            .take(MOST_REFINED)
             .filter_map(refine)
             .map(|place| (place.contour.as_ref().map_or(f64::NEG_INFINITY, |fit| fit.mixture.likelihood), place))
             .collect();
         places.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let (greatest, independent) = places.first().map(|(likelihood, place)| {
-            (*likelihood, place.contour.as_ref().map_or(1.0, |fit| fit.independent))
-        })?;
+        let (greatest, independent) = places
+            .first()
+            .map(|(likelihood, place)| (*likelihood, place.contour.as_ref().map_or(1.0, |fit| fit.independent)))?;
         let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
         let mut kept: Vec<Place> = Vec::new();
         for (likelihood, place) in places {

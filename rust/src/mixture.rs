@@ -1,20 +1,17 @@
 //! Distances of which a part is clean and the rest disturbed: two normal distributions, a narrow and a wide one.
 
-/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins: 3 % is far below the spread.
-const FIRST_BIN: f64 = 0.01;
-const BIN_RATIO: f64 = 1.06;
+/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales.
+const FIRST_BIN: f64 = 0.05;
+const BIN_RATIO: f64 = 1.15;
 
-/// Bins, up to 1e5 pixels.
-const BINS: usize = 278;
+/// Bins, up to 6e4 pixels.
+const BINS: usize = 100;
 
 /// Ratio of neighbouring scales that are tried.
-const SCALE_RATIO: f64 = 1.4;
-
-/// Largest scale tried, pixels.
-const WIDEST: f64 = 1e3;
+const SCALE_RATIO: f64 = 1.5;
 
 /// Steps of expectation and maximization for the share and the wide scale at each narrow one.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 8;
 
 /// Bounds of the disturbed share.
 const SHARES: (f64, f64) = (1e-3, 0.999);
@@ -88,10 +85,11 @@ impl Distances {
 
     /// The likeliest mixture whose narrow scale is at least `finest` pixels.
     pub fn mixture(&self, finest: f64) -> Mixture {
-        let mut best = self.mixture_of(finest);
+        let mean_square = self.mean_square();
+        let mut best = self.mixture_of(finest, mean_square);
         let mut sigma = finest * SCALE_RATIO;
-        while sigma < WIDEST {
-            let other = self.mixture_of(sigma);
+        while sigma * sigma < SCALE_RATIO * mean_square {
+            let other = self.mixture_of(sigma, mean_square);
             if other.likelihood > best.likelihood {
                 best = other;
             }
@@ -100,9 +98,12 @@ impl Distances {
         best
     }
 
+    fn mean_square(&self) -> f64 {
+        self.bins.iter().map(|(square, share)| square * share).sum()
+    }
+
     /// The likeliest share and wide scale for a narrow scale, by expectation and maximization.
-    fn mixture_of(&self, sigma: f64) -> Mixture {
-        let mean_square: f64 = self.bins.iter().map(|(square, share)| square * share).sum();
+    fn mixture_of(&self, sigma: f64, mean_square: f64) -> Mixture {
         let mut wide = (1.2 * mean_square.sqrt()).max(WIDE * sigma);
         let (mut disturbed, mut likelihood) = (0.3, f64::NEG_INFINITY);
         for _ in 0..ITERATIONS {

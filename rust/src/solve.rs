@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::contour::Contour;
+use crate::contour::{Contour, contour_distances};
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
@@ -309,6 +309,12 @@ impl Problem {
             }
         }
         kept
+    }
+
+    /// Signed distances, in pixels, of the contours' pieces from the projected boundaries, and their derivatives by the left
+    /// increment; `None` where a region is out of view. A piece nearest to a vertex has its distance from there, unsigned.
+    pub fn contour_distances(&self, pose: &Pose) -> Option<Evaluation> {
+        contour_distances(&self.contours(), &self.centred(pose))
     }
 
     /// The contours of the regions, about the problem's origin.
