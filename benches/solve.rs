@@ -8,6 +8,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
 use regionpose::equations::{System, Weighting};
+use regionpose::estimate::Refinement;
 use regionpose::facet::Integration;
 use regionpose::initial::{Turns, closed_form};
 use regionpose::pose::Pose;
@@ -84,7 +85,7 @@ fn search(criterion: &mut Criterion) {
     });
     group.bench_function("candidates", |bencher| bencher.iter(|| ready.clone().search(Start::Global, &prior)));
     group.bench_function("pose from nothing", |bencher| {
-        bencher.iter(|| build().expect("the regions are valid").estimate(Start::Global, &prior));
+        bencher.iter(|| build().expect("the regions are valid").estimate(Start::Global, &prior, Refinement::Contour));
     });
     group.finish();
 }

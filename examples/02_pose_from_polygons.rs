@@ -3,7 +3,7 @@
 //! `cargo run --example 02_pose_from_polygons`
 
 use nalgebra::Vector3;
-use regionpose::{Integration, ObservedRegion, Prior, Problem, Result, Start, System, WorldRegion};
+use regionpose::{Integration, ObservedRegion, Prior, Problem, Refinement, Result, Start, System, WorldRegion};
 
 /// A pinhole camera: focal length and centre in pixels.
 const CAMERA: [f64; 3] = [1200.0, 960.0, 540.0];
@@ -29,7 +29,7 @@ fn main() -> Result<()> {
     let worlds = vec![world(&DOOR)?, world(&SIGN)?];
     let images = [observed(&DOOR_IMAGE), observed(&SIGN_IMAGE)];
     let problem = Problem::new(&images, worlds, System::Plane, Integration::Boundary)?;
-    let Some(estimate) = problem.estimate(Start::Global, &Prior::default()) else {
+    let Some(estimate) = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour) else {
         println!("no pose shows both regions");
         return Ok(());
     };

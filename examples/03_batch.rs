@@ -6,7 +6,9 @@ use std::f64::consts::TAU;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use regionpose::{Integration, ObservedRegion, Pose, Prior, Problem, Result, Start, System, WorldRegion, in_parallel};
+use regionpose::{
+    Integration, ObservedRegion, Pose, Prior, Problem, Refinement, Result, Start, System, WorldRegion, in_parallel,
+};
 
 /// Images around the plate.
 const IMAGES: usize = 200;
@@ -29,7 +31,7 @@ fn main() -> Result<()> {
         let seen = plate.iter().map(|x| truth.transform(x)).collect();
         let image = ObservedRegion::new(vec![seen], 40_000.0);
         let problem = Problem::new(&[image], vec![world.clone()], System::Plane, Integration::Boundary)?;
-        let estimate = problem.estimate(Start::Global, &Prior::default());
+        let estimate = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour);
         Ok(estimate.map(|estimate| estimate.best.minimum.pose.angle_to(truth).to_degrees()))
     };
     let start = Instant::now();

@@ -74,6 +74,7 @@ def estimate_batch(
     threads: int | None = None,
     system: Literal["plane", "sphere"] = "plane",
     integration: Literal["boundary", "mesh", "pixels"] = "boundary",
+    refine: Literal["contour"] | None = "contour",
 ) -> list[Estimate | None]:
     """Estimates of many problems by the native solver, in order; None for a problem without a pose in view."""
 
@@ -204,6 +205,10 @@ class Estimate:
         """Standard deviation of the contour that the fit shows, pixels."""
 
     @property
+    def disturbed_share(self) -> float | None:
+        """Share of the contour that is disturbed, a fraction; None where the pose is that of the moments."""
+
+    @property
     def alternatives(self) -> list[Solution]:
         """The other minima that fit as well, best first."""
 
@@ -255,6 +260,7 @@ class Problem:
         start: Literal["global", "paper"] = "global",
         initial: tuple[ArrayLike, ArrayLike] | None = None,
         up: ArrayLike | None = None,
+        refine: Literal["contour"] | None = "contour",
     ) -> Estimate | None:
         """The estimate by the native driver; None without a pose in view."""
 
@@ -264,5 +270,6 @@ class Problem:
         *,
         initial: tuple[ArrayLike, ArrayLike] | None = None,
         up: ArrayLike | None = None,
+        refine: Literal["contour"] | None = "contour",
     ) -> Estimate | None:
         """The verdict on minima found by any driver; None without one."""

@@ -21,6 +21,7 @@ System = Literal["plane", "sphere"]
 Integration = Literal["boundary", "mesh", "pixels"]
 Driver = Literal["scipy", "native"]
 Start = Literal["global", "paper"]
+Refine = Literal["contour"]
 Item = TypeVar("Item")
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
@@ -80,7 +81,8 @@ class PoseEstimate:
     `pose`: camera_from_world. `covariance`: (6, 6) of the left increment `[omega (rad), tau (metres)]`, `P' =
     exp(omega) P + tau`. `overlap_error`: area of the symmetric difference of projected and observed regions over the
     observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
-    `boundary_noise`: standard deviation of the contour that the fit shows, pixels. `alternatives`: other minima that
+    `boundary_noise`: standard deviation of the contour that the fit shows, pixels, of its clean part where the pose was
+    refined on it; `disturbed_share`: the rest of the contour, a fraction, then. `alternatives`: other minima that
     fit as well, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's
     iteration ended.
     """
@@ -90,6 +92,7 @@ class PoseEstimate:
     overlap_error: float
     region_overlap_errors: Array
     boundary_noise: float
+    disturbed_share: float | None
     alternatives: tuple[Alternative, ...]
     warnings: tuple[PoseWarning, ...]
     converged: bool
@@ -116,6 +119,7 @@ def estimate_pose(
     up: ArrayLike | None = None,
     system: System = "plane",
     integration: Integration = "boundary",
+    refine: Refine | None = "contour",
     driver: Driver = "scipy",
 ) -> PoseEstimate:
     """The pose `camera_from_world` from which each world region looks like the image region of its place in the list.
@@ -123,8 +127,9 @@ def estimate_pose(
     No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
     in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
     start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
-    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `driver` runs the final
-    least squares.
+    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `refine="contour"` draws
+    the projected boundary onto the observed contour where a part of that is disturbed (docs/math.md, section 11).
+    `driver` runs the final least squares of the moments.
 
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
@@ -140,13 +145,15 @@ def estimate_pose(
     )
     start, prior = _start_and_prior(initial, up)
     if driver == "native":
-        return _pose_estimate(problem.estimate(start=start, **prior))
+        return _pose_estimate(problem.estimate(start=start, refine=refine, **prior))
     problem, candidates = problem.search(start=start, **prior)
     minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
-    return _pose_estimate(problem.judged(minima, **prior))
+    return _pose_estimate(problem.judged(minima, refine=refine, **prior))
 
 
-def estimate_poses(problems: Iterable[Problem], *, threads: int | None = None) -> list[PoseEstimate]:
+def estimate_poses(
+    problems: Iterable[Problem], *, refine: Refine | None = "contour", threads: int | None = None
+) -> list[PoseEstimate]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
     They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
@@ -161,7 +168,7 @@ def estimate_poses(problems: Iterable[Problem], *, threads: int | None = None) -
             sides.append((observed, [region.core for region in _checked_regions(world_regions, WorldRegion)]))
         except ValueError as error:
             raise ValueError(f"problem {index}: {error}") from error
-    estimates = _core.estimate_batch(sides, threads=threads)
+    estimates = _core.estimate_batch(sides, threads=threads, refine=refine)
     return [_pose_estimate(estimate, f"problem {index}: ") for index, estimate in enumerate(estimates)]
 
 
@@ -290,6 +297,7 @@ def _pose_estimate(estimate: _core.Estimate | None, prefix: str = "") -> PoseEst
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise=estimate.boundary_noise,
+        disturbed_share=estimate.disturbed_share,
         alternatives=alternatives,
         warnings=tuple(PoseWarning(code, message) for code, message in estimate.warnings),
         converged=best.minimum.converged,

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use thiserror::Error as Message;
 
+use crate::contour::{ContourFit, contour_fit, refined};
 use crate::equations::Weighting;
 use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
@@ -26,6 +27,25 @@ const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
 /// Standard deviation of the translation along its weakest axis above which the geometry is called weak, as a share of the
 /// distance to the regions.
 const WEAK_TRANSLATION: f64 = 0.02;
+
+/// Difference of log likelihood over independent parts of the contour below which poses fit alike: five standard deviations.
+const AMBIGUITY_LIKELIHOOD: f64 = 12.5;
+
+/// Minima that are led onto the contours at most, those of the least cost.
+const MOST_REFINED: usize = 12;
+
+/// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
+const SAME_PLACE: f64 = 1e-3;
+
+/// What follows the solution of the moment equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Refinement {
+    /// The projected boundary is drawn onto the observed contour where a part of that is disturbed.
+    #[default]
+    Contour,
+    /// Nothing.
+    Off,
+}
 
 /// What a user has to know before trusting a pose.
 #[derive(Debug, Clone, PartialEq, Message)]
@@ -83,11 +103,20 @@ impl Warning {
     }
 }
 
-/// A minimum and how well its projected regions cover the observed ones.
+/// A minimum of the moment equations and the pose that it led to.
+struct Place {
+    pose: Pose,
+    minimum: Minimum,
+    contour: Option<ContourFit>,
+}
+
+/// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    /// Pose, cost and termination.
+    /// The pose, and cost and termination of the moment equations' minimum that it was found from.
     pub minimum: Minimum,
+    /// What the contours show at the pose, where it was refined.
+    pub contour: Option<ContourFit>,
     /// Area of the symmetric difference over the observed area, all regions together (the paper's delta); NaN where a region
     /// cannot be projected.
     pub overlap_error: f64,
@@ -116,29 +145,73 @@ impl Problem {
     /// The pose from nothing but the regions and the prior, by the native solver.
     ///
     /// `None` where no pose shows every region in its chart.
-    pub fn estimate(self, start: Start, prior: &Prior) -> Option<Estimate> {
+    pub fn estimate(self, start: Start, prior: &Prior, refinement: Refinement) -> Option<Estimate> {
         let Search { problem, candidates } = self.search(start, prior);
-        problem.judged(problem.minima(&candidates), prior)
+        problem.judged(problem.minima(&candidates), prior, refinement)
     }
 
-    /// The verdict on minima found by any driver.
-    pub fn judged(&self, minima: Vec<Minimum>, prior: &Prior) -> Option<Estimate> {
+    /// The verdict on minima found by any driver, after they are refined.
+    pub fn judged(&self, minima: Vec<Minimum>, prior: &Prior, refinement: Refinement) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let minima = self.distinct(minima);
-        let least = minima.first()?.cost;
-        let noise = self.boundary_noise(least);
+        let noise = self.boundary_noise(minima.first()?.cost);
+        let mut fitting = match refinement {
+            Refinement::Contour => self.on_contours(&minima),
+            Refinement::Off => None,
+        }
+        .unwrap_or_else(|| self.by_moments(minima, noise));
+        // A stable sort: what the prior does not decide, the fit does.
+        fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
+        let mut solutions = fitting.into_iter().map(|place| self.solution(place));
+        let best = solutions.next()?;
+        let alternatives: Vec<Solution> = solutions.collect();
+        let (noise, covariance) = match &best.contour {
+            Some(fit) => (fit.mixture.sigma, fit.covariance()),
+            None => (noise, self.covariance(&best.minimum.pose, noise)),
+        };
+        let warnings = self.warnings(&best, &alternatives, &covariance);
+        Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
+    }
+
+    /// The minima whose moments fit as well as the best one's, best first, those of equal cost by their rotations.
+    fn by_moments(&self, minima: Vec<Minimum>, noise: f64) -> Vec<Place> {
+        let least = minima.first().map_or(0.0, |minimum| minimum.cost);
         let limit = self.ambiguity_limit(least);
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
         let tie = least + TIE_COST * noise * noise;
-        // Sorts are stable: what the prior does not decide, the cost does, and between equal costs the pose itself.
-        fitting.sort_by_key(|minimum| if minimum.cost <= tie { place(&minimum.pose) } else { [i64::MAX; 3] });
-        fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
-        let mut solutions = fitting.into_iter().map(|minimum| self.solution(minimum));
-        let best = solutions.next()?;
-        let alternatives: Vec<Solution> = solutions.collect();
-        let covariance = self.covariance(&best.minimum.pose, noise);
-        let warnings = self.warnings(&best, &alternatives, &covariance);
-        Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
+        fitting.sort_by_key(|minimum| if minimum.cost <= tie { order(&minimum.pose) } else { [i64::MAX; 3] });
+        fitting.into_iter().map(|minimum| Place { pose: minimum.pose, minimum, contour: None }).collect()
+    }
+
+    /// The minima led onto the observed contours, those that fit as well as the best; `None` where the contours are clean:
+    /// the moments, which average over the whole region, are then the better measure.
+    fn on_contours(&self, minima: &[Minimum]) -> Option<Vec<Place>> {
+        let contours = self.contours();
+        if contour_fit(&contours, &self.centred(&minima.first()?.pose))?.is_clean {
+            return None;
+        }
+        let refine = |minimum: &Minimum| {
+            let fit = refined(&contours, &self.centred(&minimum.pose))?;
+            Some(Place { pose: self.uncentred(&fit.pose), minimum: minimum.clone(), contour: Some(fit) })
+        };
+        let mut places: Vec<(f64, Place)> = minima
+            .iter()
+            .take(MOST_REFINED)
+            .filter_map(refine)
+            .map(|place| (place.contour.as_ref().map_or(f64::NEG_INFINITY, |fit| fit.mixture.likelihood), place))
+            .collect();
+        places.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (greatest, independent) = places
+            .first()
+            .map(|(likelihood, place)| (*likelihood, place.contour.as_ref().map_or(1.0, |fit| fit.independent)))?;
+        let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
+        let mut kept: Vec<Place> = Vec::new();
+        for (likelihood, place) in places {
+            if likelihood >= least && kept.iter().all(|other| self.apart(&other.pose, &place.pose, SAME_PLACE)) {
+                kept.push(place);
+            }
+        }
+        Some(kept)
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
@@ -150,14 +223,15 @@ impl Problem {
         information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
     }
 
-    fn solution(&self, minimum: Minimum) -> Solution {
+    fn solution(&self, Place { pose, minimum, contour }: Place) -> Solution {
         let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
-            pairs.map(|(region, world)| region_overlap(region, world, &minimum.pose)).collect();
+            pairs.map(|(region, world)| region_overlap(region, world, &pose)).collect();
         let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
         let total =
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
-        Solution { overlap_error: ratio(total), region_overlap_errors: areas.into_iter().map(ratio).collect(), minimum }
+        let region_overlap_errors = areas.into_iter().map(ratio).collect();
+        Solution { minimum: Minimum { pose, ..minimum }, contour, overlap_error: ratio(total), region_overlap_errors }
     }
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {
@@ -180,7 +254,7 @@ impl Problem {
 }
 
 /// Where a pose comes among those of equal cost: by its rotation vector, in steps that round-off does not cross but by chance.
-fn place(pose: &Pose) -> [i64; 3] {
+fn order(pose: &Pose) -> [i64; 3] {
     let turn = pose.rotation.scaled_axis();
     [turn.x, turn.y, turn.z].map(|component| (component / TIE_STEP).round() as i64)
 }

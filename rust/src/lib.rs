@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use nalgebra::Vector3;
-//! use regionpose::{Integration, ObservedRegion, Prior, Problem, Start, System, WorldRegion};
+//! use regionpose::{Integration, ObservedRegion, Prior, Problem, Refinement, Start, System, WorldRegion};
 //!
 //! // An L-shaped sign in the world (metres), and its corners as a camera 4 m before it sees them.
 //! let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
@@ -19,7 +19,7 @@
 //! let observed = ObservedRegion::new(vec![bearings], 20_000.0); // its area in pixels
 //! let world = WorldRegion::from_rings(&[sign])?;
 //! let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary)?;
-//! let estimate = problem.estimate(Start::Global, &Prior::default()).expect("a pose in view");
+//! let estimate = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).expect("a pose in view");
 //! assert!((estimate.best.minimum.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
 //! # Ok::<(), regionpose::Error>(())
 //! ```
@@ -28,6 +28,7 @@
 pub mod batch;
 pub mod bearing_rings;
 pub mod chart;
+pub mod contour;
 pub mod derivatives;
 pub mod equations;
 pub mod error;
@@ -37,6 +38,7 @@ pub mod fit;
 pub mod initial;
 pub mod least_squares;
 pub mod mesh;
+pub mod mixture;
 pub mod moments;
 pub mod overlap;
 pub mod pose;
@@ -49,7 +51,7 @@ pub mod whitening;
 pub use batch::in_parallel;
 pub use equations::System;
 pub use error::{Error, Result};
-pub use estimate::{Estimate, Solution, Warning};
+pub use estimate::{Estimate, Refinement, Solution, Warning};
 pub use facet::Integration;
 pub use pose::Pose;
 pub use region::{ObservedRegion, WorldRegion};

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::contour::{Contour, contour_distances};
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
@@ -310,11 +311,24 @@ impl Problem {
         kept
     }
 
-    fn centred(&self, pose: &Pose) -> Pose {
+    /// Signed distances, in pixels, of the contours' pieces from the projected boundaries, and their derivatives by the left
+    /// increment; `None` where a region is out of view. A piece nearest to a vertex has its distance from there, unsigned.
+    pub fn contour_distances(&self, pose: &Pose) -> Option<Evaluation> {
+        contour_distances(&self.contours(), &self.centred(pose))
+    }
+
+    /// The contours of the regions, about the problem's origin.
+    pub(crate) fn contours(&self) -> Vec<Contour> {
+        self.regions.iter().zip(&self.worlds).map(|(region, world)| Contour::new(region, world, &self.origin)).collect()
+    }
+
+    /// The pose for world points about the problem's origin.
+    pub(crate) fn centred(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.transform(&self.origin))
     }
 
-    fn uncentred(&self, pose: &Pose) -> Pose {
+    /// The pose for world points, of one for points about the problem's origin.
+    pub(crate) fn uncentred(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.translation - pose.rotation * self.origin)
     }
 }
@@ -330,6 +344,13 @@ fn distinct(mut minima: Vec<Minimum>, limit: f64) -> Vec<Minimum> {
         }
     }
     kept
+}
+
+impl Problem {
+    /// Whether two poses differ by more than `limit`: radians, or that share of the distance.
+    pub(crate) fn apart(&self, a: &Pose, b: &Pose, limit: f64) -> bool {
+        apart(&self.centred(a), &self.centred(b), limit)
+    }
 }
 
 /// Whether two poses of the centred world differ by more than `limit`: radians, or that share of the distance.

@@ -19,14 +19,14 @@ Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
-    ("batch", "moments", "pose", "rings"),
+    ("batch", "mixture", "moments", "pose", "rings"),
     ("derivatives", "mesh", "overlap", "region"),
     ("bearing_rings",),
     ("chart",),
     ("equations", "initial"),
     ("facet", "whitening"),
     ("residual",),
-    ("fit", "least_squares"),
+    ("contour", "fit", "least_squares"),
     ("solve",),
     ("estimate",),
 )

@@ -4,7 +4,7 @@ mod support;
 
 use regionpose::batch::in_parallel;
 use regionpose::equations::System;
-use regionpose::estimate::Estimate;
+use regionpose::estimate::{Estimate, Refinement};
 use regionpose::facet::Integration;
 use regionpose::solve::{Prior, Start};
 use support::random::Random;
@@ -17,7 +17,10 @@ fn scenes() -> Vec<Scene> {
 
 fn estimates(scenes: &[Scene], threads: Option<usize>) -> Vec<Estimate> {
     let solve = |scene: &Scene| {
-        scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, &Prior::default()).unwrap()
+        scene
+            .problem(System::Plane, Integration::Boundary)
+            .estimate(Start::Global, &Prior::default(), Refinement::Contour)
+            .unwrap()
     };
     in_parallel(scenes, threads, solve).unwrap()
 }

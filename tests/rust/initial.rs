@@ -6,6 +6,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::chart::Chart;
 use regionpose::equations::{System, Weighting};
+use regionpose::estimate::Refinement;
 use regionpose::facet::Integration;
 use regionpose::initial::{Turns, closed_form, facing};
 use regionpose::least_squares::{Stopping, minimize};
@@ -199,7 +200,7 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
 /// Whether the native solver finds the truth from the paper's start.
 fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     let prior = Prior { initial: None, up: Some(*up) };
-    let estimate = scene.problem(system, Integration::Boundary).estimate(Start::Paper, &prior);
+    let estimate = scene.problem(system, Integration::Boundary).estimate(Start::Paper, &prior, Refinement::Contour);
     estimate.is_some_and(|estimate| scene.errors(&estimate.best.minimum.pose).0 < SOLVED)
 }
 

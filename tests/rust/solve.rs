@@ -9,7 +9,7 @@ use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::equations::{System, Weighting};
 use regionpose::error::Error;
-use regionpose::estimate::{Estimate, Warning};
+use regionpose::estimate::{Estimate, Refinement, Warning};
 use regionpose::facet::Integration;
 use regionpose::least_squares::{Stopping, minimize};
 use regionpose::pose::Pose;
@@ -41,14 +41,15 @@ const SCATTER: usize = 200;
 const CORNER_PIXELS: usize = 5;
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
-    scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, prior).unwrap()
+    scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, prior, Refinement::Contour).unwrap()
 }
 
 /// Worst error (rad, share of the distance) of poses from exact images of random scenes.
 fn worst_error(layout: Layout, system: System, integration: Integration, trials: usize) -> f64 {
     let mut random = Random::new(31);
     let error = |scene: Scene| {
-        let estimate = scene.problem(system, integration).estimate(Start::Global, &NO_PRIOR).unwrap();
+        let estimate =
+            scene.problem(system, integration).estimate(Start::Global, &NO_PRIOR, Refinement::Contour).unwrap();
         assert!(estimate.best.minimum.converged && estimate.best.overlap_error < 1e-6);
         let (angle, place) = scene.errors(&estimate.best.minimum.pose);
         angle.max(place)
@@ -174,7 +175,7 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
         for expected in poses {
             let initial = Some(expected.moved(&random.tangent(0.2, 0.3)));
             let problem = scene.problem(System::Plane, Integration::Boundary);
-            let estimate = problem.estimate(start, &Prior { initial, up: None }).unwrap();
+            let estimate = problem.estimate(start, &Prior { initial, up: None }, Refinement::Contour).unwrap();
             assert!(estimate.best.minimum.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
         }
     }
@@ -232,7 +233,7 @@ fn the_covariance_agrees_with_the_scatter_of_noisy_images() {
     for _ in 0..SCATTER {
         let observed = noisy(&scene, &mut random, 1.0);
         let problem = Problem::new(&observed, scene.worlds.clone(), System::Plane, Integration::Boundary).unwrap();
-        let estimate = problem.estimate(Start::Global, &NO_PRIOR).unwrap();
+        let estimate = problem.estimate(Start::Global, &NO_PRIOR, Refinement::Contour).unwrap();
         let error = increment(&estimate.best.minimum.pose, &scene.pose);
         scatter += error * error.transpose() / SCATTER as f64;
         predicted += estimate.covariance / SCATTER as f64;
@@ -327,7 +328,10 @@ fn a_start_out_of_view_ends_unconverged() {
         assert!(problem.evaluate(&start, Weighting::Uniform).is_none());
         let minimum = problem.solve_from(&start);
         assert!(!minimum.converged && minimum.cost == f64::INFINITY, "{minimum:?}");
-        assert!(problem.minima(&[start]).is_empty() && problem.judged(vec![minimum], &NO_PRIOR).is_none());
+        assert!(
+            problem.minima(&[start]).is_empty()
+                && problem.judged(vec![minimum], &NO_PRIOR, Refinement::Contour).is_none()
+        );
     }
 }
 
@@ -364,11 +368,11 @@ proptest! {
         let up = Some(Vector3::from_column_slice(&wild[..3]));
         let initial = Some(Pose::new(scene.pose.rotation, Vector3::from_column_slice(&wild[3..])));
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let estimate = problem.estimate(Start::Global, &Prior { initial, up }).unwrap();
+        let estimate = problem.estimate(Start::Global, &Prior { initial, up }, Refinement::Contour).unwrap();
         prop_assert!(scene.errors(&estimate.best.minimum.pose).0 < EXACT);
         for start in [Start::Global, Start::Paper] {
             let initial = None;
-            let _ = scene.problem(System::Plane, Integration::Boundary).estimate(start, &Prior { initial, up });
+            let _ = scene.problem(System::Plane, Integration::Boundary).estimate(start, &Prior { initial, up }, Refinement::Contour);
         }
     }
 }
@@ -416,7 +420,7 @@ proptest! {
         match Problem::new(&observed, worlds, system, integration) {
             Err(error) => prop_assert!(matches!(error, Error::InRegion { .. }), "{error}"),
             Ok(problem) => {
-                if let Some(estimate) = problem.estimate(start, &NO_PRIOR) {
+                if let Some(estimate) = problem.estimate(start, &NO_PRIOR, Refinement::Contour) {
                     prop_assert!(estimate.best.minimum.pose.translation.iter().all(|x| x.is_finite()));
                 }
             }

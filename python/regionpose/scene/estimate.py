@@ -126,7 +126,7 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
         integration="boundary",
     )
     place = _core.Minimum(pose.rotation.as_matrix(), pose.translation, 0.0, True, "given", 0)
-    judged = problem.judged([place])
+    judged = problem.judged([place], refine=None)
     return np.full(len(sides.names), np.nan) if judged is None else judged.best.region_overlap_errors
 
 
@@ -140,6 +140,7 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
         up=prior.up,
         system=model.system,
         integration=model.integration,
+        refine=None if model.refine == "none" else model.refine,
         driver=model.driver,
     )
     alternatives = tuple(

@@ -335,6 +335,7 @@ class SolverItem(Item):
 
     system: Literal["plane", "sphere"] = "plane"
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
+    refine: Literal["contour", "none"] = "contour"
     driver: Literal["scipy", "native"] = "scipy"
 
 

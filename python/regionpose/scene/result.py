@@ -44,6 +44,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "translation_sigma_m": estimate.translation_sigma,
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise,
+        "disturbed_share": estimate.disturbed_share,
         "regions": region_values(run),
         "alternatives": [
             {"camera_from_world": pose_values(other.pose), "overlap_error": other.overlap_error}

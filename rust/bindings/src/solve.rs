@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::batch::in_parallel;
 use regionpose::equations::{System, Weighting};
-use regionpose::estimate;
+use regionpose::estimate::{self, Refinement};
 use regionpose::facet::Integration;
 use regionpose::least_squares;
 use regionpose::pose::Tangent;
@@ -41,6 +41,14 @@ fn parsed_start(name: &str) -> PyResult<Start> {
         "global" => Ok(Start::Global),
         "paper" => Ok(Start::Paper),
         other => Err(unknown("start", other, "\"global\" or \"paper\"")),
+    }
+}
+
+fn parsed_refinement(name: Option<&str>) -> PyResult<Refinement> {
+    match name {
+        None => Ok(Refinement::Off),
+        Some("contour") => Ok(Refinement::Contour),
+        Some(other) => Err(unknown("refine", other, "\"contour\" or None")),
     }
 }
 
@@ -155,6 +163,12 @@ impl Estimate {
         self.0.boundary_noise
     }
 
+    /// Share of the contour that is disturbed, a fraction; None where the pose is that of the moments.
+    #[getter]
+    fn disturbed_share(&self) -> Option<f64> {
+        self.0.best.contour.as_ref().map(|fit| fit.mixture.disturbed)
+    }
+
     #[getter]
     fn alternatives(&self) -> Vec<Solution> {
         self.0.alternatives.iter().cloned().map(Solution).collect()
@@ -238,30 +252,33 @@ impl Problem {
     }
 
     /// The estimate by the native driver; None without a pose in view.
-    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    #[pyo3(signature = (*, start = "global", initial = None, up = None, refine = Some("contour")))]
     fn estimate<'py>(
         &self,
         py: Python<'py>,
         start: &str,
         initial: Option<PoseArrays<'py>>,
         up: Option<Bound<'py, PyAny>>,
+        refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
         let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
-        Ok(py.detach(|| self.0.clone().estimate(start, &prior)).map(Estimate))
+        let refinement = parsed_refinement(refine)?;
+        Ok(py.detach(|| self.0.clone().estimate(start, &prior, refinement)).map(Estimate))
     }
 
     /// The verdict on minima found by any driver; None without one.
-    #[pyo3(signature = (minima, *, initial = None, up = None))]
+    #[pyo3(signature = (minima, *, initial = None, up = None, refine = Some("contour")))]
     fn judged(
         &self,
         py: Python<'_>,
         minima: Vec<PyRef<'_, Minimum>>,
         initial: Option<PoseArrays<'_>>,
         up: Option<Bound<'_, PyAny>>,
+        refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
-        let prior = parsed_prior(initial, up)?;
+        let (prior, refinement) = (parsed_prior(initial, up)?, parsed_refinement(refine)?);
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        Ok(py.detach(|| self.0.judged(minima, &prior)).map(Estimate))
+        Ok(py.detach(|| self.0.judged(minima, &prior, refinement)).map(Estimate))
     }
 }
 
@@ -308,19 +325,21 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 
 /// Estimates of many problems by the native solver, in order; None for a problem without a pose in view.
 #[pyfunction]
-#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary"))]
+#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary", refine = Some("contour")))]
 pub fn estimate_batch(
     py: Python<'_>,
     problems: Vec<PySides<'_>>,
     threads: Option<&Bound<'_, PyAny>>,
     system: &str,
     integration: &str,
+    refine: Option<&str>,
 ) -> PyResult<Vec<Option<Estimate>>> {
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+    let refinement = parsed_refinement(refine)?;
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
     let solve = |sides: &Sides| {
-        sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default()))
+        sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default(), refinement))
     };
     let results = py.detach(|| in_parallel(&sides, threads, solve)).map_err(value_error)?;
     let named = |(index, result): (usize, regionpose::error::Result<_>)| match result {

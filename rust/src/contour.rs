@@ -1,0 +1,405 @@
+//! The pose at which the projected boundary falls on the observed contour, whatever part of that is disturbed
+//! (`docs/math.md`, section 11).
+//!
+//! A bite out of a region moves all its moments, but only a part of its contour. The contour is cut into short pieces; each
+//! has a signed distance from the projected boundary, with exact derivatives by the pose. Their squares are weighted
+//! down where they are large against a scale that falls step by step, and the scale at which the distances are most
+//! likely wins: a fine one where most of the contour is clean, a wide one, which is plain least squares, where none is.
+
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
+
+use crate::mixture::{Distances, Mixture};
+use crate::pose::{Pose, Tangent};
+use crate::region::WorldRegion;
+use crate::residual::{Evaluation, RegionEquations};
+use crate::rings::PlaneRings;
+
+/// Length of a piece in pixels: a few steps of a binary mask's staircase average out, and a corner rounds only one.
+const PIECE: f64 = 3.0;
+
+/// Pieces of one region at most; a longer contour has longer ones.
+const MOST_PIECES: usize = 800;
+
+/// Pieces of one ring at least.
+const FEWEST_PIECES: usize = 8;
+
+/// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
+pub const FINEST_SCALE: f64 = 0.25;
+
+/// The first scale over the standard deviation of the distances at the start: nothing is given up yet.
+const FIRST_SCALE: f64 = 1.5;
+
+/// From scale to scale.
+const SCALE_STEP: f64 = 1.5;
+
+/// Gauss-Newton steps at one scale at most.
+const STEPS: usize = 4;
+
+/// Gauss-Newton steps at the finest scale at most.
+const LAST_STEPS: usize = 12;
+
+/// A step below this, rad and share of the distance, ends the iteration at a scale: a thousandth of a pixel.
+const SETTLED: f64 = 1e-7;
+
+/// Halvings of a step that takes a region out of view.
+const HALVINGS: usize = 6;
+
+/// Longest step, rad and share of the distance.
+const LONGEST_STEP: f64 = 0.1;
+
+/// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is.
+const RIDGE: f64 = 1e-9;
+
+/// Weights fall to a quarter at this many scales (Geman-McClure).
+const HALF_WIDTH: f64 = 2.0;
+
+/// A piece is astray at this many standard deviations of the others; a clean contour has such pieces at corners alone.
+const ASTRAY: f64 = 4.0;
+const FEW_ASTRAY: f64 = 0.01;
+
+/// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
+const CLEAN_SIGMA: f64 = 1.0;
+
+/// Edges along the ring on either side of a piece's last nearest one that are looked at within a scale.
+const NEIGHBOURS: usize = 2;
+
+/// The contour of one region in the image and the boundary of its world region.
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// `chart_from_camera`.
+    rotation: Rotation3<f64>,
+    /// Mean points of the pieces, on the plane z = 1 of the chart's axes.
+    pieces: Vec<Vector2<f64>>,
+    /// Pixels per unit of that plane.
+    pixels: f64,
+    /// Boundary rings of the world region about the problem's origin.
+    rings: Vec<Vec<Vector3<f64>>>,
+}
+
+/// A pose on the contour and what the contour shows there.
+#[derive(Debug, Clone)]
+pub struct ContourFit {
+    /// The pose about the problem's origin.
+    pub pose: Pose,
+    /// The distances' distribution.
+    pub mixture: Mixture,
+    /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
+    pub is_clean: bool,
+    /// Parts of the contours that were disturbed, or not, independently of each other.
+    pub independent: f64,
+    /// `J^T W J` of the clean pieces over their variance and its correlation, per squared rad and metre.
+    pub information: Matrix6<f64>,
+    /// Evaluations of the distances.
+    pub evaluations: usize,
+}
+
+impl ContourFit {
+    /// Covariance of the left increment `[omega (rad), tau (metres)]`; infinite where a direction is left free.
+    pub fn covariance(&self) -> Matrix6<f64> {
+        let free = Matrix6::from_element(f64::INFINITY);
+        self.information.cholesky().map_or(free, |cholesky| cholesky.inverse())
+    }
+}
+
+impl Contour {
+    /// The contour of an observed region and the boundary of its world region about `origin`.
+    pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        let scale = region.chart().scale;
+        let pixels = region.pixel_area().sqrt();
+        let pieces = pieces(region.outline(), pixels).into_iter().map(|p| p / scale).collect();
+        let rings = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect();
+        Self { rotation: region.chart().rotation, pieces, pixels: pixels * scale, rings }
+    }
+}
+
+/// Means of the parts of a region's rings, in chart units.
+fn pieces(outline: &PlaneRings, pixels: f64) -> Vec<Vector2<f64>> {
+    let length = |ring: &[Vector2<f64>]| edges(ring).map(|(a, b)| (b - a).norm()).sum::<f64>();
+    let total: f64 = outline.rings().iter().map(|ring| length(ring)).sum();
+    let piece = (PIECE / pixels).max(total / MOST_PIECES as f64);
+    let mut means = Vec::new();
+    for ring in outline.rings() {
+        let count = ((length(ring) / piece).round() as usize).max(FEWEST_PIECES);
+        means.extend(ring_means(ring, length(ring), count));
+    }
+    means
+}
+
+/// Means of `count` equally long parts of a closed ring, exact.
+fn ring_means(ring: &[Vector2<f64>], length: f64, count: usize) -> Vec<Vector2<f64>> {
+    let part = length / count as f64;
+    let mut means = Vec::with_capacity(count);
+    let (mut sum, mut filled) = (Vector2::zeros(), 0.0);
+    for (a, b) in edges(ring) {
+        let step = (b - a).norm();
+        let mut from = 0.0;
+        while step > from {
+            let last = means.len() + 1 == count;
+            let to = if last { step } else { step.min(from + part - filled) };
+            sum += a.lerp(&b, 0.5 * (from + to) / step) * (to - from);
+            filled += to - from;
+            from = to;
+            if !last && filled >= part * (1.0 - f64::EPSILON * count as f64) {
+                means.push(sum / filled);
+                (sum, filled) = (Vector2::zeros(), 0.0);
+            }
+        }
+    }
+    if filled > 0.0 {
+        means.push(sum / filled);
+    }
+    means
+}
+
+fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
+    (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]))
+}
+
+/// An edge of the projected boundary: its ends along the chart's axes, and on the plane z = 1.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+    start: Vector2<f64>,
+    step: Vector2<f64>,
+    inverse: f64,
+}
+
+impl Edge {
+    fn new(from: Vector3<f64>, to: Vector3<f64>) -> Self {
+        let (start, end) = (from.xy() / from.z, to.xy() / to.z);
+        let step = end - start;
+        Self { from, to, start, step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
+    }
+
+    /// Where on the edge a point's foot lies, 0 to 1, and the offset of the point from it.
+    fn foot(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
+        let offset = point - self.start;
+        let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
+        (share, offset - self.step * share)
+    }
+}
+
+/// A signed distance (pixels) and its derivatives by the left increment.
+type Row = (f64, Vector6<f64>);
+
+impl Contour {
+    /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane.
+    fn projected(&self, pose: &Pose) -> Option<(Vec<Edge>, Vec<usize>)> {
+        let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
+        let (mut projected, mut ends) = (Vec::new(), Vec::new());
+        for ring in &self.rings {
+            let moved: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
+            if moved.iter().any(|x| x.z <= 0.0) {
+                return None;
+            }
+            projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
+            ends.push(projected.len());
+        }
+        Some((projected, ends))
+    }
+
+    /// Index of the edge nearest to each piece; of all, or of those around the nearest of before.
+    fn nearest(&self, edges: &[Edge], ends: &[usize], before: Option<&[usize]>) -> Vec<usize> {
+        let among = |point: &Vector2<f64>, indices: &mut dyn Iterator<Item = usize>| {
+            let mut best = (f64::INFINITY, 0);
+            for index in indices {
+                let square = edges[index].foot(point).1.norm_squared();
+                if square < best.0 {
+                    best = (square, index);
+                }
+            }
+            best.1
+        };
+        match before {
+            None => self.pieces.iter().map(|point| among(point, &mut (0..edges.len()))).collect(),
+            Some(before) => {
+                self.pieces.iter().zip(before).map(|(point, &last)| among(point, &mut around(last, ends))).collect()
+            }
+        }
+    }
+
+    /// Distance and derivatives of one piece from one edge (`docs/math.md`, eq. 11.2 and 11.3).
+    fn row(&self, point: &Vector2<f64>, edge: &Edge) -> Row {
+        let (share, offset) = edge.foot(point);
+        let normal = Vector2::new(edge.step.y, -edge.step.x) * edge.inverse.sqrt();
+        let inside = share > 0.0 && share < 1.0;
+        let distance = offset.norm();
+        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
+        let (value, normal) = match inside || distance == 0.0 {
+            true => (offset.dot(&normal), normal),
+            false => (distance, offset / distance),
+        };
+        // The point of the edge in space that is seen at the foot.
+        let weight = share * edge.from.z / (share * edge.from.z + (1.0 - share) * edge.to.z);
+        let seen = edge.from.lerp(&edge.to, weight);
+        let along = Vector3::new(normal.x, normal.y, -(normal.x * seen.x + normal.y * seen.y) / seen.z) / seen.z;
+        let by_translation = -(self.rotation.inverse() * along);
+        let by_rotation = (self.rotation.inverse() * seen).cross(&by_translation);
+        let derivative = Vector6::new(
+            by_rotation.x,
+            by_rotation.y,
+            by_rotation.z,
+            by_translation.x,
+            by_translation.y,
+            by_translation.z,
+        );
+        (self.pixels * value, self.pixels * derivative)
+    }
+}
+
+/// Indices of the edges along a ring around one of them.
+fn around(index: usize, ends: &[usize]) -> impl Iterator<Item = usize> + use<> {
+    let ring = ends.partition_point(|&end| end <= index);
+    let first = if ring == 0 { 0 } else { ends[ring - 1] };
+    let count = ends[ring] - first;
+    let reach = NEIGHBOURS.min((count - 1) / 2);
+    (0..2 * reach + 1).map(move |k| first + (index - first + count + k - reach) % count)
+}
+
+/// Distances and derivatives of all pieces, and the edges that they belong to.
+struct Rows {
+    rows: Vec<Row>,
+    nearest: Vec<Vec<usize>>,
+}
+
+impl Rows {
+    /// `None` where a region is out of view.
+    fn at(contours: &[Contour], pose: &Pose, before: Option<&[Vec<usize>]>) -> Option<Self> {
+        let (mut rows, mut all) = (Vec::new(), Vec::new());
+        for (index, contour) in contours.iter().enumerate() {
+            let (edges, ends) = contour.projected(pose)?;
+            let nearest = contour.nearest(&edges, &ends, before.map(|before| before[index].as_slice()));
+            rows.extend(contour.pieces.iter().zip(&nearest).map(|(point, &k)| contour.row(point, &edges[k])));
+            all.push(nearest);
+        }
+        Some(Self { rows, nearest: all })
+    }
+
+    fn distances(&self) -> Distances {
+        Distances::new(self.rows.iter().map(|row| row.0))
+    }
+
+    /// Gauss-Newton step of the distances weighted down beyond a scale; `None` where no direction is held.
+    fn step(&self, scale: f64) -> Option<Tangent> {
+        let (normal, gradient) = self.normal_equations(|value| {
+            let ratio = value / (HALF_WIDTH * scale);
+            (1.0 + ratio * ratio).powi(-2)
+        });
+        let ridge = Matrix6::from_diagonal(&(normal.diagonal() * RIDGE));
+        Some(-(normal + ridge).cholesky()?.solve(&gradient))
+    }
+
+    /// `J^T W J` and `J^T W r`.
+    fn normal_equations(&self, weight: impl Fn(f64) -> f64) -> (Matrix6<f64>, Vector6<f64>) {
+        let (mut normal, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+        for (value, derivative) in &self.rows {
+            let weighted = derivative * weight(*value);
+            normal += weighted * derivative.transpose();
+            gradient += weighted * *value;
+        }
+        (normal, gradient)
+    }
+}
+
+/// Distances (pixels) and derivatives of all pieces at a pose about the problem's origin; `None` where a region is out of
+/// view.
+pub fn contour_distances(contours: &[Contour], pose: &Pose) -> Option<Evaluation> {
+    let rows = Rows::at(contours, pose, None)?.rows;
+    Some(Evaluation {
+        residual: DVector::from_iterator(rows.len(), rows.iter().map(|row| row.0)),
+        jacobian: OMatrix::<f64, Dyn, U6>::from_fn(rows.len(), |row, column| rows[row].1[column]),
+    })
+}
+
+/// What the contours show at a pose about the problem's origin; `None` where a region is out of view.
+pub fn contour_fit(contours: &[Contour], pose: &Pose) -> Option<ContourFit> {
+    Some(fit_of(&Rows::at(contours, pose, None)?, pose, 1))
+}
+
+/// The most likely pose on the contours that is reached from a start; the start itself where nothing is likelier.
+///
+/// `None` where a region is out of view at the start.
+pub fn refined(contours: &[Contour], start: &Pose) -> Option<ContourFit> {
+    let mut rows = Rows::at(contours, start, None)?;
+    let mut best = fit_of(&rows, start, 1);
+    let (mut pose, mut evaluations) = (*start, 1);
+    let mut scale = (FIRST_SCALE * rows.distances().robust_sigma()).max(2.0 * FINEST_SCALE);
+    loop {
+        let steps = if scale > FINEST_SCALE { STEPS } else { LAST_STEPS };
+        for step in 0..steps {
+            let Some(increment) = rows.step(scale) else { break };
+            let Some((moved, next)) = advanced(contours, &pose, &increment, (step > 0).then_some(&rows.nearest[..]))
+            else {
+                break;
+            };
+            (pose, rows) = (moved, next);
+            evaluations += 1;
+            if size(&increment, &pose) < SETTLED {
+                break;
+            }
+        }
+        let fit = fit_of(&rows, &pose, evaluations);
+        if fit.mixture.likelihood > best.mixture.likelihood {
+            best = fit;
+        }
+        if scale <= FINEST_SCALE {
+            return Some(ContourFit { evaluations, ..best });
+        }
+        scale = (scale / SCALE_STEP).max(FINEST_SCALE);
+    }
+}
+
+fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
+    let distances = rows.distances();
+    let mixture = distances.mixture(FINEST_SCALE);
+    let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.0)).collect();
+    let residuals: Vec<f64> = rows.rows.iter().zip(&clean).map(|(row, clean)| row.0 * clean).collect();
+    let variance = residuals.iter().map(|r| r * r).sum::<f64>() / clean.iter().sum::<f64>().max(1.0);
+    let correlated = variance * correlation(&residuals);
+    let (information, _) = rows.normal_equations(|value| mixture.clean_probability(value) / correlated);
+    let independent = clean.len() as f64 / correlation(&centred(&clean));
+    let sigma = distances.robust_sigma().max(FINEST_SCALE);
+    let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
+    ContourFit { pose: *pose, mixture, is_clean, independent, information, evaluations }
+}
+
+fn centred(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
+}
+
+/// How many neighbours vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive.
+fn correlation(values: &[f64]) -> f64 {
+    let product = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    let square = product(0);
+    if square <= 0.0 {
+        return 1.0;
+    }
+    let lags = (1..values.len() / 4).map(|lag| product(lag) / square).take_while(|&rho| rho > 0.0);
+    1.0 + 2.0 * lags.sum::<f64>()
+}
+
+/// The pose moved by an increment, shortened until every region is in view.
+fn advanced(
+    contours: &[Contour],
+    pose: &Pose,
+    increment: &Tangent,
+    nearest: Option<&[Vec<usize>]>,
+) -> Option<(Pose, Rows)> {
+    let mut increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
+    for _ in 0..=HALVINGS {
+        let moved = pose.moved(&increment);
+        if let Some(rows) = Rows::at(contours, &moved, nearest) {
+            return Some((moved, rows));
+        }
+        increment *= 0.5;
+    }
+    None
+}
+
+/// Size of an increment: radians, or a share of the distance.
+fn size(increment: &Tangent, pose: &Pose) -> f64 {
+    let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
+    increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
+}
