@@ -51,7 +51,8 @@ def estimate(
 
     `world_regions`: for each image region the (n, 3) rings of its 3D side in metres, the outer one first and
     counter-clockwise as the image shows it. The first region is solved alone, then all together. `up`: the world
-    direction (3,) that is up in the image. `start`: the reading of the initial pose. ValueError for a scheme that isn't in `SCHEMES`.
+    direction (3,) that is up in the image. `start`: the reading of the initial pose. ValueError for a scheme that isn't
+    in `SCHEMES`.
     """
     if (system, integration) not in SCHEMES:
         raise ValueError(f"scheme is {(system, integration)}; needed one of {SCHEMES}")

@@ -96,7 +96,8 @@ def subdivided(triangles: Array, parts: int) -> Array:
     second, third = np.moveaxis(np.array(corners) / parts, -1, 0)
     weights = np.stack([1.0 - second - third, second, third], axis=-1)
     nodes: Array = np.einsum("pcw,kwx->kpcx", weights, triangles).reshape(-1, 3, 3)
-    return nodes / np.linalg.norm(nodes, axis=2, keepdims=True)
+    bearings: Array = nodes / np.linalg.norm(nodes, axis=2, keepdims=True)
+    return bearings
 
 
 def spherical_areas(triangles: Array) -> Array:
@@ -106,4 +107,5 @@ def spherical_areas(triangles: Array) -> Array:
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
     dots = (a * b).sum(axis=0) + (b * c).sum(axis=0) + (c * a).sum(axis=0)
-    return 2.0 * np.arctan2(triple, 1.0 + dots)
+    areas: Array = 2.0 * np.arctan2(triple, 1.0 + dots)
+    return areas

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -13,7 +13,7 @@ from benchmarks.published.moments import Array
 from benchmarks.published.start import Placement
 from benchmarks.published.system import System, WorldSide
 
-EULER_AXES = "XYZ"
+EULER_AXES: Final = "XYZ"
 """The three angles turn about the camera's axes one after the other, `R = R_x R_y R_z`."""
 
 
@@ -51,7 +51,5 @@ def residual(parameters: Array, pairs: Sequence[Pair], facing: Placement, system
 
 def minimum_from(start: Placement, pairs: Sequence[Pair], facing: Placement, system: System) -> Minimum:
     """The minimum that MINPACK's Levenberg-Marquardt with finite differences reaches from a placement."""
-    result = least_squares(
-        residual, parameters_of(start), jac="2-point", method="lm", args=(pairs, facing, system)
-    )
+    result = least_squares(residual, parameters_of(start), jac="2-point", method="lm", args=(pairs, facing, system))
     return Minimum(placement_of(result.x), int(result.nfev), bool(result.success))

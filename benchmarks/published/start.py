@@ -32,7 +32,7 @@ class Placement(NamedTuple):
     translation: Array
 
     def after(self, first: Placement) -> Placement:
-        """This placement of what `first` has placed."""
+        """What `first` and then this placement do."""
         return Placement(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
 
 
@@ -49,9 +49,7 @@ def facing_placement(plane: SeenPlane, centroid: Array, up: ArrayLike | None = N
     return Placement(rotation, np.array([0.0, 0.0, 1.0]) - rotation @ centroid)
 
 
-def start_placement(
-    observed: Array, world: WorldSide, facing: Placement, system: System, start: Start
-) -> Placement:
+def start_placement(observed: Array, world: WorldSide, facing: Placement, system: System, start: Start) -> Placement:
     """`R, t` of the region placed by `facing`: its centroid on the observed one's ray, where both areas agree.
 
     Turned, R is the least rotation between both centroids' directions; parallel, it is the identity.

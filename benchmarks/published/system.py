@@ -11,6 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 import regionpose as rp
 import shapely
+from numpy.typing import NDArray
 from regionpose.cameras import Camera
 
 from benchmarks.published.moments import (
@@ -42,6 +43,9 @@ QUADRATURE_SUBDIVISION = 2
 WORLD_CELLS = 10_000
 """Cells that a 3D region is divided into for pixel-wise sums: about 7 mm wide on the benchmark's templates."""
 
+GRID_TURN = 0.5
+"""Turn (rad) of the cells, so that no edge of a drawn shape runs along them: it would win or lose half a cell."""
+
 
 class WorldSide(Protocol):
     """A 3D region that can be integrated over as seen from a pose."""
@@ -55,7 +59,7 @@ class MeshSide:
     """A region as (k, 3, 3) triangles, projected corner by corner (paper section 2.1, 2.2)."""
 
     vertices: Array
-    triangles: Array
+    triangles: NDArray[np.int64]
     subdivision: int = 1
 
     def moments(self, rotation: Array, translation: Array, system: System) -> Array:
@@ -101,7 +105,7 @@ def world_side(rings: Sequence[Array], system: System, integration: Integration)
     return MeshSide(plane.lifted(vertices), triangles, subdivision)
 
 
-def _mesh(rings: Sequence[Array], system: System, integration: Integration) -> tuple[Array, Array]:
+def _mesh(rings: Sequence[Array], system: System, integration: Integration) -> tuple[Array, NDArray[np.int64]]:
     """Vertices and triangles of flat rings: a plain Delaunay mesh where triangles are exact, else a fine one."""
     if system == "plane":
         return rp.triangulate(rings)
@@ -147,23 +151,23 @@ class SeenPlane:
 
     def cells(self, rings: Sequence[Array]) -> tuple[Array, Array]:
         """Centres (n, 3) of the cells inside flat rings and the vector area (3,) of one."""
-        polygon = shapely.Polygon(rings[0], rings[1:])
+        turn = np.array([[np.cos(GRID_TURN), -np.sin(GRID_TURN)], [np.sin(GRID_TURN), np.cos(GRID_TURN)]])
+        polygon = shapely.Polygon(rings[0] @ turn, [ring @ turn for ring in rings[1:]])
         size = np.sqrt(polygon.area / WORLD_CELLS)
         left, low, right, high = polygon.bounds
         u, v = np.meshgrid(np.arange(left + size / 2, right, size), np.arange(low + size / 2, high, size))
         centres = np.column_stack([u.ravel(), v.ravel()])
         centres = centres[shapely.contains_xy(polygon, centres)]
-        return self.lifted(centres), self.normal * size**2
+        return self.lifted(centres @ turn.T), self.normal * size**2
 
 
-def observed_moments(
-    camera: Camera, region: rp.ImageRegion, system: System, integration: Integration
-) -> Array:
+def observed_moments(camera: Camera, region: rp.ImageRegion, system: System, integration: Integration) -> Array:
     """The left-hand side of a region's equations: integrals over what the image shows (paper eq. 5, 14)."""
     if integration == "pixels":
         return _pixel_sums(camera, region, system)
     parts = _ring_groups(region.rings)
-    return np.sum([_observed_mesh(camera, rings, system, integration) for rings in parts], axis=0)
+    moments: Array = np.sum([_observed_mesh(camera, rings, system, integration) for rings in parts], axis=0)
+    return moments
 
 
 def _observed_mesh(camera: Camera, rings: Sequence[Array], system: System, integration: Integration) -> Array:
@@ -192,11 +196,12 @@ def _pixel_sums(camera: Camera, region: rp.ImageRegion, system: System) -> Array
     rows, columns = np.nonzero(region.mask > 0.0)
     pixels = np.column_stack([columns, rows]).astype(np.float64)
     bearings = camera.bearings(pixels)
-    across = camera.bearings(pixels + (0.5, 0.0)) - camera.bearings(pixels - (0.5, 0.0))
-    down = camera.bearings(pixels + (0.0, 0.5)) - camera.bearings(pixels - (0.0, 0.5))
+    half = 0.5 * np.eye(2)
+    across, down = (camera.bearings(pixels + step) - camera.bearings(pixels - step) for step in half)
     areas = np.linalg.norm(np.cross(across, down), axis=1) * region.mask[rows, columns]
-    if system == "sphere":
-        return spherical_monomials(bearings) @ areas
-    # A patch of the sphere is 1 / z^3 as large on the plane z = 1.
-    values = planar_monomials(bearings[:, :2] / bearings[:, 2:])
-    return values @ (areas / bearings[:, 2] ** 3)
+    if system == "plane":
+        # A patch of the sphere is 1 / z^3 as large on the plane z = 1.
+        moments: Array = planar_monomials(bearings[:, :2] / bearings[:, 2:]) @ (areas / bearings[:, 2] ** 3)
+        return moments
+    moments = spherical_monomials(bearings) @ areas
+    return moments
