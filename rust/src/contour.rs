@@ -356,7 +356,10 @@ fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
     let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.0)).collect();
     let residuals: Vec<f64> = rows.rows.iter().zip(&clean).map(|(row, clean)| row.0 * clean).collect();
     let variance = residuals.iter().map(|r| r * r).sum::<f64>() / clean.iter().sum::<f64>().max(1.0);
-    let correlated = variance * correlation(&residuals);
+    let correlation_length = correlation(&residuals);
+    let free = clean.iter().sum::<f64>() / correlation_length;
+    // Six parameters leave so much less of the independent distances.
+    let correlated = variance * correlation_length * free / (free - 6.0).max(1.0);
     let (information, _) = rows.normal_equations(|value| mixture.clean_probability(value) / correlated);
     let independent = clean.len() as f64 / correlation(&centred(&clean));
     let sigma = distances.robust_sigma().max(FINEST_SCALE);

@@ -31,6 +31,10 @@ const WEAK_TRANSLATION: f64 = 0.02;
 /// Difference of log likelihood over independent parts of the contour below which poses fit alike: five standard deviations.
 const AMBIGUITY_LIKELIHOOD: f64 = 12.5;
 
+/// Gain of log likelihood over independent parts of the contour below which a refined pose isn't preferred to the moments':
+/// six parameters gain 3 by chance, and 7 more stand for odds of a thousand to one.
+const DECISIVE_LIKELIHOOD: f64 = 10.0;
+
 /// Minima that are led onto the contours at most, those of the least cost.
 const MOST_REFINED: usize = 12;
 
@@ -183,11 +187,12 @@ impl Problem {
         fitting.into_iter().map(|minimum| Place { pose: minimum.pose, minimum, contour: None }).collect()
     }
 
-    /// The minima led onto the observed contours, those that fit as well as the best; `None` where the contours are clean:
-    /// the moments, which average over the whole region, are then the better measure.
+    /// The minima led onto the observed contours, those that fit as well as the best; `None` where the contours are clean or
+    /// disturbed all over: the moments, which average over the whole region, are then the better measure.
     fn on_contours(&self, minima: &[Minimum]) -> Option<Vec<Place>> {
         let contours = self.contours();
-        if contour_fit(&contours, &self.centred(&minima.first()?.pose))?.is_clean {
+        let start = contour_fit(&contours, &self.centred(&minima.first()?.pose))?;
+        if start.is_clean {
             return None;
         }
         let refine = |minimum: &Minimum| {
@@ -204,6 +209,9 @@ impl Problem {
         let (greatest, independent) = places
             .first()
             .map(|(likelihood, place)| (*likelihood, place.contour.as_ref().map_or(1.0, |fit| fit.independent)))?;
+        if independent * (greatest - start.mixture.likelihood) < DECISIVE_LIKELIHOOD {
+            return None;
+        }
         let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
         let mut kept: Vec<Place> = Vec::new();
         for (likelihood, place) in places {
