@@ -26,7 +26,7 @@ def demo(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the files.")] = Path("regionpose-demo"),
     source: Annotated[
         Source, typer.Option("--from", help="Grow the regions from one click each, or read their masks.")
-    ] = Source.masks,
+    ] = Source.seeds,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -38,7 +38,7 @@ def demo(
     \b
     Examples:
       regionpose demo --out demo
-      regionpose demo --out demo --from seeds --force
+      regionpose demo --out demo --from masks --force
       regionpose demo --json --quiet | jq .truth_errors
     """
     from regionpose.demo.scene import folder
