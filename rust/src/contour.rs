@@ -85,6 +85,8 @@ pub struct ContourFit {
     pub mixture: Mixture,
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     pub is_clean: bool,
+    /// Share of the clean pieces of each region.
+    pub clean_shares: Vec<f64>,
     /// Parts of the contours that were disturbed, or not, independently of each other.
     pub independent: f64,
     /// `J^T W J` of the clean pieces over their variance and its correlation, per squared rad and metre.
@@ -94,6 +96,12 @@ pub struct ContourFit {
 }
 
 impl ContourFit {
+    /// Share of the clean pieces of one region, and the least of the others'; 0 without others.
+    pub fn clean_shares_of(&self, region: usize) -> (f64, f64) {
+        let others = self.clean_shares.iter().enumerate().filter(|(index, _)| *index != region);
+        (self.clean_shares[region], others.map(|(_, share)| *share).reduce(f64::min).unwrap_or(0.0))
+    }
+
     /// Covariance of the left increment `[omega (rad), tau (metres)]`; infinite where a direction is left free.
     pub fn covariance(&self) -> Matrix6<f64> {
         let free = Matrix6::from_element(f64::INFINITY);
@@ -109,6 +117,11 @@ impl Contour {
         let pieces = pieces(region.outline(), pixels).into_iter().map(|p| p / scale).collect();
         let rings = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect();
         Self { rotation: region.chart().rotation, pieces, pixels: pixels * scale, rings }
+    }
+
+    /// The same with one piece in `step`.
+    pub fn thinned(&self, step: usize) -> Self {
+        Self { pieces: self.pieces.iter().copied().step_by(step).collect(), ..self.clone() }
     }
 }
 
@@ -361,14 +374,33 @@ fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
     // Six parameters leave so much less of the independent distances.
     let correlated = variance * correlation_length * free / (free - 6.0).max(1.0);
     let (information, _) = rows.normal_equations(|value| mixture.clean_probability(value) / correlated);
-    let independent = clean.len() as f64 / correlation(&centred(&clean));
+    let shares: Vec<&[f64]> = split(&clean, rows.nearest.iter().map(Vec::len));
+    // A region that is disturbed as a whole says nothing of how long the disturbances are.
+    let about_mean: Vec<f64> = shares.iter().flat_map(|region| centred(region)).collect();
+    let independent = clean.len() as f64 / correlation(&about_mean);
+    let clean_shares = shares.iter().map(|region| mean(region)).collect();
     let sigma = distances.robust_sigma().max(FINEST_SCALE);
     let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
-    ContourFit { pose: *pose, mixture, is_clean, independent, information, evaluations }
+    ContourFit { pose: *pose, mixture, is_clean, clean_shares, independent, information, evaluations }
+}
+
+/// Consecutive parts of these lengths.
+fn split(values: &[f64], lengths: impl Iterator<Item = usize>) -> Vec<&[f64]> {
+    let mut rest = values;
+    let mut next = |length: usize| {
+        let (part, others) = rest.split_at(length);
+        rest = others;
+        part
+    };
+    lengths.map(&mut next).collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 fn centred(values: &[f64]) -> Vec<f64> {
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let mean = mean(values);
     values.iter().map(|value| value - mean).collect()
 }
 

@@ -41,21 +41,24 @@ pub mod mesh;
 pub mod mixture;
 pub mod moments;
 pub mod overlap;
+pub mod places;
 pub mod pose;
 pub mod region;
 pub mod residual;
 pub mod rings;
 pub mod solve;
+pub mod warning;
 pub mod whitening;
 
 pub use batch::in_parallel;
 pub use equations::System;
 pub use error::{Error, Result};
-pub use estimate::{Estimate, Refinement, Solution, Warning};
+pub use estimate::{Estimate, Refinement, Solution};
 pub use facet::Integration;
 pub use pose::Pose;
 pub use region::{ObservedRegion, WorldRegion};
 pub use solve::{Prior, Problem, Start};
+pub use warning::Warning;
 
 /// The README's Rust blocks, run as tests.
 #[cfg(doctest)]

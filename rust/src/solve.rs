@@ -268,6 +268,11 @@ impl Problem {
         starts
     }
 
+    /// Poses of single regions, about the problem's origin, whatever the others say.
+    pub(crate) fn single_region_poses(&self) -> Vec<Pose> {
+        self.global_starts(&Prior::default(), Turns::All)
+    }
+
     /// The starts of one region at which the others fit best, those out of view last.
     fn best_together(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
         let cost = |pose: &Pose| {

@@ -27,7 +27,8 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("facet", "whitening"),
     ("residual",),
     ("contour", "fit", "least_squares"),
-    ("solve",),
+    ("solve", "warning"),
+    ("places",),
     ("estimate",),
 )
 """Modules of the crate; each uses those of the layers before its own only."""

@@ -2,7 +2,7 @@
 
 mod support;
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Unit, Vector3};
 use proptest::prelude::*;
 use regionpose::equations::System;
 use regionpose::estimate::{Estimate, Refinement};
@@ -10,6 +10,7 @@ use regionpose::facet::Integration;
 use regionpose::pose::{Pose, Tangent};
 use regionpose::region::ObservedRegion;
 use regionpose::solve::{Prior, Problem, Start};
+use regionpose::warning::Warning;
 use support::jacobian::differences;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Scene, SpaceRing};
@@ -94,6 +95,38 @@ fn bites_out_of_regions_hardly_move_the_pose() {
             assert!(refined.best.contour.is_some_and(|fit| fit.mixture.disturbed > 0.005));
         }
     }
+}
+
+#[test]
+fn a_region_that_does_not_belong_is_named_and_leaves_the_pose_alone() {
+    for seed in 60..70 {
+        let scene = Scene::random(&mut Random::new(seed), layout(4));
+        let wrong = seed as usize % 4;
+        let mut observed = scene.observed.clone();
+        // Turned about its own line of sight.
+        let middle = observed[wrong].rings[0].iter().sum::<Vector3<f64>>().normalize();
+        let turn = Rotation3::from_axis_angle(&Unit::new_normalize(middle), 1.0);
+        let rings = observed[wrong].rings.iter().map(|ring| ring.iter().map(|r| turn * r).collect()).collect();
+        observed[wrong] = ObservedRegion::new(rings, observed[wrong].pixel_area);
+        let estimate = estimated(&scene, &observed, Refinement::Contour);
+        let error = scene.errors(&estimate.best.minimum.pose).0;
+        assert!(error < 1e-3, "seed {seed}: {error} rad");
+        let named: Vec<usize> = estimate
+            .warnings
+            .iter()
+            .filter_map(
+                |warning| if let Warning::OutlierRegion { region, .. } = warning { Some(*region) } else { None },
+            )
+            .collect();
+        assert_eq!(named, [wrong], "seed {seed}");
+    }
+}
+
+#[test]
+fn bitten_regions_are_not_called_badly_covered() {
+    let scene = Scene::random(&mut Random::new(80), layout(3));
+    let estimate = estimated(&scene, &all_bitten(&scene, 1.0), Refinement::Contour);
+    assert!(estimate.warnings.iter().all(|warning| warning.code() != "poor-overlap"), "{:?}", estimate.warnings);
 }
 
 #[test]

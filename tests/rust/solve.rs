@@ -9,13 +9,14 @@ use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::equations::{System, Weighting};
 use regionpose::error::Error;
-use regionpose::estimate::{Estimate, Refinement, Warning};
+use regionpose::estimate::{Estimate, Refinement};
 use regionpose::facet::Integration;
 use regionpose::least_squares::{Stopping, minimize};
 use regionpose::pose::Pose;
 use regionpose::region::{ObservedRegion, Pixels, WorldRegion};
 use regionpose::rings::PlaneRings;
 use regionpose::solve::{Prior, Problem, Start};
+use regionpose::warning::Warning;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 

@@ -12,6 +12,7 @@ from regionpose.scene.estimate import SceneEstimate
 ADVICE = {
     "ambiguous": "Add a region without symmetry, or give prior.up or prior.initial in the scene file.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
+    "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
