@@ -28,6 +28,7 @@ import numpy as np
 import regionpose as rp
 import yaml
 from numpy.typing import NDArray
+from regionpose.cameras import Camera
 from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.estimate import SceneEstimate
@@ -62,6 +63,13 @@ def camera_item(calibration: Plain) -> Plain:
     if calibration["model"] == "pinhole":
         return {"model": "pinhole", **lens, "distortion": distortion}
     return {"model": "fisheye", **lens, "k": distortion}
+
+
+def camera_of(calibration: Plain) -> Camera:
+    """The camera of a calib.json."""
+    item = camera_item(calibration)
+    classes = {"pinhole": rp.PinholeCamera, "fisheye": rp.FisheyeCamera, "ocam": rp.OcamCamera}
+    return classes[item.pop("model")](**item)
 
 
 def cloud_file(folder: Path) -> Path:

@@ -55,7 +55,7 @@ const HALF_WIDTH: f64 = 2.0;
 
 /// A piece is astray at this many standard deviations of the others; a clean contour has such pieces at corners alone.
 const ASTRAY: f64 = 4.0;
-const FEW_ASTRAY: f64 = 0.01;
+const FEW_ASTRAY: f64 = 0.02;
 
 /// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
 const CLEAN_SIGMA: f64 = 1.0;
