@@ -139,7 +139,7 @@ class WorldRegion:
         ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
         without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
         moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points
-        that are identical or on one line, or a radius that is not positive.
+        that are identical, on one line or on a single scan line, or a radius that is not positive.
         """
         outline = outline_of_points(
             points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
