@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
 .PHONY: demo test lint bench clean
@@ -24,9 +25,15 @@ lint: $(STAMP)
 	$(BIN)/python -m mypy.stubtest regionpose._core
 
 bench: $(STAMP)
-	$(BIN)/python -m pip install --quiet -r benchmarks/requirements.txt
+	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
 	$(BIN)/python benchmarks/speed.py
-	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/regionpose evaluate perspective $(NOISE_FREE) --out results/perspective.csv
+	$(BIN)/regionpose evaluate omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
+	$(BIN)/python -m benchmarks.published --scenes 20
+	$(BIN)/python benchmarks/peers.py --scenes 20
+	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
+	$(BIN)/python benchmarks/cloud_segmentation.py --scenes 20
+	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
 	cargo bench --quiet
 

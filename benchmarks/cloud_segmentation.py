@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,13 +21,21 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from real_scenes import DEFAULT_DATA, camera_of, cloud_of
+from real_scenes import DEFAULT_DATA, camera_item, cloud_of
+from regionpose.cameras import Camera
 from regionpose.evaluation import Scene, SpinningLidar, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.outline import SparseSamplingWarning
 
 Array = NDArray[np.float64]
+
+MODELS: dict[str, Callable[..., Camera]] = {
+    "pinhole": rp.PinholeCamera,
+    "fisheye": rp.FisheyeCamera,
+    "ocam": rp.OcamCamera,
+}
+"""The cameras of a scene file, by its names of them."""
 Indices = NDArray[np.intp]
 
 LIDARS = {
@@ -145,6 +153,12 @@ def labelled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str,
         for region in json.loads(path.read_text()):
             if region.get("point_indices"):
                 yield path.parent, region, calibration
+
+
+def camera_of(calibration: dict[str, Any]) -> Camera:
+    """The camera of a calib.json."""
+    item = camera_item(calibration)
+    return MODELS[item.pop("model")](**item)
 
 
 def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration: dict[str, Any]) -> tuple[float, float]:

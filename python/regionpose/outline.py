@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, QhullError, cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from regionpose import _core
@@ -81,6 +81,16 @@ LONG_EDGE = 4.0
 """Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
 
 
+LINE_SAMPLES = 5
+"""Samples below which a parabola through them tells nothing."""
+
+LINE_STEPS = 0.25
+"""Root mean square distance from a parabola, in steps along it, below which samples are one scan line: two lines with a
+tenth of the samples on one of them, two steps apart, are 0.6."""
+
+RADIUS_MARGIN = 1e-6
+"""Share by which a radius exceeds the circumradius of a triangle that it has to keep: far above rounding."""
+
 MOST_SAMPLES = 50_000
 """Samples from which an outline is taken: 200 or more across the patch tell its area to a ten-thousandth."""
 
@@ -120,12 +130,14 @@ def outline_of_points(
     open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are
     moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning tells that
     the samples are too sparse to show the outline. ValueError for values that are not
-    finite, fewer than 3 points, points that are identical or on one line, or a radius that is not positive.
+    finite, fewer than 3 points, points that are identical, on one line or on a single scan line, or a radius that is
+    not positive.
     """
     given = _checked_points(points)
     checked = None if radius is None else checked_radius(radius)
     origin, axes, _ = robust_plane(given[:: max(1, len(given) // PLANE_POINTS)])
     flat = _flat_samples(given, origin, axes, sensor_origin)
+    _refuse_one_line(_thinned(flat if sensor_origin is None else _sights(given, sensor_origin)))
     return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
 
 
@@ -149,11 +161,20 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
         rings = lines.rings()
         _warn_of_few_lines(lines)
     else:
-        rings = _main_part(_core.alpha_shape(points, bridging_radius(points) if radius is None else radius))
+        rings = _main_part(_core.alpha_shape(points, _automatic_radius(points) if radius is None else radius))
         rings = grown_rings(points, rings) if correct_sampling else rings
+    rings = _simple_rings(rings)
     if radius is None:
         _warn_of_lost_samples(points, rings)
     return rings
+
+
+def _simple_rings(rings: list[Array]) -> list[Array]:
+    """The rings, or where bending them onto the plane made them cross the largest part that they bound."""
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    if polygon.is_valid:
+        return rings
+    return oriented_rings(shapely.make_valid(polygon, method="structure", keep_collapsed=False))
 
 
 def _thinned(points: Array) -> Array:
@@ -265,6 +286,30 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
     return flat
 
 
+def _sights(points: Array, sensor_origin: ArrayLike) -> Array:
+    """Where the beams of points (n, 3) pass a plane before the sensor, (n, 2): range noise leaves them in place."""
+    beams = points - np.asarray(sensor_origin, dtype=np.float64)
+    beams = beams[np.linalg.norm(beams, axis=1) > 0.0]
+    ahead = np.sum(beams / np.linalg.norm(beams, axis=1, keepdims=True), axis=0)
+    axes = _axes_of(ahead / np.linalg.norm(ahead))
+    depth = np.maximum(beams @ axes[2], LEAST_APPROACH * np.linalg.norm(beams, axis=1))
+    sights: Array = beams @ axes[:2].T / depth[:, None]
+    return sights
+
+
+def _refuse_one_line(points: Array) -> None:
+    """Refuse points (n, 2) on one scan line, which is a conic in the plane and over a patch a parabola, or less."""
+    if len(points) < LINE_SAMPLES:
+        return
+    centred = points - points.mean(axis=0)
+    along, across = (centred @ np.linalg.svd(centred, full_matrices=False)[2].T).T
+    parabola = np.vander(along / np.abs(along).max(), 3)
+    off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
+    step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
+    if np.sqrt(np.mean(off**2)) < LINE_STEPS * step:
+        raise ValueError(f"{len(points)} points lie on one scan line; needed points on lines across the patch")
+
+
 def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
 
@@ -332,6 +377,36 @@ def bridging_radius(points: Array) -> float:
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
     tree = minimum_spanning_tree(graph).tocoo()
     return RADIUS_FACTOR * _bridging_gap(len(points), tree.row, tree.col, tree.data)
+
+
+def _automatic_radius(points: Array) -> float:
+    """The bridging radius; where no triangle of the points (n, 2) is that small, the one that holds 98 % of them.
+
+    A SparseSamplingWarning says so: such triangles are flat, as the samples are sparse in one direction.
+    """
+    radius = bridging_radius(points)
+    triangles = Delaunay(points - points.mean(axis=0)).simplices
+    circumradii = _circumradii(points[triangles])
+    if circumradii.min() <= radius:
+        return radius
+    least = np.full(len(points), np.inf)
+    np.minimum.at(least, triangles.ravel(), np.repeat(circumradii, 3))
+    wider = (1.0 + RADIUS_MARGIN) * float(np.quantile(least, CONNECTED_SHARE, method="higher"))
+    warnings.warn(
+        f"{len(points)} points, most of them within {radius / RADIUS_FACTOR:.2g} m of the next, span flat triangles"
+        f" alone: the outline joins points up to {2.0 * wider:.2g} m apart",
+        SparseSamplingWarning,
+        stacklevel=2,
+    )
+    return wider
+
+
+def _circumradii(triangles: Array) -> Array:
+    """Circumradii (k,) of triangles (k, 3, 2): the product of the sides over four times the area."""
+    sides = np.roll(triangles, -1, axis=1) - triangles
+    doubled = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    radii: Array = np.linalg.norm(sides, axis=2).prod(axis=1) / (2.0 * np.maximum(doubled, np.finfo(float).tiny))
+    return radii
 
 
 def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:

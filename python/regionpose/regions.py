@@ -17,6 +17,7 @@ from regionpose.outline import outline_of_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.float64]
+Window = tuple[slice, slice]
 
 CONTOUR_LEVEL = 0.5
 """Share of a pixel at which the contour of a mask runs."""
@@ -74,8 +75,8 @@ class ImageRegion:
         closed half a pixel outside the outermost centres. ValueError for another shape or type, an empty mask, or
         values outside [0, 1].
         """
-        coverage = _checked_mask(mask)
-        return cls(tuple(_core.plane_rings(_contours(coverage), polygon=False)), coverage)
+        coverage, window = _checked_mask(mask)
+        return cls(tuple(_core.plane_rings(_contours(coverage, window), polygon=False)), coverage)
 
     @property
     def area(self) -> float:
@@ -139,7 +140,7 @@ class WorldRegion:
         ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
         without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
         moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points
-        that are identical or on one line, or a radius that is not positive.
+        that are identical, on one line or on a single scan line, or a radius that is not positive.
         """
         outline = outline_of_points(
             points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
@@ -232,7 +233,8 @@ def _real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
     return array
 
 
-def _checked_mask(mask: ArrayLike) -> Mask:
+def _checked_mask(mask: ArrayLike) -> tuple[Mask, Window]:
+    """The coverage (h, w) and the window of its rows and columns that hold any."""
     try:
         given = np.asarray(mask)
     except (TypeError, ValueError) as error:
@@ -243,30 +245,42 @@ def _checked_mask(mask: ArrayLike) -> Mask:
         raise ValueError(f"mask has type {given.dtype}; needed bool, integers or floats in [0, 1]")
     if given.dtype.kind in "iu":
         given = _two_valued(given)
-    coverage = given.astype(np.float64)
-    if not ((coverage >= 0.0) & (coverage <= 1.0)).all():
-        raise ValueError(f"mask holds values from {coverage.min()} to {coverage.max()}; needed coverage in [0, 1]")
-    if not (coverage > CONTOUR_LEVEL).any():
+    low, high = float(given.min()), float(given.max())
+    if not (low >= 0.0 and high <= 1.0):
+        raise ValueError(f"mask holds values from {low} to {high}; needed coverage in [0, 1]")
+    if not high > CONTOUR_LEVEL:
         raise ValueError("mask is empty; needed at least one pixel that is covered by more than half")
-    return coverage
+    window = _window(given)
+    # A region is a small part of its frame: pages of zeros that are never written cost nothing.
+    coverage = np.zeros(given.shape)
+    coverage[window] = given[window]
+    return coverage, window
 
 
 def _two_valued(mask: NDArray[np.generic]) -> NDArray[np.bool_]:
-    values = np.unique(mask)
-    if len(values) > 2 or (len(values) == 2 and values[0] != 0):
+    covered = np.asarray(mask != 0)
+    low, high = mask.min(), mask.max()
+    if low != high and (low != 0 or np.count_nonzero(mask == high) != np.count_nonzero(covered)):
         raise ValueError(
-            f"mask holds {len(values)} integer values; needed 0 and one other (for labels, pass mask == label)"
+            f"mask holds {len(np.unique(mask))} integer values; needed 0 and one other (for labels, pass mask == label)"
         )
-    return np.asarray(mask != 0)
+    return covered
 
 
-def _contours(coverage: Mask) -> list[Array]:
-    """Closed contours in pixels, traced on the mask's bounding box with a border of zeros."""
-    rows, columns = (np.flatnonzero((coverage > 0.0).any(axis=axis)) for axis in (1, 0))
-    window = coverage[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+def _window(mask: NDArray[np.generic]) -> Window:
+    """The rows and columns of a mask (h, w) from the first to the last that hold anything."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    within = slice(int(rows[0]), int(rows[-1]) + 1)
+    columns = np.flatnonzero(mask[within].any(axis=0))
+    return within, slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def _contours(coverage: Mask, window: Window) -> list[Array]:
+    """Closed contours in pixels, traced on the window that holds the mask with a border of zeros."""
+    held = coverage[window]
     # A value exactly at the level would let the contour touch itself at a pixel's centre.
-    padded = np.pad(np.where(window == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), window), 1)
-    offset = np.array([columns[0] - 1, rows[0] - 1])
+    padded = np.pad(np.where(held == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), held), 1)
+    offset = np.array([window[1].start - 1, window[0].start - 1])
     contours: list[Array] = find_contours(padded, CONTOUR_LEVEL)  # type: ignore[no-untyped-call]
     return [_simplified(contour[:, ::-1] + offset) for contour in contours]
 

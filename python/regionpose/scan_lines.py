@@ -52,6 +52,9 @@ LEAST_ON_LINE = 3
 LEAST_TELLING = 5
 """Returns on a line from which its own step is taken; fewer may straddle a hole."""
 
+MOST_FANNING = 5.0
+"""Widest over narrowest spacing of the same lines across the patch: true ones reach 1.5, mistaken ones exceed 10."""
+
 STRAY_GAPS = 0.6
 """A single return nearer to a line than this many gaps is jitter, farther away it is a line's only return in a tip."""
 
@@ -121,9 +124,7 @@ class ScanLines:
     def flat(self, points: Array) -> Array:
         """Points (n, 2) of the patch's plane from (along, level)."""
         along, level = points.T
-        across = (level - self.slopes[0] * along - self.slopes[2] * along**2) / (
-            1.0 + self.slopes[1] * along + self.slopes[3] * along**2
-        )
+        across = (level - self.slopes[0] * along - self.slopes[2] * along**2) / _rise(along, self.slopes)
         flat: Array = np.column_stack([along, across]) @ self.turn * self.scale + self.centre
         return flat
 
@@ -143,6 +144,9 @@ def scan_lines(points: Array, radius: float | None = None) -> ScanLines | None:
     if grouped is None:
         return None
     slopes, line = grouped
+    rise = _rise(local[:, 0], slopes)
+    if rise.min() <= 0.0 or rise.max() > MOST_FANNING * rise.min():
+        return None
     levels, members = _ordered_lines(_levels(local, slopes), line)
     if len(levels) < LEAST_LINES or sum(map(len, members)) < LEAST_ON_LINE * len(levels):
         return None
@@ -200,6 +204,12 @@ def _fragments(local: Array) -> Indices:
 
 def _levels(local: Array, slopes: Array) -> Array:
     return local[:, 1] + _bends(local) @ slopes
+
+
+def _rise(along: Array, slopes: Array) -> Array:
+    """Level per distance across the lines: what the spacing of levels is over that of the lines in the patch."""
+    rise: Array = 1.0 + slopes[1] * along + slopes[3] * along**2
+    return rise
 
 
 def _bends(local: Array) -> Array:

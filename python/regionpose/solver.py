@@ -145,19 +145,24 @@ def estimate_pose(
     )
     start, prior = _start_and_prior(initial, up)
     if driver == "native":
-        return _pose_estimate(problem.estimate(start=start, refine=refine, **prior))
-    problem, candidates = problem.search(start=start, **prior)
-    minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
-    return _pose_estimate(problem.judged(minima, refine=refine, **prior))
+        found = _estimate_or_error(problem.estimate(start=start, refine=refine, **prior))
+    else:
+        problem, candidates = problem.search(start=start, **prior)
+        minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
+        found = _estimate_or_error(problem.judged(minima, refine=refine, **prior))
+    if isinstance(found, PoseError):
+        raise found
+    return found
 
 
 def estimate_poses(
     problems: Iterable[Problem], *, refine: Refine | None = "contour", threads: int | None = None
-) -> list[PoseEstimate]:
+) -> list[PoseEstimate | PoseError]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
+    Where no pose shows every region of a problem, the PoseError that `estimate_pose` would raise stands in its place.
     They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
-    any number of them. ValueError names the problem that is refused.
+    any number of them. ValueError, its message led by the problem's number, for a problem whose input is bad.
     """
     sides = []
     for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)")):
@@ -169,7 +174,7 @@ def estimate_poses(
         except ValueError as error:
             raise ValueError(f"problem {index}: {error}") from error
     estimates = _core.estimate_batch(sides, threads=threads, refine=refine)
-    return [_pose_estimate(estimate, f"problem {index}: ") for index, estimate in enumerate(estimates)]
+    return [_estimate_or_error(estimate) for estimate in estimates]
 
 
 def _problem_parts(problem: Problem) -> Problem:
@@ -281,10 +286,10 @@ class _Increments:
         return self._evaluation
 
 
-def _pose_estimate(estimate: _core.Estimate | None, prefix: str = "") -> PoseEstimate:
+def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseError:
     if estimate is None:
-        raise PoseError(
-            f"{prefix}no pose shows every world region where its image region is; check that the pairs belong together"
+        return PoseError(
+            "no pose shows every world region where its image region is; check that the pairs belong together"
         )
     best = estimate.best
     alternatives = tuple(

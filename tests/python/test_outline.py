@@ -9,6 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.evaluation.noise import SpinningLidar, lidar_points
+from regionpose.evaluation.planar import PlaneFrame
+from regionpose.evaluation.setups import perspective_setup
+from regionpose.evaluation.studies.conditions import Condition
+from regionpose.evaluation.studies.problems import draw_problem
 from regionpose.evaluation.templates import all_templates
 from regionpose.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points, robust_plane
 from scipy.spatial.transform import Rotation
@@ -220,6 +224,41 @@ def test_many_samples_give_the_outline_of_their_even_part() -> None:
     rings = flat_outline(samples[~door])
     assert len(rings) == 2
     assert area(rings) == pytest.approx(6.0 - 1.28, rel=5e-3)
+
+
+@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.parametrize(("seed", "beams", "noise"), [(22, 16, 0.03), (66, 16, 0.03), (70, 16, 0.01), (75, 32, 0.0)])
+def test_lines_that_fan_out_unlike_beams_are_not_taken_for_scan_lines(seed: int, beams: int, noise: float) -> None:
+    # Few samples of narrow shapes fall into lines by chance, along which the outline would cross itself.
+    setup = perspective_setup()
+    problem = draw_problem(setup, Condition(planes=1, lidar_beams=beams, range_noise_m=noise), seed)
+    (ring, *_) = problem.world_regions[0].rings
+    assert shapely.Polygon(PlaneFrame.of_region([ring]).flat(ring)).is_valid
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_a_single_scan_line_is_no_patch(noise: float) -> None:
+    # One ring of a lidar across a wall 1 m high: nothing tells how far it reaches above and below.
+    wall = np.array([[-2.0, -0.5, 4.0], [2.0, -0.5, 4.6], [2.0, 0.5, 4.6], [-2.0, 0.5, 4.0]])
+    lidar = SpinningLidar(1, 5.0, 5.0, 0.2, noise)
+    points = lidar_points([wall], np.zeros(3), np.random.default_rng(0), lidar)
+    with pytest.raises(ValueError, match=r"2\d\d points lie on one scan line; needed"):
+        outline_of_points(points, sensor_origin=[0.0, 0.0, 0.0])
+
+
+def test_single_scan_line_of_a_patch_shows_without_the_sensor() -> None:
+    # A conic of a ring 10 deg above the horizon on a wall 1 m wide, 5 m away: it bends by 9 mm.
+    x = np.linspace(-0.5, 0.5, 60)
+    points = np.column_stack([x, np.tan(np.radians(10.0)) * np.hypot(x, 5.0), np.full(60, 5.0)])
+    with pytest.raises(ValueError, match="60 points lie on one scan line"):
+        outline_of_points(points)
+
+
+def test_radius_grows_where_the_points_span_flat_triangles_alone() -> None:
+    # Sides of 1.04 m and 2 m: the circle through the corners is wider than 1.5 of the gaps that join them.
+    corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.3, 0.0]])
+    with pytest.warns(SparseSamplingWarning, match="3 points.*flat triangles alone"):
+        assert area(outline_of_points(corners).rings) == pytest.approx(0.3)
 
 
 def test_four_corners_are_their_own_outline() -> None:

@@ -118,6 +118,32 @@ def test_masks_of_every_type_are_one_region(dtype: type) -> None:
     assert region.mask is not None and region.mask.dtype == np.float64 and region.mask.max() == 1.0
 
 
+@pytest.mark.parametrize(
+    ("dtype", "wrong", "found"),
+    [
+        (np.float64, np.nan, "values from nan to nan"),
+        (np.float32, np.inf, "values from 0.0 to inf"),
+        (np.float64, -0.5, r"values from -0\.5 to 1\.0"),
+        (np.uint8, 7, "3 integer values"),
+        (np.int32, -1, "3 integer values"),
+    ],
+)
+def test_a_wrong_value_far_from_the_region_is_refused(dtype: type, wrong: float, found: str) -> None:
+    mask: Array = binary_mask([disc(10.0, (50.0, 40.0))], WIDTH, HEIGHT).astype(dtype)
+    mask[-1, -1] = wrong
+    with pytest.raises(ValueError, match=f"mask holds {found}; needed"):
+        rp.ImageRegion.from_mask(mask)
+
+
+def test_a_mask_is_kept_whole() -> None:
+    """With coverage below a half in the far corner, where no contour runs."""
+    coverage = area_coverage([disc(10.0, (50.0, 40.0))], WIDTH, HEIGHT)
+    coverage[-1, -1] = 0.25
+    region = rp.ImageRegion.from_mask(coverage)
+    assert region.mask is not None and len(region.rings) == 1
+    np.testing.assert_array_equal(region.mask, coverage)
+
+
 def test_a_region_at_the_border_is_closed_half_a_pixel_outside() -> None:
     mask = np.ones((30, 50), dtype=bool)
     region = rp.ImageRegion.from_mask(mask)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -98,6 +99,14 @@ def batch() -> list[Problem]:
     return [problem_of(perspective_scene(seed, 1 + 2 * (seed % 2), world="arbitrary")) for seed in range(6)]
 
 
+def solved(problems: Iterable[Problem], threads: int | None = None) -> list[rp.PoseEstimate]:
+    """The batch's estimates, all of which are there."""
+    found = rp.estimate_poses(problems, threads=threads)
+    estimates = [estimate for estimate in found if isinstance(estimate, rp.PoseEstimate)]
+    assert len(estimates) == len(found)
+    return estimates
+
+
 def assert_same(a: rp.PoseEstimate, b: rp.PoseEstimate) -> None:
     """Equal to the last bit."""
     assert np.array_equal(a.pose.matrix, b.pose.matrix)
@@ -110,7 +119,7 @@ def assert_same(a: rp.PoseEstimate, b: rp.PoseEstimate) -> None:
 @pytest.mark.parametrize("threads", [None, 1, 2, 5])
 def test_a_batch_is_the_same_as_one_by_one(batch: list[Problem], threads: int | None) -> None:
     """In order, to rounding; poses that fit equally well may change places."""
-    found = rp.estimate_poses(iter(batch), threads=threads)
+    found = solved(iter(batch), threads)
     for problem, estimate in zip(batch, found, strict=True):
         alone, origin = poses_of(rp.estimate_pose(*problem, driver="native")), np.zeros(3)
         assert len(alone) == len(poses_of(estimate))
@@ -118,12 +127,29 @@ def test_a_batch_is_the_same_as_one_by_one(batch: list[Problem], threads: int | 
 
 
 def test_the_number_of_threads_changes_nothing(batch: list[Problem]) -> None:
-    for a, b in zip(rp.estimate_poses(batch, threads=1), rp.estimate_poses(batch, threads=5), strict=True):
+    for a, b in zip(solved(batch, 1), solved(batch, 5), strict=True):
         assert_same(a, b)
 
 
 def test_an_empty_batch_is_empty() -> None:
     assert rp.estimate_poses([]) == []
+
+
+def test_a_problem_without_a_pose_leaves_the_others(batch: list[Problem]) -> None:
+    """One square cannot be seen 75 deg to the left and 75 deg to the right at once."""
+    camera = rp.FisheyeCamera(300.0, 300.0, 500.0, 500.0)
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    sides = [np.array([500.0 + 300.0 * np.radians(angle), 500.0]) for angle in (-75.0, 75.0)]
+    images = [rp.ImageRegion.from_polygon(centre + 40.0 * (square[:, :2] - 0.5)) for centre in sides]
+    blind: Problem = camera, images, [rp.WorldRegion.from_polygon(square)] * 2
+    before, error, after = rp.estimate_poses([batch[0], blind, batch[1]])
+    assert isinstance(error, rp.PoseError) and "no pose shows every world region" in str(error)
+    for estimate, expected in zip([before, after], solved(batch[:2]), strict=True):
+        assert isinstance(estimate, rp.PoseEstimate)
+        assert_same(estimate, expected)
+    for driver in ("scipy", "native"):
+        with pytest.raises(rp.PoseError, match="no pose shows every world region"):
+            rp.estimate_pose(*blind, driver=driver)
 
 
 def test_the_error_names_the_problem(batch: list[Problem]) -> None:
@@ -138,11 +164,11 @@ def test_the_error_names_the_problem(batch: list[Problem]) -> None:
 
 def solve_in_child(problem: Problem) -> Array:
     """The batch's answer in another process."""
-    return rp.estimate_poses([problem], threads=2)[0].pose.matrix
+    return solved([problem], 2)[0].pose.matrix
 
 
 def test_a_forked_child_solves_after_its_parent(batch: list[Problem]) -> None:
-    expected = [estimate.pose.matrix for estimate in rp.estimate_poses(batch[:2], threads=2)]
+    expected = [estimate.pose.matrix for estimate in solved(batch[:2], 2)]
     with multiprocessing.get_context("fork").Pool(2) as pool:
         found = pool.map_async(solve_in_child, batch[:2]).get(SCENE_TIMEOUT_S)
     assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
