@@ -38,6 +38,13 @@ MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
 
 
+PLANE_SHARE = 0.01
+"""Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""
+
+OVERLAP_SHARE = 1e-9
+"""Share of the polygons' area up to which it may differ from the region's: rounding alone."""
+
+
 class TriangleMesh(Protocol):
     """What `WorldRegion.from_mesh` reads; trimesh.Trimesh is one."""
 
@@ -126,6 +133,26 @@ class WorldRegion:
         return cls(_core.WorldRegion.from_rings(_ring_list(rings, 3)))
 
     @classmethod
+    def from_polygons(cls, polygons: Sequence[Sequence[ArrayLike]]) -> WorldRegion:
+        """The planar region of several polygons apart from one another, each a list of rings as in `from_polygon`.
+
+        The vertices are moved onto one least squares plane. ValueError as of `from_polygon`, a message about one
+        polygon led by its number; for vertices farther from the common plane than 1 % of the extent, and for polygons
+        that overlap.
+        """
+        parts = _polygon_list(polygons)
+        origin, axes = _common_plane(parts)
+        flat = [[_counter_clockwise((ring - origin) @ axes.T) for ring in rings] for rings in parts]
+        region = cls(_core.WorldRegion.from_outline(origin, axes, [ring for rings in flat for ring in rings]))
+        given = sum(_signed_area(outer) - sum(map(_signed_area, holes)) for outer, *holes in flat)
+        # Nesting decides what is a hole: a polygon inside another would become one.
+        if region.area < (1.0 - OVERLAP_SHARE) * given:
+            raise ValueError(
+                f"polygons of {given:.6g} m^2 cover {region.area:.6g} m^2; needed ones apart from one another"
+            )
+        return region
+
+    @classmethod
     def from_points(
         cls,
         points: ArrayLike,
@@ -192,6 +219,35 @@ def _planar_region(origin: Array, axes: Array, outline: list[Array]) -> WorldReg
 
 def _surface_region(vertices: Array, triangles: NDArray[np.int64]) -> WorldRegion:
     return WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
+
+
+def _polygon_list(polygons: object) -> list[list[Array]]:
+    """Rings (n, 3) of each polygon; ValueError that names the one that is none."""
+    if isinstance(polygons, str | bytes | Mapping) or not isinstance(polygons, Iterable):
+        raise ValueError(f"polygons is a {type(polygons).__name__}; needed a list of polygons, each a list of rings")
+    parts = []
+    for index, polygon in enumerate(polygons):
+        try:
+            parts.append(_ring_list(polygon, 3))
+            _core.WorldRegion.from_rings(parts[-1])
+        except ValueError as error:
+            raise ValueError(f"polygon {index}: {error}") from error
+    if not parts:
+        raise ValueError("polygons is empty; needed at least one list of (n, 3) rings")
+    return parts
+
+
+def _common_plane(parts: list[list[Array]]) -> tuple[Array, Array]:
+    """Origin (3,) and axes (2, 3) of the least squares plane of the polygons' vertices."""
+    vertices = np.concatenate([ring for rings in parts for ring in rings])
+    origin = vertices.mean(axis=0)
+    axes = np.linalg.svd(vertices - origin, full_matrices=False)[2]
+    limit = PLANE_SHARE * float(np.ptp(vertices, axis=0).max())
+    for index, rings in enumerate(parts):
+        off = float(np.abs((np.concatenate(rings) - origin) @ axes[2]).max())
+        if off > limit:
+            raise ValueError(f"polygon {index} lies {off:.6g} m off the common plane; needed at most {limit:.6g} m")
+    return origin, axes[:2]
 
 
 def _ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
@@ -295,6 +351,10 @@ def _simplified(ring: Array) -> Array:
 def _signed_area(ring: Array) -> float:
     x, y = (ring - ring[0]).T
     return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def _counter_clockwise(ring: Array) -> Array:
+    return ring if _signed_area(ring) > 0.0 else ring[::-1]
 
 
 def _bearing_ring(camera: Camera, ring: Array, index: int) -> Array:

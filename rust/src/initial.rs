@@ -121,6 +121,20 @@ pub fn facing(
         .collect()
 }
 
+/// The other pose whose first-order view of a region is the same: its normal mirrored at the ray of its centroid
+/// (`docs/math.md`, eq. 7.10).
+///
+/// Facing poses lie midway between the two, where first derivatives hardly tell them apart: least squares from there end
+/// at either.
+pub fn conjugate(pose: &Pose, world: &WorldRegion, origin: &Vector3<f64>) -> Pose {
+    let frame = world.frame();
+    let centre = frame.lifted(&centroid(&planar_moments(slices(world.outline()), 1))) - origin;
+    let place = pose.transform(&centre);
+    let half_turn = |axis: &Vector3<f64>| Rotation3::from_scaled_axis(axis * std::f64::consts::PI);
+    let rotation = half_turn(&place.normalize()) * pose.rotation * half_turn(&frame.axes[2]);
+    Pose::new(rotation, place - rotation * centre)
+}
+
 /// Right-handed axes: the third along `normal`, the second as near to `up` as that allows, or to `spare` where `up` is normal.
 fn axes_from(normal: &Vector3<f64>, up: &Vector3<f64>, spare: &Vector3<f64>) -> Matrix3<f64> {
     let across = |v: &Vector3<f64>| (v - normal * normal.dot(v)).try_normalize(1e-6 * v.norm());

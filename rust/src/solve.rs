@@ -7,7 +7,7 @@ use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
 use crate::fit::Fit;
-use crate::initial::{Turns, closed_form, facing};
+use crate::initial::{Turns, closed_form, conjugate, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
@@ -289,9 +289,11 @@ impl Problem {
             return vec![minimize(&self.regions, &self.centred(initial), Weighting::Uniform, PAPER).pose];
         }
         let (first, world) = (&self.regions[..1], &self.worlds[0]);
+        let solved = |pose: &Pose| minimize(first, pose, Weighting::Uniform, PAPER).pose;
         facing(first[0].chart(), first[0].outline(), world, &self.origin, prior.up.as_ref())
             .iter()
-            .map(|pose| minimize(first, pose, Weighting::Uniform, PAPER).pose)
+            .map(solved)
+            .flat_map(|pose| [pose, solved(&conjugate(&pose, world, &self.origin))])
             .collect()
     }
 

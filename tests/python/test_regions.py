@@ -289,6 +289,49 @@ def scan(seed: int, spacing: tuple[float, float], noise: float) -> Array:
     return np.column_stack([kept, rng.normal(0.0, noise, len(kept))])
 
 
+def square_at(x: float, y: float, side: float) -> Array:
+    """A square of the plane z = x / 2 about (x, y), counter-clockwise."""
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * side + [x, y]
+    return np.column_stack([corners, 0.5 * corners[:, 0]])
+
+
+def test_polygons_are_one_region_with_their_holes() -> None:
+    """Two windows of 2 m and 1 m, the larger with a pane of 1 m cut out, vertices turning either way."""
+    parts = [[square_at(0.0, 0.0, 2.0), square_at(0.2, 0.0, 1.0)], [square_at(3.0, 1.0, 1.0)[::-1]]]
+    region = rp.WorldRegion.from_polygons(parts)
+    assert region.area == pytest.approx((4.0 - 1.0 + 1.0) * np.sqrt(1.25), rel=1e-12)
+    assert np.allclose(np.abs(region.normal), np.array([0.5, 0.0, 1.0]) / np.sqrt(1.25))
+    for ring, expected in zip(region.rings, (ring for rings in parts for ring in rings), strict=True):
+        assert np.allclose(np.sort(ring, axis=0), np.sort(expected, axis=0))
+
+
+def test_one_polygon_of_several_is_that_polygon() -> None:
+    rings = [square_at(0.0, 0.0, 2.0), square_at(0.2, 0.0, 1.0)]
+    one, alone = rp.WorldRegion.from_polygons([rings]), rp.WorldRegion.from_polygon(rings)
+    assert one.area == pytest.approx(alone.area, rel=1e-12)
+    assert all(np.allclose(np.sort(a, axis=0), np.sort(b, axis=0)) for a, b in zip(one.rings, alone.rings, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("polygons", "message"),
+    [
+        (5, "polygons is a int; needed a list of polygons"),
+        ([], "polygons is empty; needed at least one"),
+        ([[square_at(0.0, 0.0, 1.0)], [square_at(3.0, 0.0, 1.0)[:2]]], "polygon 1: ring 0 has 2 distinct vertices"),
+        ([[square_at(0.0, 0.0, 1.0), square_at(3.0, 0.0, 1.0)]], "polygon 0: "),
+        ([[square_at(0.0, 0.0, 1.0)], [square_at(0.5, 0.5, 1.0)]], "crosses"),
+        ([[square_at(0.0, 0.0, 2.0)], [square_at(0.0, 0.0, 1.0)]], "apart from one another"),
+        (
+            [[square_at(0.0, 0.0, 1.0)], [square_at(3.0, 0.0, 1.0) + np.array([0.0, 0.0, 0.5])]],
+            r"polygon \d lies .* m off the common plane",
+        ),
+    ],
+)
+def test_polygons_that_are_no_region_are_refused(polygons: list[list[Array]], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rp.WorldRegion.from_polygons(polygons)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_plane_withstands_a_fifth_of_outliers(seed: int) -> None:
     """Outliers all on one side and far out would tilt a least squares plane by tens of degrees."""

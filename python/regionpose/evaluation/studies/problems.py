@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
-from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size
 from regionpose.evaluation.measures import overlap_error
@@ -180,11 +180,14 @@ def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Ge
 
 
 def world_region(rings: Sequence[Array]) -> WorldRegion:
-    """The region of (n, 3) rings, of which several may be outer ones."""
-    if len(rings) == 1:
-        return WorldRegion.from_polygon(rings)
+    """The region of (n, 3) rings: outer ones, each followed by its holes, which turn the other way."""
     frame = PlaneFrame.of_region(rings)
-    return WorldRegion(_core.WorldRegion.from_outline(frame.origin, frame.axes.T, [frame.flat(ring) for ring in rings]))
+    polygons: list[list[Array]] = []
+    for ring in rings:
+        if not polygons or shapely.LinearRing(frame.flat(ring)).is_ccw:
+            polygons.append([])
+        polygons[-1].append(ring)
+    return WorldRegion.from_polygons(polygons)
 
 
 def _image_change(true: Sequence[Patch], given: Sequence[Patch]) -> float:
