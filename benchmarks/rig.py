@@ -39,9 +39,9 @@ def print_frames(rig: rp.RigEstimate) -> None:
     """Print a line for each frame: its fit, and the pose without it."""
     for fit, one in zip(rig.frames, rig.influence, strict=True):
         print(
-            f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it the "
-            f"pose moves {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift:6.2f} mm, and its contour "
-            f"is off by {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
+            f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
+            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift:6.2f} mm,"
+            f" contour {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
         )
 
 
@@ -67,8 +67,8 @@ def report(folders: list[Path], way: str) -> None:
         turn, shift = np.linalg.norm(rig.estimate.rotation_sigma_deg), np.linalg.norm(rig.estimate.translation_sigma)
         print(
             f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg "
-            f"{1e3 * errors.at_regions:6.2f} mm at the regions {1e3 * errors.translation:6.2f} mm  said {turn:6.3f} deg "
-            f"{1e3 * shift:6.2f} mm  delta {100 * rig.estimate.overlap_error:5.2f} %  "
+            f"{1e3 * errors.at_regions:6.2f} mm at the regions {1e3 * errors.translation:6.2f} mm  "
+            f"said {turn:6.3f} deg {1e3 * shift:6.2f} mm  delta {100 * rig.estimate.overlap_error:5.2f} %  "
             f"{' '.join(warning.code for warning in rig.warnings)}"
         )
         if rig.refinement is None:

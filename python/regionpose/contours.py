@@ -38,6 +38,9 @@ BEND_PROBES = (0.25, 0.5, 0.75)
 MOST_PARTS = 200
 """Parts of one edge at most; a square that fills a fisheye's image needs 30."""
 
+STRETCH = 30
+"""Neighbouring pieces that may err alike, about 90 px: steps of an edge that nearly follows the pixels are long."""
+
 DIFFERENCE = 1e-6
 """Step of central differences, in radians and shares: pixels are then exact to 1e-7 of themselves for a step of one."""
 
@@ -62,7 +65,7 @@ class Contours:
     regions: tuple[tuple[slice, slice], ...]
 
     def by_ring(self, values: Array) -> list[Array]:
-        """Values of the pieces, (m,), ring by ring."""
+        """Values of the pieces, (m, ...), ring by ring."""
         return np.split(values, np.cumsum(self.rings)[:-1])
 
 
@@ -159,6 +162,21 @@ def correlation_length(values: Sequence[Array]) -> float:
         if product <= 0.0:
             break
         total, lag = total + 2.0 * product / square, lag + 1
+    return total
+
+
+def neighbour_scatter(gradients: Sequence[Array]) -> Array:
+    """Sum (p, p) of the products of gradients with each other's neighbours on closed rings, (n, p) each.
+
+    Bartlett's weights (Newey and West 1987): the mean over all windows of the outer square of the sum in a window, of
+    `STRETCH` gradients or half a ring.
+    """
+    total = np.zeros((gradients[0].shape[1],) * 2)
+    for ring in gradients:
+        length = max(min(STRETCH, len(ring) // 2), 1)
+        sums = np.cumsum(np.vstack([np.zeros((1, ring.shape[1])), ring, ring[: length - 1]]), axis=0)
+        windows = sums[length:] - sums[:-length]
+        total += windows.T @ windows / length
     return total
 
 

@@ -19,6 +19,7 @@ from regionpose.contours import (
     correlation_length,
     distance_derivatives,
     distances_of,
+    neighbour_scatter,
     outline_derivatives,
     robust_sigma,
 )
@@ -194,20 +195,21 @@ class ContourProblem:
         return distance_derivatives(self._contours, distances, outline_derivatives(self.view, at, self._contours))
 
     def covariance(self, at: Array) -> Array:
-        """Covariance (6 + p, 6 + p) of the variables, by Huber's formula for a robust loss.
+        """Covariance (6 + p, 6 + p) of the variables of a robust loss (docs/math.md, eq. 12.3 and 12.4).
 
-        `c E[psi^2] / E[psi']^2 (J^T J)^-1`, `psi` the loss's derivative and `c` the distances' correlation length,
-        with so many fewer independent distances as there are variables.
+        `H^-1 (S + S') H^-1`, `H = E[psi'] J^T J` (Huber 1981): S from all distances alike, `c E[psi^2] J^T J` with
+        their correlation length c, and S' from what neighbours on a contour have in common where they lie.
         """
-        distances = self.residual(at)
-        width = CAUCHY_WIDTH * max(robust_sigma(distances), FINEST_SIGMA_PX)
-        square = (distances / width) ** 2
+        distances, jacobian = self.residual(at), self.jacobian(at)
+        square = (distances / (CAUCHY_WIDTH * max(robust_sigma(distances), FINEST_SIGMA_PX))) ** 2
         influence = distances / (1.0 + square)
         slope = float(np.mean((1.0 - square) / (1.0 + square) ** 2))
         correlated = correlation_length(self._contours.by_ring(influence))
+        inverse = _inverse_normal(jacobian) / slope
+        alike = correlated * float(np.mean(influence**2)) / slope * inverse
+        neighbours = inverse @ neighbour_scatter(self._contours.by_ring(influence[:, None] * jacobian)) @ inverse
         independent = len(distances) / correlated
-        spread = float(np.mean(influence**2)) * correlated * independent / max(independent - len(at), 1.0)
-        return spread / slope**2 * _inverse_normal(self.jacobian(at))
+        return (alike + neighbours) * independent / max(independent - len(at), 1.0)
 
     def refinement(self, at: Array, covariance: Array, residual_px: tuple[float, float]) -> CameraRefinement:
         """What the variables found and their covariance make of the camera."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.contours import contours_of, distances_of, robust_sigma
+from regionpose.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.intrinsics import CameraPart, CameraRefinement, ContourProblem, parameter_names, refined_camera
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
@@ -38,7 +38,7 @@ class FrameFit:
 
     `overlap_error`: of all its regions together, a fraction as of `PoseEstimate`; `region_overlap_errors` (k,) region
     by region. `residual_px`: robust standard deviation of the distances between contours and projected outlines,
-    pixels; NaN where an outline isn't wholly visible.
+    pixels; infinite where an outline isn't wholly visible.
     """
 
     name: str
@@ -54,8 +54,8 @@ class Influence:
     `pose`, `covariance`: theirs, (6, 6) of the left increment. From it to the joint pose it is `sigmas` standard
     deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift` metres at the middle of
     all regions. `residual_px`: robust standard deviation of the frame's own distances at their pose, pixels;
-    `expected_px`: what the scatter of the others' contours and the covariance of their pose lead to expect. Both are
-    NaN where an outline isn't wholly visible there.
+    `expected_px`: what the scatter of the others' contours and the covariance of their pose lead to expect. Infinite
+    where an outline isn't wholly visible there.
     """
 
     name: str
@@ -80,7 +80,8 @@ class RigEstimate:
     `estimate`: of all regions together, frame after frame, with `camera`: the given one, or the refined one.
     `frames`, `influence`: in the frames' order; no influence where there is one frame only. `refinement`: of the
     camera, None where it wasn't asked for. `warnings`: those of the estimate, "outlier-frame" for each frame that
-    disagrees with the others, "weak-camera" where the camera could not be refined.
+    disagrees with the others (found one after the other, the worst first), "weak-camera" where the camera could not be
+    refined.
     """
 
     estimate: PoseEstimate
@@ -118,25 +119,79 @@ def estimate_rig(
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
     solid_angles = [_solid_angles(camera, frame) for frame in listed]
-    estimate = _joint(camera, listed, initial, up, refine)
+    rig = _Rig(camera, up, refine)
+    estimate = rig.joint(listed, initial)
     refinement = None
     if names:
-        refinement = refined_camera(
-            camera, estimate.pose, contours_of(camera, estimate.pose, *_sides(listed)), refine_camera
-        )
+        contours = contours_of(camera, estimate.pose, *_sides(listed))
+        refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
         if refinement.outcome == "refined":
-            camera = refinement.camera
-            estimate = _joint(camera, listed, refinement.pose, up, refine)
-    indices = range(len(listed) if len(listed) > 1 else 0)
-    influence = tuple(_influence(camera, listed, index, estimate.pose, up, refine) for index in indices)
+            rig = replace(rig, camera=refinement.camera)
+            estimate = rig.joint(listed, refinement.pose)
+    influence = rig.influence(listed, estimate.pose)
     return RigEstimate(
         estimate=estimate,
-        camera=camera,
-        frames=_frame_fits(camera, listed, estimate, solid_angles),
+        camera=rig.camera,
+        frames=_frame_fits(rig.camera, listed, estimate, solid_angles),
         influence=influence,
         refinement=refinement,
-        warnings=(*estimate.warnings, *_outlier_warnings(influence), *_camera_warnings(refinement)),
+        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
     )
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """Poses of some frames of a rig, all found in the same way."""
+
+    camera: Camera
+    up: ArrayLike | None
+    refine: Literal["contour"] | None
+
+    def joint(self, frames: Sequence[Frame], initial: Pose | None) -> PoseEstimate:
+        """The pose of all the frames."""
+        return estimate_pose(
+            self.camera, *_sides(frames), initial=initial, up=self.up, refine=self.refine, driver="native"
+        )
+
+    def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
+        """What the frames but each one say; nothing where there is one only."""
+        if len(frames) < 2:
+            return ()
+        middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
+        found = []
+        for index, frame in enumerate(frames):
+            others = [*frames[:index], *frames[index + 1 :]]
+            without = self.joint(others, joint)
+            residual, expected = _held_out(self.camera, without, frame, others)
+            increment = _increment(without.pose, joint)
+            found.append(
+                Influence(
+                    name=frame.name,
+                    pose=without.pose,
+                    covariance=without.covariance,
+                    sigmas=float(np.sqrt(increment @ np.linalg.pinv(without.covariance, hermitian=True) @ increment)),
+                    rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
+                    shift=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
+                    residual_px=residual,
+                    expected_px=expected,
+                )
+            )
+        return tuple(found)
+
+    def outlier_warnings(self, frames: Sequence[Frame], influence: Sequence[Influence]) -> list[PoseWarning]:
+        """A warning for each frame that disagrees; the worst is left out before the others are judged again.
+
+        Of two frames that disagree nothing tells which is wrong, so both are named.
+        """
+        warnings: list[PoseWarning] = []
+        while any(one.is_outlier for one in influence):
+            if len(frames) == 2:
+                return warnings + [_outlier_warning(one) for one in influence if one.is_outlier]
+            worst = max(influence, key=lambda one: one.residual_px / one.expected_px)
+            warnings.append(_outlier_warning(worst))
+            frames = [frame for frame in frames if frame.name != worst.name]
+            influence = self.influence(frames, worst.pose)
+        return warnings
 
 
 def _checked_frames(
@@ -180,16 +235,6 @@ def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion
     return images, [region for frame in frames for region in frame.world_regions]
 
 
-def _joint(
-    camera: Camera,
-    frames: Sequence[Frame],
-    initial: Pose | None,
-    up: ArrayLike | None,
-    refine: Literal["contour"] | None,
-) -> PoseEstimate:
-    return estimate_pose(camera, *_sides(frames), initial=initial, up=up, refine=refine, driver="native")
-
-
 def _solid_angles(camera: Camera, frame: Frame) -> Array:
     """Solid angles (k,) of a frame's image regions."""
     try:
@@ -206,36 +251,9 @@ def _frame_fits(
     ends = np.cumsum([len(frame.image_regions) for frame in frames])[:-1]
     fits = []
     for frame, errors, areas in zip(frames, np.split(estimate.region_overlap_errors, ends), solid_angles, strict=True):
-        distances = distances_of(camera, estimate.pose, contours_of(camera, estimate.pose, *_sides([frame])))
-        residual = np.nan if distances is None else robust_sigma(distances.values)
+        residual = _residual_px(camera, estimate.pose, contours_of(camera, estimate.pose, *_sides([frame])))
         fits.append(FrameFit(frame.name, float(np.average(errors, weights=areas)), errors, residual))
     return tuple(fits)
-
-
-def _influence(
-    camera: Camera,
-    frames: Sequence[Frame],
-    index: int,
-    joint: Pose,
-    up: ArrayLike | None,
-    refine: Literal["contour"] | None,
-) -> Influence:
-    """What the frames but one say, and how the one looks from there."""
-    frame, others = frames[index], [*frames[:index], *frames[index + 1 :]]
-    without = _joint(camera, others, joint, up, refine)
-    increment = _increment(without.pose, joint)
-    residual, expected = _held_out(camera, without, frame, others)
-    middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
-    return Influence(
-        name=frame.name,
-        pose=without.pose,
-        covariance=without.covariance,
-        sigmas=float(np.sqrt(increment @ np.linalg.pinv(without.covariance, hermitian=True) @ increment)),
-        rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
-        shift=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
-        residual_px=residual,
-        expected_px=expected,
-    )
 
 
 def _increment(start: Pose, end: Pose) -> Array:
@@ -251,25 +269,25 @@ def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Seque
     the frame's outlines by.
     """
     own, rest = (contours_of(camera, without.pose, *_sides(part)) for part in ([frame], others))
-    distances, scatter = (distances_of(camera, without.pose, contours) for contours in (own, rest))
-    if distances is None or scatter is None:
-        return float("nan"), float("nan")
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
     moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
-    return robust_sigma(distances.values), float(np.hypot(robust_sigma(scatter.values), np.sqrt(moved)))
+    scatter = _residual_px(camera, without.pose, rest)
+    return _residual_px(camera, without.pose, own), float(np.hypot(scatter, np.sqrt(moved)))
 
 
-def _outlier_warnings(influence: Sequence[Influence]) -> list[PoseWarning]:
-    return [
-        PoseWarning(
-            "outlier-frame",
-            f"{one.name} disagrees with the others: its contours lie {one.residual_px:.1f} px from where their pose"
-            f" puts them, {one.expected_px:.1f} px are to be expected; leave it out or check its pairs",
-        )
-        for one in influence
-        if one.is_outlier
-    ]
+def _residual_px(camera: Camera, pose: Pose, contours: Contours) -> float:
+    """Robust standard deviation of the distances, pixels; infinite where an outline isn't wholly visible."""
+    distances = distances_of(camera, pose, contours)
+    return float("inf") if distances is None else robust_sigma(distances.values)
+
+
+def _outlier_warning(one: Influence) -> PoseWarning:
+    return PoseWarning(
+        "outlier-frame",
+        f"{one.name} disagrees with the others: its contours lie {one.residual_px:.1f} px from where their pose puts"
+        f" them, {one.expected_px:.1f} px are to be expected; leave it out or check its pairs",
+    )
 
 
 def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
