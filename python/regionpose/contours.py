@@ -35,6 +35,9 @@ BEND_TOLERANCE_PX = 0.02
 BEND_PROBES = (0.25, 0.5, 0.75)
 """Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
 
+BEND_MARGIN = 2.0
+"""Bends counted for each one that is seen at the probes: parts that are even in the world aren't so in the image."""
+
 MOST_PARTS = 200
 """Parts of one edge at most; a square that fills a fisheye's image needs 30."""
 
@@ -227,7 +230,7 @@ def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:
         x, y = (camera.project(pose.transform(ring + share * step)) - ends).T
         off_chord = np.abs(chord[:, 0] * y - chord[:, 1] * x) / length
         sagitta = np.fmax(sagitta, off_chord / (4.0 * share * (1.0 - share)))
-    parts = np.clip(np.ceil(np.sqrt(sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)
+    parts = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)
     first = np.repeat(np.arange(len(ring)), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
     split: Array = ring[first] + (within / parts[first])[:, None] * step[first]

@@ -207,7 +207,7 @@ class ContourProblem:
         correlated = correlation_length(self._contours.by_ring(influence))
         inverse = _inverse_normal(jacobian) / slope
         alike = correlated * float(np.mean(influence**2)) / slope * inverse
-        neighbours = inverse @ neighbour_scatter(self._contours.by_ring(influence[:, None] * jacobian)) @ inverse
+        neighbours = neighbour_scatter(self._contours.by_ring(influence[:, None] * (jacobian @ inverse)))
         independent = len(distances) / correlated
         return (alike + neighbours) * independent / max(independent - len(at), 1.0)
 
