@@ -132,7 +132,9 @@ def outline_derivatives(view: View, at: Array, contours: Contours) -> Array:
     pixels = [
         [_projected(*view(at + sign * DIFFERENCE * unit), contours) for sign in (1.0, -1.0)] for unit in np.eye(len(at))
     ]
-    return np.stack([(ahead - behind) / (2.0 * DIFFERENCE) for ahead, behind in pixels], axis=2)
+    derivatives = np.stack([(ahead - behind) / (2.0 * DIFFERENCE) for ahead, behind in pixels], axis=2)
+    # A vertex on the very rim of the view is seen from one side only, and holds nothing.
+    return np.nan_to_num(derivatives, nan=0.0)
 
 
 def distance_derivatives(contours: Contours, distances: Distances, by_vertices: Array) -> Array:

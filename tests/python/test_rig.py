@@ -355,6 +355,18 @@ def test_an_outline_out_of_view_leaves_the_camera_and_says_so() -> None:
     assert found.found == pytest.approx(found.given)
 
 
+def test_a_vertex_on_the_rim_of_the_view_has_no_derivative() -> None:
+    camera = rp.PinholeCamera(500.0, 500.0, 300.0, 300.0, distortion=(-0.3, 0.0, 0.0, 0.0))
+    rim = float(np.tan(camera.max_angle)) * (1.0 - 1e-9)
+    triangle = np.array([[rim, 0.0, 1.0], [0.1, 0.5, 1.0], [0.1, 0.0, 1.0]])
+    identity = rp.Pose(Rotation.identity(), np.zeros(3))
+    image = rp.ImageRegion.from_polygon(camera.project(triangle))
+    contours = contours_of(camera, identity, [image], [world_of(triangle)])
+    problem = ContourProblem(camera, identity, contours)
+    assert problem.distances(np.zeros(6)) is not None
+    assert np.isfinite(problem.jacobian(np.zeros(6))).all()
+
+
 @pytest.mark.parametrize(
     ("frames", "options", "message"),
     [
