@@ -147,9 +147,10 @@ def report_synthetic(
     ]
     right, wrong = (dict(Counter(outcomes)) for outcomes in zip(*(trial.outcomes for trial in trials), strict=True))
     sigmas = np.array([value for trial in trials for value in trial.sigmas])
+    named = sum(trial.is_named for trial in trials)
     print(
         f"{name:12} right camera {right}, wrong camera {wrong}; parameters off by {np.sqrt(np.mean(sigmas**2)):.2f}"
-        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {sum(t.is_named for t in trials)} of {count}"
+        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}"
     )
     for row, values in zip(ROWS, np.transpose([trial.errors for trial in trials]), strict=True):
         print(f"  {row:15} {np.median(values):7.2f} mm median {np.max(values):7.2f} mm at most", flush=True)
