@@ -229,8 +229,12 @@ class ContourProblem:
         )
 
     def _weak(self, at: Array, sigma: Array) -> tuple[str, ...]:
-        """Names of the parameters that move the image by more than `WEAK_SHARE` within a standard deviation."""
-        if not np.isfinite(sigma).all():
+        """Names of the parameters that move the image by more than `WEAK_SHARE` within a standard deviation.
+
+        All, where the camera would see no ray at an observed piece.
+        """
+        camera, _ = self.view(at)
+        if not (np.isfinite(sigma).all() and np.isfinite(camera.bearings(self._contours.pieces)).all()):
             return self._names
         motion = np.linalg.norm(outline_derivatives(self.view, at, self._contours)[:, :, 6:], axis=1).max(axis=0)
         lenses = [name in PARAMETERS["distortion"] for name in self._names]

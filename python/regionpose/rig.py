@@ -55,7 +55,7 @@ class Influence:
     deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift` metres at the middle of
     all regions. `residual_px`: robust standard deviation of the frame's own distances at their pose, pixels;
     `expected_px`: what the scatter of the others' contours and the covariance of their pose lead to expect. Infinite
-    where an outline isn't wholly visible there.
+    where an outline isn't wholly visible there, or the others leave a direction free; `sigmas` is 0 then.
     """
 
     name: str
@@ -118,7 +118,6 @@ def estimate_rig(
     """
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    solid_angles = [_solid_angles(camera, frame) for frame in listed]
     rig = _Rig(camera, up, refine)
     estimate = rig.joint(listed, initial)
     refinement = None
@@ -132,7 +131,7 @@ def estimate_rig(
     return RigEstimate(
         estimate=estimate,
         camera=rig.camera,
-        frames=_frame_fits(rig.camera, listed, estimate, solid_angles),
+        frames=_frame_fits(rig.camera, listed, estimate),
         influence=influence,
         refinement=refinement,
         warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
@@ -169,7 +168,7 @@ class _Rig:
                     name=frame.name,
                     pose=without.pose,
                     covariance=without.covariance,
-                    sigmas=float(np.sqrt(increment @ np.linalg.pinv(without.covariance, hermitian=True) @ increment)),
+                    sigmas=_sigmas(increment, without.covariance),
                     rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
                     shift=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
                     residual_px=residual,
@@ -210,6 +209,8 @@ def _checked_frames(
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ValueError(f"two frames are named {twice[0]!r}; needed a name of its own for each")
+    for frame in checked:
+        _solid_angles(camera, frame)
     return checked
 
 
@@ -236,7 +237,7 @@ def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion
 
 
 def _solid_angles(camera: Camera, frame: Frame) -> Array:
-    """Solid angles (k,) of a frame's image regions."""
+    """Solid angles (k,) of a frame's image regions; ValueError where the camera sees no ray."""
     try:
         bearings = [region.bearings(camera) for region in frame.image_regions]
     except ValueError as error:
@@ -244,15 +245,14 @@ def _solid_angles(camera: Camera, frame: Frame) -> Array:
     return np.array([float(_core.spherical_moments(rings, 0)[0, 0, 0]) for rings in bearings])
 
 
-def _frame_fits(
-    camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate, solid_angles: Sequence[Array]
-) -> tuple[FrameFit, ...]:
+def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate) -> tuple[FrameFit, ...]:
     """The overlap error of a frame is the mean of its regions', weighted by their observed areas on the sphere."""
     ends = np.cumsum([len(frame.image_regions) for frame in frames])[:-1]
     fits = []
-    for frame, errors, areas in zip(frames, np.split(estimate.region_overlap_errors, ends), solid_angles, strict=True):
+    for frame, errors in zip(frames, np.split(estimate.region_overlap_errors, ends), strict=True):
+        overlap_error = float(np.average(errors, weights=_solid_angles(camera, frame)))
         residual = _residual_px(camera, estimate.pose, contours_of(camera, estimate.pose, *_sides([frame])))
-        fits.append(FrameFit(frame.name, float(np.average(errors, weights=areas)), errors, residual))
+        fits.append(FrameFit(frame.name, overlap_error, errors, residual))
     return tuple(fits)
 
 
@@ -262,6 +262,13 @@ def _increment(start: Pose, end: Pose) -> Array:
     return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])
 
 
+def _sigmas(increment: Array, covariance: Array) -> float:
+    """Mahalanobis distance; none where the others leave a direction free."""
+    if not np.isfinite(covariance).all():
+        return 0.0
+    return float(np.sqrt(increment @ np.linalg.pinv(covariance, hermitian=True) @ increment))
+
+
 def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:
     """Robust standard deviation of a frame's distances at the pose of the others, and the one to expect, pixels.
 
@@ -269,11 +276,13 @@ def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Seque
     the frame's outlines by.
     """
     own, rest = (contours_of(camera, without.pose, *_sides(part)) for part in ([frame], others))
+    residual, scatter = (_residual_px(camera, without.pose, contours) for contours in (own, rest))
+    if not np.isfinite(without.covariance).all():
+        return residual, float("inf")
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
     moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
-    scatter = _residual_px(camera, without.pose, rest)
-    return _residual_px(camera, without.pose, own), float(np.hypot(scatter, np.sqrt(moved)))
+    return residual, float(np.hypot(scatter, np.sqrt(moved)))
 
 
 def _residual_px(camera: Camera, pose: Pose, contours: Contours) -> float:

@@ -355,6 +355,33 @@ def test_an_outline_out_of_view_leaves_the_camera_and_says_so() -> None:
     assert found.found == pytest.approx(found.given)
 
 
+def test_a_camera_that_folds_before_the_contour_is_not_taken() -> None:
+    """The pieces lie 0.64 off the axis; with k1 = -1 the distorted radius reaches 0.38 only."""
+    triangle = np.array([[-0.6, -0.2, 1.0], [0.6, -0.1, 1.0], [0.1, 0.5, 1.0]])
+    camera = rp.PinholeCamera(500.0, 500.0, 300.0, 300.0)
+    identity = rp.Pose(Rotation.identity(), np.zeros(3))
+    image = rp.ImageRegion.from_polygon(camera.project(triangle))
+    problem = ContourProblem(
+        camera, identity, contours_of(camera, identity, [image], [world_of(triangle)]), ("k1", "k2")
+    )
+    sure = 1e-12 * np.eye(8)
+    assert problem.refinement(np.array([0.0] * 6 + [-1.0, 0.0]), sure, (1.0, 0.1)).outcome == "weak"
+    taken = problem.refinement(np.array([0.0] * 6 + [0.1, 0.0]), sure, (1.0, 0.1))
+    assert taken.outcome == "refined" and taken.camera.distortion == (0.1, 0.0, 0.0, 0.0)  # type: ignore[attr-defined]
+
+
+def test_a_disc_alone_leaves_a_direction_free_and_names_nobody() -> None:
+    """The pose without the other frame may turn about the disc's axis, so it contradicts nothing."""
+    camera, frames = perspective_frames(0, 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    disc = np.column_stack([0.4 + 0.5 * np.cos(angle), 0.5 * np.sin(angle) - 0.3, np.full(720, 5.0)])
+    image = rp.ImageRegion.from_polygon(camera.project(disc))
+    rig = rp.estimate_rig(camera, [*frames, rp.Frame([image], [world_of(RIG.inverse().transform(disc))], "disc")])
+    assert codes(rig) == []
+    assert rig.influence[0].expected_px > 10.0 * rig.influence[1].expected_px
+    assert np.isfinite(rig.influence[0].sigmas)
+
+
 def test_a_vertex_on_the_rim_of_the_view_has_no_derivative() -> None:
     camera = rp.PinholeCamera(500.0, 500.0, 300.0, 300.0, distortion=(-0.3, 0.0, 0.0, 0.0))
     rim = float(np.tan(camera.max_angle)) * (1.0 - 1e-9)
