@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
     from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.fusion import blend_colors, colorize
+    from regionpose.intrinsics import CameraRefinement
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
+    from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
     from regionpose.segmentation.cloud import grow_plane
     from regionpose.segmentation.image import grow_image_region
     from regionpose.segmentation.masks import (
@@ -37,14 +39,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Alternative",
+    "CameraRefinement",
     "FisheyeCamera",
+    "Frame",
+    "FrameFit",
     "ImageRegion",
+    "Influence",
     "OcamCamera",
     "PinholeCamera",
     "Pose",
     "PoseError",
     "PoseEstimate",
     "PoseWarning",
+    "RigEstimate",
     "UnifiedCamera",
     "WorldRegion",
     "__version__",
@@ -53,6 +60,7 @@ __all__ = [
     "colorize",
     "estimate_pose",
     "estimate_poses",
+    "estimate_rig",
     "find_planes",
     "grow_image_region",
     "grow_plane",
@@ -75,8 +83,10 @@ _MODULES = {
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
     "drawing": ("overlay_depth", "overlay_regions"),
     "fusion": ("blend_colors", "colorize"),
+    "intrinsics": ("CameraRefinement",),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
+    "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),
     "segmentation.cloud": ("grow_plane",),
     "segmentation.image": ("grow_image_region",),
     "segmentation.masks": (

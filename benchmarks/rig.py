@@ -1,0 +1,179 @@
+"""One rigid pose from many frames: each frame's influence, and the camera refined with the pose.
+
+The six boards of acfr_fisheye: for each way of naming the regions in the world (those of `real_scenes.py`) the frames
+are solved as one rig with the given camera, then with focal lengths, centre and distortion refined as well. Errors are
+against calib.json, whose own accuracy is 0.5 deg and 30 mm; the leave-one-out table says how far the pose without each
+frame is from the joint one.
+
+`--synthetic N` instead draws N rigs of the evaluation's pinhole (four frames of one region) and fisheye camera (three
+frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose centre 5 px
+off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
+each, one frame's world is moved by 3 cm: how many times that frame alone is named.
+
+    python benchmarks/rig.py [--data ../shared/data] [--ways known points seeds]
+    python benchmarks/rig.py --synthetic 20
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import regionpose as rp
+from real_scenes import DEFAULT_DATA, RIG, WAYS, errors_of, run_scene
+from regionpose.cameras import Camera
+from regionpose.evaluation import Scene, fisheye_scene, perspective_scene
+
+ROWS = ("right", "right, refined", "wrong", "wrong, refined")
+REFINEMENTS = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
+
+
+def rig_of(folders: list[Path], way: str) -> tuple[Camera, list[rp.Frame]] | None:
+    """The camera and a frame for each folder; None where a region can't be named that way."""
+    frames = []
+    with tempfile.TemporaryDirectory() as temporary:
+        for folder in folders:
+            run = run_scene(folder, Path(temporary), way)
+            if run is None:
+                return None
+            worlds = [side.region for side in run.sides.world_sides]
+            frames.append(rp.Frame(list(run.sides.image_regions), worlds, folder.name))
+    return run.sides.camera, frames
+
+
+def print_frames(rig: rp.RigEstimate) -> None:
+    """Print a line for each frame: its fit, and the pose without it."""
+    for fit, one in zip(rig.frames, rig.influence, strict=True):
+        print(
+            f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
+            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift:6.2f} mm,"
+            f" contour {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
+        )
+
+
+def print_refinement(refinement: rp.CameraRefinement) -> None:
+    """Print the parameters of the camera, given and found."""
+    before, after = refinement.residual_px
+    found = zip(refinement.parameters, refinement.given, refinement.found, refinement.sigma, strict=True)
+    values = "  ".join(f"{name} {given:.5g} -> {value:.5g} +- {sigma:.2g}" for name, given, value, sigma in found)
+    print(f"  {refinement.outcome}: contours {before:.2f} -> {after:.2f} px; {values}")
+
+
+def report(folders: list[Path], way: str) -> None:
+    """Print the rig's errors with each set of refined parameters, and the frames of the plain estimate."""
+    named = rig_of(folders, way)
+    if named is None:
+        return
+    camera, frames = named
+    calibration = json.loads((folders[0] / "calib.json").read_text())
+    worlds = [region for frame in frames for region in frame.world_regions]
+    for parts in REFINEMENTS:
+        rig = rp.estimate_rig(camera, frames, refine_camera=parts)
+        errors = errors_of((rig.pose,), calibration, worlds)
+        turn, shift = np.linalg.norm(rig.estimate.rotation_sigma_deg), np.linalg.norm(rig.estimate.translation_sigma)
+        print(
+            f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg "
+            f"{1e3 * errors.at_regions:6.2f} mm at the regions {1e3 * errors.translation:6.2f} mm  "
+            f"said {turn:6.3f} deg {1e3 * shift:6.2f} mm  delta {100 * rig.estimate.overlap_error:5.2f} %  "
+            f"{' '.join(warning.code for warning in rig.warnings)}"
+        )
+        if rig.refinement is None:
+            print_frames(rig)
+        else:
+            print_refinement(rig.refinement)
+
+
+def synthetic_frame(scene: Scene, offset: float = 0.0) -> rp.Frame:
+    """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` metres."""
+    own = rp.Pose.from_parts(scene.rotation, scene.translation)
+    rings = [[own.transform(ring) + np.array([offset, 0.0, 0.0]) for ring in region] for region in scene.regions]
+    images = [rp.ImageRegion.from_mask(mask) for mask in scene.masks()]
+    return rp.Frame(images, [rp.WorldRegion.from_polygon(region) for region in rings])
+
+
+def shift_mm(rig: rp.RigEstimate, frames: list[rp.Frame]) -> float:
+    """Error of the pose at the regions; the true pose is the identity."""
+    middle = np.mean([region.rings[0].mean(axis=0) for frame in frames for region in frame.world_regions], axis=0)
+    return float(1e3 * np.linalg.norm(rig.pose.transform(middle) - middle))
+
+
+def deviations(refinement: rp.CameraRefinement, truth: Camera) -> list[float]:
+    """Errors of the parameters in standard deviations; the true cameras have no distortion."""
+    true = [getattr(truth, name, 0.0) for name in refinement.parameters]
+    return list((refinement.found - true) / refinement.sigma)
+
+
+class Trial(NamedTuple):
+    """One synthetic rig: verdicts on the right and the wrong camera; errors of the pose (mm), in the order of `ROWS`.
+
+    `is_named`: whether a moved frame was named, alone. `sigmas`: errors of the parameters in standard deviations.
+    """
+
+    outcomes: tuple[str, str]
+    errors: tuple[float, float, float, float]
+    is_named: bool
+    sigmas: list[float]
+
+
+def trial_of(scenes: list[Scene], parts: Sequence[str]) -> Trial:
+    """The rig that sees the scenes, refined; then with its last frame moved."""
+    camera, frames = scenes[0].camera, [synthetic_frame(scene) for scene in scenes]
+    wrong = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
+    runs = [rp.estimate_rig(given, frames, refine_camera=some) for given in (camera, wrong) for some in ((), parts)]
+    spoiled = rp.estimate_rig(camera, [*frames[:-1], replace(synthetic_frame(scenes[-1], 0.03), name="moved")])
+    outliers = [warning.message for warning in spoiled.warnings if warning.code == "outlier-frame"]
+    return Trial(
+        outcomes=(runs[1].refinement.outcome, runs[3].refinement.outcome),
+        errors=tuple(shift_mm(run, frames) for run in runs),
+        is_named=len(outliers) == 1 and outliers[0].startswith("moved"),
+        sigmas=[value for run in (runs[1], runs[3]) for value in deviations(run.refinement, camera)],
+    )
+
+
+def report_synthetic(
+    name: str, draw: Callable[..., Scene], shape: tuple[int, int], parts: Sequence[str], count: int
+) -> None:
+    """Print what comes of `count` rigs of `shape` (frames, regions of a frame)."""
+    trials = [
+        trial_of([draw(100 * trial + index, shape[1], study="rig") for index in range(shape[0])], parts)
+        for trial in range(count)
+    ]
+    right, wrong = (dict(Counter(outcomes)) for outcomes in zip(*(trial.outcomes for trial in trials), strict=True))
+    sigmas = np.array([value for trial in trials for value in trial.sigmas])
+    named = sum(trial.is_named for trial in trials)
+    print(
+        f"{name:12} right camera {right}, wrong camera {wrong}; parameters off by {np.sqrt(np.mean(sigmas**2)):.2f}"
+        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}"
+    )
+    for row, values in zip(ROWS, np.transpose([trial.errors for trial in trials]), strict=True):
+        print(f"  {row:15} {np.median(values):7.2f} mm median {np.max(values):7.2f} mm at most", flush=True)
+
+
+def main() -> None:
+    """Print the tables of each way of naming the regions, or those of synthetic rigs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
+    parser.add_argument("--synthetic", type=int, metavar="N", help="rigs of each synthetic camera")
+    arguments = parser.parse_args()
+    if arguments.synthetic:
+        report_synthetic("perspective", perspective_scene, (4, 1), REFINEMENTS[2], arguments.synthetic)
+        report_synthetic("fisheye", fisheye_scene, (3, 2), REFINEMENTS[3], arguments.synthetic)
+        return
+    folders = sorted(path.parent.resolve() for path in arguments.data.glob(f"{RIG}/*/regions.json"))
+    if not folders:
+        print(f"no {RIG} below {arguments.data}: nothing to measure")
+        return
+    for way in arguments.ways:
+        report(folders, way)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,308 @@
+"""One rigid pose from many frames of a rig, what each frame does to it, and the camera refined with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.contours import Contours, contours_of, distances_of, robust_sigma
+from regionpose.intrinsics import CameraPart, CameraRefinement, ContourProblem, parameter_names, refined_camera
+from regionpose.pose import Pose
+from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
+
+Array = NDArray[np.float64]
+
+OUTLIER_RATIO = 3.0
+"""Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One exposure of a rig: its image regions, the world region of each in the rig's frame, a name."""
+
+    image_regions: Sequence[ImageRegion]
+    world_regions: Sequence[WorldRegion]
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFit:
+    """How a frame fits the joint pose.
+
+    `overlap_error`: of all its regions together, a fraction as of `PoseEstimate`; `region_overlap_errors` (k,) region
+    by region. `residual_px`: robust standard deviation of the distances between contours and projected outlines,
+    pixels; infinite where an outline isn't wholly visible.
+    """
+
+    name: str
+    overlap_error: float
+    region_overlap_errors: Array
+    residual_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Influence:
+    """What the other frames say without one.
+
+    `pose`, `covariance`: theirs, (6, 6) of the left increment. From it to the joint pose it is `sigmas` standard
+    deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift` metres at the middle of
+    all regions. `residual_px`: robust standard deviation of the frame's own distances at their pose, pixels;
+    `expected_px`: what the scatter of the others' contours and the covariance of their pose lead to expect. Infinite
+    where an outline isn't wholly visible there, or the others leave a direction free; `sigmas` is 0 then.
+    """
+
+    name: str
+    pose: Pose
+    covariance: Array
+    sigmas: float
+    rotation_deg: float
+    shift: float
+    residual_px: float
+    expected_px: float
+
+    @property
+    def is_outlier(self) -> bool:
+        """Whether the frame disagrees with the others by more than their noise explains."""
+        return self.residual_px > OUTLIER_RATIO * self.expected_px
+
+
+@dataclass(frozen=True, eq=False)
+class RigEstimate:
+    """One pose of a camera in a rig, from all frames.
+
+    `estimate`: of all regions together, frame after frame, with `camera`: the given one, or the refined one.
+    `frames`, `influence`: in the frames' order; no influence where there is one frame only. `refinement`: of the
+    camera, None where it wasn't asked for. `warnings`: those of the estimate, "outlier-frame" for each frame that
+    disagrees with the others (found one after the other, the worst first), "weak-camera" where the camera could not be
+    refined.
+    """
+
+    estimate: PoseEstimate
+    camera: Camera
+    frames: tuple[FrameFit, ...]
+    influence: tuple[Influence, ...]
+    refinement: CameraRefinement | None
+    warnings: tuple[PoseWarning, ...]
+
+    @property
+    def pose(self) -> Pose:
+        """The joint pose `camera_from_world`, the world being the rig's frame."""
+        return self.estimate.pose
+
+
+def estimate_rig(
+    camera: Camera,
+    frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
+    *,
+    initial: Pose | None = None,
+    up: ArrayLike | None = None,
+    refine: Literal["contour"] | None = "contour",
+    refine_camera: Sequence[CameraPart] = (),
+) -> RigEstimate:
+    """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
+
+    Each frame is a pair (image_regions, world_regions) or a `Frame`, taken by the same camera and given in the same
+    frame of the rig, such as its lidar's. `initial`, `up` and `refine` are those of `estimate_pose`. Every frame is
+    left out in turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx,
+    cy) and "distortion" (k1, k2), estimates these together with the pose (docs/math.md, section 12), and takes them
+    where they are determined and differ from the given ones by more than noise.
+
+    ValueError for bad input, naming the frame; PoseError (a ValueError) where no pose shows every region.
+    """
+    listed = _checked_frames(camera, frames)
+    names = parameter_names(camera, refine_camera)
+    rig = _Rig(camera, up, refine)
+    estimate = rig.joint(listed, initial)
+    refinement = None
+    if names:
+        contours = contours_of(camera, estimate.pose, *_sides(listed))
+        refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
+        if refinement.outcome == "refined":
+            rig = replace(rig, camera=refinement.camera)
+            estimate = rig.joint(listed, refinement.pose)
+    influence = rig.influence(listed, estimate.pose)
+    return RigEstimate(
+        estimate=estimate,
+        camera=rig.camera,
+        frames=_frame_fits(rig.camera, listed, estimate),
+        influence=influence,
+        refinement=refinement,
+        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
+    )
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """Poses of some frames of a rig, all found in the same way."""
+
+    camera: Camera
+    up: ArrayLike | None
+    refine: Literal["contour"] | None
+
+    def joint(self, frames: Sequence[Frame], initial: Pose | None) -> PoseEstimate:
+        """The pose of all the frames."""
+        return estimate_pose(
+            self.camera, *_sides(frames), initial=initial, up=self.up, refine=self.refine, driver="native"
+        )
+
+    def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
+        """What the frames but each one say; nothing where there is one only."""
+        if len(frames) < 2:
+            return ()
+        middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
+        found = []
+        for index, frame in enumerate(frames):
+            others = [*frames[:index], *frames[index + 1 :]]
+            without = self.joint(others, joint)
+            residual, expected = _held_out(self.camera, without, frame, others)
+            increment = _increment(without.pose, joint)
+            found.append(
+                Influence(
+                    name=frame.name,
+                    pose=without.pose,
+                    covariance=without.covariance,
+                    sigmas=_sigmas(increment, without.covariance),
+                    rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
+                    shift=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
+                    residual_px=residual,
+                    expected_px=expected,
+                )
+            )
+        return tuple(found)
+
+    def outlier_warnings(self, frames: Sequence[Frame], influence: Sequence[Influence]) -> list[PoseWarning]:
+        """A warning for each frame that disagrees; the worst is left out before the others are judged again.
+
+        Of two frames that disagree nothing tells which is wrong, so both are named.
+        """
+        warnings: list[PoseWarning] = []
+        while any(one.is_outlier for one in influence):
+            if len(frames) == 2:
+                return warnings + [_outlier_warning(one) for one in influence if one.is_outlier]
+            worst = max(influence, key=lambda one: one.residual_px / one.expected_px)
+            warnings.append(_outlier_warning(worst))
+            frames = [frame for frame in frames if frame.name != worst.name]
+            influence = self.influence(frames, worst.pose)
+        return warnings
+
+
+def _checked_frames(
+    camera: Camera, frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]]
+) -> list[Frame]:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
+    try:
+        listed = list(frames)
+    except TypeError as error:
+        raise ValueError(f"frames is a {type(frames).__name__}; needed a list of Frames or pairs") from error
+    if not listed:
+        raise ValueError("frames is empty; needed at least one frame")
+    checked = [_checked_frame(frame, index) for index, frame in enumerate(listed)]
+    names = [frame.name for frame in checked]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"two frames are named {twice[0]!r}; needed a name of its own for each")
+    for frame in checked:
+        _solid_angles(camera, frame)
+    return checked
+
+
+def _checked_frame(given: object, index: int) -> Frame:
+    """The frame with lists of regions, and its number for a name where it has none."""
+    name = (given.name if isinstance(given, Frame) else "") or f"frame {index}"
+    pair = (given.image_regions, given.world_regions) if isinstance(given, Frame) else given
+    if not isinstance(pair, Sequence) or len(pair) != 2 or not all(isinstance(side, Sequence) for side in pair):
+        raise ValueError(f"{name} is a {type(given).__name__}; needed a Frame or a pair (image_regions, world_regions)")
+    for side, kind in zip(pair, (ImageRegion, WorldRegion), strict=True):
+        for place, region in enumerate(side):
+            if not isinstance(region, kind):
+                raise ValueError(f"{name}: region {place} is a {type(region).__name__}; needed a {kind.__name__}")
+    if not pair[0] or len(pair[0]) != len(pair[1]):
+        counts = f"{len(pair[0])} image regions and {len(pair[1])} world regions"
+        raise ValueError(f"{name} has {counts}; needed at least one, and as many of both")
+    return Frame(list(pair[0]), list(pair[1]), name)
+
+
+def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion]]:
+    """Image and world regions of all frames, frame after frame."""
+    images = [region for frame in frames for region in frame.image_regions]
+    return images, [region for frame in frames for region in frame.world_regions]
+
+
+def _solid_angles(camera: Camera, frame: Frame) -> Array:
+    """Solid angles (k,) of a frame's image regions; ValueError where the camera sees no ray."""
+    try:
+        bearings = [region.bearings(camera) for region in frame.image_regions]
+    except ValueError as error:
+        raise ValueError(f"{frame.name}: {error}") from error
+    return np.array([float(_core.spherical_moments(rings, 0)[0, 0, 0]) for rings in bearings])
+
+
+def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate) -> tuple[FrameFit, ...]:
+    """The overlap error of a frame is the mean of its regions', weighted by their observed areas on the sphere."""
+    ends = np.cumsum([len(frame.image_regions) for frame in frames])[:-1]
+    fits = []
+    for frame, errors in zip(frames, np.split(estimate.region_overlap_errors, ends), strict=True):
+        overlap_error = float(np.average(errors, weights=_solid_angles(camera, frame)))
+        residual = _residual_px(camera, estimate.pose, contours_of(camera, estimate.pose, *_sides([frame])))
+        fits.append(FrameFit(frame.name, overlap_error, errors, residual))
+    return tuple(fits)
+
+
+def _increment(start: Pose, end: Pose) -> Array:
+    """The left increment `[omega (rad), tau (metres)]` that takes one pose to another."""
+    turn = end.rotation * start.rotation.inv()
+    return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])
+
+
+def _sigmas(increment: Array, covariance: Array) -> float:
+    """Mahalanobis distance; none where the others leave a direction free."""
+    if not np.isfinite(covariance).all():
+        return 0.0
+    return float(np.sqrt(increment @ np.linalg.pinv(covariance, hermitian=True) @ increment))
+
+
+def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:
+    """Robust standard deviation of a frame's distances at the pose of the others, and the one to expect, pixels.
+
+    `expected^2 = s^2 + mean of diag(J C J^T)`: the others' own scatter, and what the covariance C of their pose moves
+    the frame's outlines by.
+    """
+    own, rest = (contours_of(camera, without.pose, *_sides(part)) for part in ([frame], others))
+    residual, scatter = (_residual_px(camera, without.pose, contours) for contours in (own, rest))
+    if not np.isfinite(without.covariance).all():
+        return residual, float("inf")
+    problem = ContourProblem(camera, without.pose, own)
+    jacobian = problem.jacobian(np.zeros(6)) / problem.unit
+    moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
+    return residual, float(np.hypot(scatter, np.sqrt(moved)))
+
+
+def _residual_px(camera: Camera, pose: Pose, contours: Contours) -> float:
+    """Robust standard deviation of the distances, pixels; infinite where an outline isn't wholly visible."""
+    distances = distances_of(camera, pose, contours)
+    return float("inf") if distances is None else robust_sigma(distances.values)
+
+
+def _outlier_warning(one: Influence) -> PoseWarning:
+    return PoseWarning(
+        "outlier-frame",
+        f"{one.name} disagrees with the others: its contours lie {one.residual_px:.1f} px from where their pose puts"
+        f" them, {one.expected_px:.1f} px are to be expected; leave it out or check its pairs",
+    )
+
+
+def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
+    if refinement is None or refinement.outcome != "weak":
+        return []
+    sigmas = dict(zip(refinement.parameters, refinement.sigma, strict=True))
+    named = ", ".join(f"{name} (standard deviation {sigmas[name]:.2g})" for name in refinement.weak)
+    message = f"the regions don't determine {named}; the camera is left as it was given"
+    return [PoseWarning("weak-camera", message)]
