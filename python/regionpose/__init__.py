@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
     from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.fusion import blend_colors, colorize
+    from regionpose.matching import RegionMatches, match_regions
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.segmentation.cloud import grow_plane
@@ -45,6 +46,7 @@ __all__ = [
     "PoseError",
     "PoseEstimate",
     "PoseWarning",
+    "RegionMatches",
     "UnifiedCamera",
     "WorldRegion",
     "__version__",
@@ -60,6 +62,7 @@ __all__ = [
     "mask_from_file",
     "masks_from_file",
     "masks_from_segmenter",
+    "match_regions",
     "overlay_depth",
     "overlay_regions",
     "planar_moments",
@@ -75,6 +78,7 @@ _MODULES = {
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
     "drawing": ("overlay_depth", "overlay_regions"),
     "fusion": ("blend_colors", "colorize"),
+    "matching": ("RegionMatches", "match_regions"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "segmentation.cloud": ("grow_plane",),

@@ -39,7 +39,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("outline",),
     ("regions",),
     ("segmentation", "solver"),
-    ("drawing", "evaluation", "report", "splat"),
+    ("drawing", "evaluation", "matching", "report", "splat"),
     ("scene",),
     ("__init__",),
     ("demo",),

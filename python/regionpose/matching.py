@@ -1,0 +1,287 @@
+"""Which image region is which world region: hypotheses of single pairs, verified by the pose of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.solver import (
+    PoseError,
+    PoseEstimate,
+    PoseWarning,
+    Refine,
+    check_camera,
+    checked_regions,
+    estimate_pose,
+    observed_regions,
+)
+
+Array = NDArray[np.float64]
+Pairs = tuple[tuple[int, int], ...]
+
+MATCHED_OVERLAP = 0.15
+"""Overlap error (a fraction) up to which two regions are a pair: three times the 5 % at which the paper calls a pose
+solved, for contours that a segmentation has disturbed by as much; shapes that differ leave about 0.4."""
+
+REACH = 1.0
+"""Largest distance between observed and predicted centroid, in square roots of the observed solid angle: the pose of
+one region, a few degrees off where its contour is disturbed, predicts its neighbours to less."""
+
+MOST_SIZE_RATIO = 3.0
+"""Largest ratio of observed to predicted solid angle, either way, for the same reason."""
+
+LEAST_ANCHORS = 3
+"""Image regions whose pairs are tried before the search may end: the pose of one alone can be poor."""
+
+MOST_ROUNDS = 4
+"""Rounds of assigning and solving from one hypothesis; the second or third repeats the one before."""
+
+AS_MUCH_NOISE = 2.0
+"""Ratio of boundary noises up to which another assignment of as many pairs explains the image as well. It is far above
+its scatter; an arrangement that is off by a fraction of a region leaves tens of times the noise."""
+
+UP_MARGIN = np.radians(30.0)
+"""Angle (rad) by which a pose has to be nearer to `up` to be preferred whatever it fits: a hand-held camera's tilt."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionMatches:
+    """Which image region is which world region, and the pose that says so.
+
+    `pairs`: (image index, world index), by image index; `unmatched_image`, `unmatched_world`: the indices left over.
+    `estimate`: of the pairs in this order, so that its k-th region is `pairs[k]`. `alternatives`: other pairs that
+    explain the image as well, best first. `warnings`: "ambiguous-matching" where there are any,
+    "unconfirmed-matching" where a single pair was found among several regions; those of the pose are in
+    `estimate.warnings`.
+    """
+
+    pairs: Pairs
+    unmatched_image: tuple[int, ...]
+    unmatched_world: tuple[int, ...]
+    estimate: PoseEstimate
+    alternatives: tuple[Pairs, ...]
+    warnings: tuple[PoseWarning, ...]
+
+
+def match_regions(
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    *,
+    up: ArrayLike | None = None,
+    refine: Refine | None = "contour",
+    threads: int | None = None,
+) -> RegionMatches:
+    """The pairs of image and world regions that one pose explains, as many as there are, and the pose.
+
+    The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
+    together, and kept while the overlap error of each is below 15 % (docs/math.md, sections 7 and 8). Regions that are
+    hidden, cut off or without a partner stay unmatched. `up`, the world direction (3,) that is up in the image, decides
+    between assignments that explain as much; `refine` as in `estimate_pose`; `threads` (all cores when None) changes
+    the time alone.
+
+    Assignments that explain as much are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
+    ValueError) where no image region looks like any world region.
+    """
+    sides = _Sides.of(camera, image_regions, world_regions)
+    consensuses, least = _consensuses(sides, threads)
+    if not consensuses:
+        raise PoseError(
+            f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
+            f" pair has an overlap error of {100.0 * least:.1f} %; needed up to {100.0 * MATCHED_OVERLAP:.0f} %"
+        )
+    assignments = _assignments(consensuses, up)
+    pairs = assignments[0]
+    images, worlds = zip(*pairs, strict=True)
+    estimate = estimate_pose(
+        camera, [image_regions[i] for i in images], [world_regions[j] for j in worlds], up=up, refine=refine
+    )
+    return RegionMatches(
+        pairs=pairs,
+        unmatched_image=_left_over(len(sides.observed), images),
+        unmatched_world=_left_over(len(sides.worlds), worlds),
+        estimate=estimate,
+        alternatives=tuple(assignments[1:]),
+        warnings=_warnings(assignments, sides),
+    )
+
+
+def _left_over(count: int, used: Sequence[int]) -> tuple[int, ...]:
+    return tuple(index for index in range(count) if index not in used)
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Both sides of all regions: for the core, and as centroids and sizes.
+
+    Of the k observed ones `bearings` (k, 3) of the centroids and `solid_angles` (k,); of the m world ones `centroids`
+    (m, 3), `normals` (m, 3) and `areas` (m,).
+    """
+
+    observed: list[_core.ObservedRegion]
+    worlds: list[_core.WorldRegion]
+    bearings: Array
+    solid_angles: Array
+    centroids: Array
+    normals: Array
+    areas: Array
+
+    @classmethod
+    def of(cls, camera: Camera, image_regions: Sequence[ImageRegion], world_regions: Sequence[WorldRegion]) -> _Sides:
+        """Both sides, checked."""
+        check_camera(camera, image_regions)
+        images, worlds = list(image_regions), checked_regions(world_regions, WorldRegion)
+        if not (images and worlds):
+            raise ValueError(f"there are {len(images)} image and {len(worlds)} world regions; needed at least one each")
+        observed = observed_regions(camera, images, "boundary")
+        moments = [_core.spherical_moments(region.bearings(camera), 1) for region in images]
+        sums = np.array([[m[1, 0, 0], m[0, 1, 0], m[0, 0, 1]] for m in moments])
+        return cls(
+            observed=observed,
+            worlds=[region.core for region in worlds],
+            bearings=sums / np.linalg.norm(sums, axis=1, keepdims=True),
+            solid_angles=np.array([m[0, 0, 0] for m in moments]),
+            centroids=np.array([_centroid(region.core) for region in worlds]),
+            normals=np.array([region.normal for region in worlds]),
+            areas=np.array([region.area for region in worlds]),
+        )
+
+    def near(self, minimum: _core.Minimum) -> Pairs:
+        """The pairs that a pose predicts: nearest one to one, in reach of one another and of similar size."""
+        rotation = minimum.rotation
+        points = self.centroids @ rotation.T + minimum.translation
+        distances = np.linalg.norm(points, axis=1)
+        rays = points / distances[:, None]
+        solid_angles = self.areas * np.abs(np.sum(self.normals @ rotation.T * rays, axis=1)) / distances**2
+        gaps = np.linalg.norm(self.bearings[:, None] - rays[None], axis=2) / np.sqrt(self.solid_angles)[:, None]
+        ratios = np.abs(np.log(np.maximum(solid_angles, np.finfo(float).tiny)[None] / self.solid_angles[:, None]))
+        refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO))
+        # Above the sum of all others: a refused pair is taken only where nothing else is left.
+        out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
+        rows, columns = linear_sum_assignment(np.where(refused, out_of_reach, gaps + ratios))
+        return tuple((int(i), int(j)) for i, j in zip(rows, columns, strict=True) if not refused[i, j])
+
+    def solved(self, pairs: Pairs, minimum: _core.Minimum) -> _Consensus | None:
+        """The pairs that fit together when solved from a pose; the worst is left out until all of them do."""
+        kept, pose = list(pairs), minimum
+        while kept:
+            problem = _core.Problem(
+                [self.observed[i] for i, _ in kept],
+                [self.worlds[j] for _, j in kept],
+                system="plane",
+                integration="boundary",
+            )
+            start = (pose.rotation, pose.translation)
+            estimate = problem.estimate(start="paper", initial=start, refine=None)
+            if estimate is None:
+                return None
+            errors = np.nan_to_num(estimate.best.region_overlap_errors, nan=np.inf)
+            if errors.max() <= MATCHED_OVERLAP:
+                return _Consensus(tuple(kept), estimate.best.minimum, estimate.boundary_noise)
+            del kept[int(errors.argmax())]
+        return None
+
+
+def _centroid(world: _core.WorldRegion) -> Array:
+    """The area centroid in the world, (3,)."""
+    moments = _core.planar_moments(world.outline, 1)
+    flat = np.array([moments[1, 0], moments[0, 1]]) / moments[0, 0]
+    centroid: Array = world.origin + flat @ world.axes[:2]
+    return centroid
+
+
+@dataclass(frozen=True)
+class _Consensus:
+    """Pairs that one pose explains, and the noise of their boundaries in pixels."""
+
+    pairs: Pairs
+    minimum: _core.Minimum
+    noise: float
+
+
+def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], float]:
+    """What the poses of single pairs grow to, and the least overlap error of those pairs.
+
+    Image regions are tried in turn, the largest first. What shares none of those tried has at most as many pairs as
+    regions are left: when that is less than the most found, nothing left can explain as much.
+    """
+    found: list[_Consensus] = []
+    most, least = 0, np.inf
+    for tried, anchor in enumerate(np.argsort(-sides.solid_angles, kind="stable").tolist()):
+        if tried >= LEAST_ANCHORS and len(sides.observed) - tried < most:
+            break
+        estimates = _single_pairs(sides, anchor, threads)
+        for world, estimate in enumerate(estimates):
+            if estimate is None:
+                continue
+            for solution in [estimate.best, *estimate.alternatives]:
+                least = min(least, solution.overlap_error)
+                if solution.overlap_error > MATCHED_OVERLAP:
+                    continue
+                alone = _Consensus(((anchor, world),), solution.minimum, estimate.boundary_noise)
+                grown = _grown(sides, alone, most)
+                if len(grown.pairs) >= most:
+                    found.append(grown)
+                    most = len(grown.pairs)
+    return found, least
+
+
+def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[_core.Estimate | None]:
+    """The estimate of one image region with each world region."""
+    problems = [([sides.observed[image]], [world]) for world in sides.worlds]
+    return _core.estimate_batch(problems, threads=threads, refine=None)
+
+
+def _grown(sides: _Sides, alone: _Consensus, at_least: int) -> _Consensus:
+    """The consensus that a single pair leads to, itself where that explains fewer than `at_least` pairs."""
+    best = current = alone
+    for _ in range(MOST_ROUNDS):
+        near = sides.near(current.minimum)
+        if len(near) < max(at_least, 2):
+            break
+        solved = sides.solved(near, current.minimum)
+        if solved is None or len(solved.pairs) < len(best.pairs):
+            break
+        repeated = solved.pairs == current.pairs
+        best = current = solved
+        if repeated:
+            break
+    return best
+
+
+def _assignments(consensuses: list[_Consensus], up: ArrayLike | None) -> list[Pairs]:
+    """The different pairs that explain the most, best first: upright ones, then those of least noise."""
+    most = max(len(consensus.pairs) for consensus in consensuses)
+    largest = [consensus for consensus in consensuses if len(consensus.pairs) == most]
+    noise = min(consensus.noise for consensus in largest)
+    fitting = [consensus for consensus in largest if consensus.noise <= AS_MUCH_NOISE * noise]
+    tilts = [_tilt(consensus.minimum, up) for consensus in fitting]
+    order = sorted(range(len(fitting)), key=lambda k: (tilts[k] > min(tilts) + UP_MARGIN, fitting[k].noise))
+    return list(dict.fromkeys(fitting[k].pairs for k in order))
+
+
+def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
+    """Angle (rad) between `up` and the image's, 0 without it."""
+    if up is None:
+        return 0.0
+    direction = minimum.rotation @ np.asarray(up, dtype=np.float64)
+    return float(np.arctan2(np.linalg.norm(direction[[0, 2]]), -direction[1]))
+
+
+def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:
+    warnings = []
+    if len(assignments) > 1:
+        message = f"{len(assignments) - 1} other assignment(s) of {len(assignments[0])} pairs explain the image as well"
+        warnings.append(PoseWarning("ambiguous-matching", message))
+    images, worlds = len(sides.observed), len(sides.worlds)
+    if len(assignments[0]) == 1 and images * worlds > 1:
+        message = f"a single pair of {images} image and {worlds} world regions was found: no other confirms it"
+        warnings.append(PoseWarning("unconfirmed-matching", message))
+    return tuple(warnings)
