@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,8 @@ from regionpose.solver import (
 )
 
 Array = NDArray[np.float64]
-Pairs = tuple[tuple[int, int], ...]
+Pair = tuple[int, int]
+Pairs = tuple[Pair, ...]
 
 MATCHED_OVERLAP = 0.15
 """Overlap error (a fraction) up to which two regions are a pair: three times the 5 % at which the paper calls a pose
@@ -97,7 +98,7 @@ def match_regions(
             f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
             f" pair has an overlap error of {100.0 * least:.1f} %; needed up to {100.0 * MATCHED_OVERLAP:.0f} %"
         )
-    assignments = _assignments(consensuses, up)
+    assignments = _completed(sides, _best(consensuses, up), refine)
     pairs = assignments[0]
     images, worlds = zip(*pairs, strict=True)
     estimate = estimate_pose(
@@ -153,8 +154,8 @@ class _Sides:
             areas=np.array([region.area for region in worlds]),
         )
 
-    def near(self, minimum: _core.Minimum) -> Pairs:
-        """The pairs that a pose predicts: nearest one to one, in reach of one another and of similar size."""
+    def near(self, minimum: _core.Minimum) -> list[Pair]:
+        """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""
         rotation = minimum.rotation
         points = self.centroids @ rotation.T + minimum.translation
         distances = np.linalg.norm(points, axis=1)
@@ -165,28 +166,24 @@ class _Sides:
         refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO))
         # Above the sum of all others: a refused pair is taken only where nothing else is left.
         out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
-        rows, columns = linear_sum_assignment(np.where(refused, out_of_reach, gaps + ratios))
-        return tuple((int(i), int(j)) for i, j in zip(rows, columns, strict=True) if not refused[i, j])
+        costs = np.where(refused, out_of_reach, gaps + ratios)
+        rows, columns = linear_sum_assignment(costs)
+        order = np.argsort(costs[rows, columns], kind="stable")
+        return [(int(i), int(j)) for i, j in zip(rows[order], columns[order], strict=True) if not refused[i, j]]
 
-    def solved(self, pairs: Pairs, minimum: _core.Minimum) -> _Consensus | None:
-        """The pairs that fit together when solved from a pose; the worst is left out until all of them do."""
-        kept, pose = list(pairs), minimum
-        while kept:
-            problem = _core.Problem(
-                [self.observed[i] for i, _ in kept],
-                [self.worlds[j] for _, j in kept],
-                system="plane",
-                integration="boundary",
-            )
-            start = (pose.rotation, pose.translation)
-            estimate = problem.estimate(start="paper", initial=start, refine=None)
-            if estimate is None:
-                return None
-            errors = np.nan_to_num(estimate.best.region_overlap_errors, nan=np.inf)
-            if errors.max() <= MATCHED_OVERLAP:
-                return _Consensus(tuple(kept), estimate.best.minimum, estimate.boundary_noise)
-            del kept[int(errors.argmax())]
-        return None
+    def solved(self, pairs: Iterable[Pair], start: _core.Minimum, refine: Refine | None = None) -> _Consensus | None:
+        """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
+        ordered = tuple(sorted(pairs))
+        problem = _core.Problem(
+            [self.observed[i] for i, _ in ordered],
+            [self.worlds[j] for _, j in ordered],
+            system="plane",
+            integration="boundary",
+        )
+        estimate = problem.estimate(start="paper", initial=(start.rotation, start.translation), refine=refine)
+        if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
+            return None
+        return _Consensus(ordered, estimate.best.minimum, estimate.boundary_noise)
 
 
 def _centroid(world: _core.WorldRegion) -> Array:
@@ -240,31 +237,51 @@ def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[_core.
 
 
 def _grown(sides: _Sides, alone: _Consensus, at_least: int) -> _Consensus:
-    """The consensus that a single pair leads to, itself where that explains fewer than `at_least` pairs."""
-    best = current = alone
+    """The consensus that a single pair leads to, or a part of it where that can't reach `at_least` pairs."""
+    current = alone
     for _ in range(MOST_ROUNDS):
         near = sides.near(current.minimum)
         if len(near) < max(at_least, 2):
             break
-        solved = sides.solved(near, current.minimum)
-        if solved is None or len(solved.pairs) < len(best.pairs):
+        grown = sides.solved(near, current.minimum) or _extended(sides, current, near, at_least)
+        if len(grown.pairs) <= len(current.pairs):
             break
-        repeated = solved.pairs == current.pairs
-        best = current = solved
-        if repeated:
-            break
-    return best
+        current = grown
+    return current
 
 
-def _assignments(consensuses: list[_Consensus], up: ArrayLike | None) -> list[Pairs]:
-    """The different pairs that explain the most, best first: upright ones, then those of least noise."""
+def _extended(
+    sides: _Sides, consensus: _Consensus, near: list[Pair], at_least: int = 0, refine: Refine | None = None
+) -> _Consensus:
+    """The consensus and those of the pairs, one after the other, that fit together with it."""
+    images, worlds = (set(side) for side in zip(*consensus.pairs, strict=True))
+    free = [(i, j) for i, j in near if i not in images and j not in worlds]
+    for tried, pair in enumerate(free):
+        if len(consensus.pairs) + len(free) - tried < at_least:
+            break
+        consensus = sides.solved([*consensus.pairs, pair], consensus.minimum, refine) or consensus
+    return consensus
+
+
+def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensus]:
+    """Those that explain the most, different pairs each, best first: upright ones, then those of least noise."""
     most = max(len(consensus.pairs) for consensus in consensuses)
     largest = [consensus for consensus in consensuses if len(consensus.pairs) == most]
     noise = min(consensus.noise for consensus in largest)
     fitting = [consensus for consensus in largest if consensus.noise <= AS_MUCH_NOISE * noise]
     tilts = [_tilt(consensus.minimum, up) for consensus in fitting]
     order = sorted(range(len(fitting)), key=lambda k: (tilts[k] > min(tilts) + UP_MARGIN, fitting[k].noise))
-    return list(dict.fromkeys(fitting[k].pairs for k in order))
+    first: dict[Pairs, _Consensus] = {}
+    for k in order:
+        first.setdefault(fitting[k].pairs, fitting[k])
+    return list(first.values())
+
+
+def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
+    """The pairs of those that explain the most with what joins them at a refined pose, different ones, best first."""
+    completed = [_extended(sides, each, sides.near(each.minimum), refine=refine) for each in consensuses]
+    most = max(len(each.pairs) for each in completed)
+    return list(dict.fromkeys(each.pairs for each in completed if len(each.pairs) == most))
 
 
 def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
