@@ -42,7 +42,7 @@ LEAST_ANCHORS = 3
 """Image regions whose pairs are tried before the search may end: the pose of one alone can be poor."""
 
 MOST_ROUNDS = 4
-"""Rounds of assigning and solving from one hypothesis; the second or third repeats the one before."""
+"""Rounds of assigning and solving from one hypothesis; the second or third adds nothing to the one before."""
 
 AS_MUCH_NOISE = 2.0
 """Ratio of boundary noises up to which another assignment of as many pairs explains the image as well. It is far above
@@ -91,7 +91,9 @@ def match_regions(
     Assignments that explain as much are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
     ValueError) where no image region looks like any world region.
     """
-    sides = _Sides.of(camera, image_regions, world_regions)
+    images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
+    sides = _Sides.of(camera, images, worlds)
+    sides.check(up)
     consensuses, least = _consensuses(sides, threads)
     if not consensuses:
         raise PoseError(
@@ -100,22 +102,15 @@ def match_regions(
         )
     assignments = _completed(sides, _best(consensuses, up), refine)
     pairs = assignments[0]
-    images, worlds = zip(*pairs, strict=True)
-    estimate = estimate_pose(
-        camera, [image_regions[i] for i in images], [world_regions[j] for j in worlds], up=up, refine=refine
-    )
+    estimate = estimate_pose(camera, [images[i] for i, _ in pairs], [worlds[j] for _, j in pairs], up=up, refine=refine)
     return RegionMatches(
         pairs=pairs,
-        unmatched_image=_left_over(len(sides.observed), images),
-        unmatched_world=_left_over(len(sides.worlds), worlds),
+        unmatched_image=tuple(sorted({*range(len(images))} - {i for i, _ in pairs})),
+        unmatched_world=tuple(sorted({*range(len(worlds))} - {j for _, j in pairs})),
         estimate=estimate,
         alternatives=tuple(assignments[1:]),
         warnings=_warnings(assignments, sides),
     )
-
-
-def _left_over(count: int, used: Sequence[int]) -> tuple[int, ...]:
-    return tuple(index for index in range(count) if index not in used)
 
 
 @dataclass(frozen=True)
@@ -135,10 +130,9 @@ class _Sides:
     areas: Array
 
     @classmethod
-    def of(cls, camera: Camera, image_regions: Sequence[ImageRegion], world_regions: Sequence[WorldRegion]) -> _Sides:
-        """Both sides, checked."""
-        check_camera(camera, image_regions)
-        images, worlds = list(image_regions), checked_regions(world_regions, WorldRegion)
+    def of(cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion]) -> _Sides:
+        """Both sides as this camera sees them."""
+        check_camera(camera, images)
         if not (images and worlds):
             raise ValueError(f"there are {len(images)} image and {len(worlds)} world regions; needed at least one each")
         observed = observed_regions(camera, images, "boundary")
@@ -153,6 +147,21 @@ class _Sides:
             normals=np.array([region.normal for region in worlds]),
             areas=np.array([region.area for region in worlds]),
         )
+
+    def check(self, up: ArrayLike | None) -> None:
+        """Nothing; ValueError for an image region that the core refuses, or an `up` that is no direction."""
+        for index in range(len(self.observed)):
+            try:
+                problem = self.problem([(index, 0)])
+            except ValueError as error:
+                raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
+        # Without a minimum there is no verdict: only the prior is read.
+        problem.judged([], up=up)
+
+    def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
+        """The problem of these pairs."""
+        observed, worlds = [self.observed[i] for i, _ in pairs], [self.worlds[j] for _, j in pairs]
+        return _core.Problem(observed, worlds, system="plane", integration="boundary")
 
     def near(self, minimum: _core.Minimum) -> list[Pair]:
         """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""
@@ -174,13 +183,8 @@ class _Sides:
     def solved(self, pairs: Iterable[Pair], start: _core.Minimum, refine: Refine | None = None) -> _Consensus | None:
         """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
         ordered = tuple(sorted(pairs))
-        problem = _core.Problem(
-            [self.observed[i] for i, _ in ordered],
-            [self.worlds[j] for _, j in ordered],
-            system="plane",
-            integration="boundary",
-        )
-        estimate = problem.estimate(start="paper", initial=(start.rotation, start.translation), refine=refine)
+        initial = (start.rotation, start.translation)
+        estimate = self.problem(ordered).estimate(start="paper", initial=initial, refine=refine)
         if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
             return None
         return _Consensus(ordered, estimate.best.minimum, estimate.boundary_noise)
@@ -214,26 +218,26 @@ def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], 
     for tried, anchor in enumerate(np.argsort(-sides.solid_angles, kind="stable").tolist()):
         if tried >= LEAST_ANCHORS and len(sides.observed) - tried < most:
             break
-        estimates = _single_pairs(sides, anchor, threads)
-        for world, estimate in enumerate(estimates):
-            if estimate is None:
-                continue
-            for solution in [estimate.best, *estimate.alternatives]:
-                least = min(least, solution.overlap_error)
-                if solution.overlap_error > MATCHED_OVERLAP:
-                    continue
-                alone = _Consensus(((anchor, world),), solution.minimum, estimate.boundary_noise)
-                grown = _grown(sides, alone, most)
-                if len(grown.pairs) >= most:
-                    found.append(grown)
-                    most = len(grown.pairs)
+        for error, alone in _single_pairs(sides, anchor, threads):
+            least = min(least, error)
+            if error <= MATCHED_OVERLAP:
+                found.append(_grown(sides, alone, most))
+                most = max(most, len(found[-1].pairs))
     return found, least
 
 
-def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[_core.Estimate | None]:
-    """The estimate of one image region with each world region."""
+def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:
+    """Overlap error and consensus of one image region with each world region, one for each pose, best first."""
     problems = [([sides.observed[image]], [world]) for world in sides.worlds]
-    return _core.estimate_batch(problems, threads=threads, refine=None)
+    estimates = _core.estimate_batch(problems, threads=threads, refine=None)
+    single = [
+        (solution.overlap_error, _Consensus(((image, world),), solution.minimum, estimate.boundary_noise))
+        for world, estimate in enumerate(estimates)
+        if estimate is not None
+        for solution in [estimate.best, *estimate.alternatives]
+        if np.isfinite(solution.overlap_error)
+    ]
+    return sorted(single, key=lambda pair: pair[0])
 
 
 def _grown(sides: _Sides, alone: _Consensus, at_least: int) -> _Consensus:
