@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,8 @@ from regionpose.evaluation import (
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 REGIONS = 8
 
@@ -173,6 +177,24 @@ def test_three_windows_of_a_row_of_four_can_be_shifted_and_turned() -> None:
     readings = {((0, 0), (1, 1), (2, 2)), ((0, 1), (1, 2), (2, 3)), ((0, 2), (1, 1), (2, 0)), ((0, 3), (1, 2), (2, 1))}
     assert {found.pairs, *found.alternatives} == readings
     assert codes(found.warnings) == ["ambiguous-matching"]
+
+
+def test_six_equal_boards_before_a_real_fisheye_are_told_apart_by_where_they_are() -> None:
+    """Chessboards of 610 x 850 mm in six places of one rig, as a lidar measured them: shape tells nothing."""
+    folders = sorted((DATA / "acfr_fisheye").glob("pose*"))
+    if not folders:
+        pytest.skip("the shared scenes are not here")
+    boards = [json.loads((folder / "regions.json").read_text())[0] for folder in folders]
+    calibration = json.loads((folders[0] / "calib.json").read_text())
+    (fx, _, cx), (_, fy, cy), _ = calibration["K"]
+    camera = rp.FisheyeCamera(fx, fy, cx, cy, calibration["D"])
+    images = [rp.ImageRegion.from_polygon(board["image_polygon"]) for board in boards]
+    worlds = [rp.WorldRegion.from_polygon(board["rectangle3d"]) for board in boards]
+    found = rp.match_regions(camera, images, worlds[::-1])
+    assert found.pairs == tuple((k, len(boards) - 1 - k) for k in range(len(boards)))
+    assert found.warnings == ()
+    turn = found.estimate.pose.rotation * Rotation.from_matrix(calibration["R"]).inv()
+    assert np.degrees(turn.magnitude()) < 1.0
 
 
 def test_the_direction_up_decides_between_the_readings_of_a_column() -> None:
