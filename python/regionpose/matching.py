@@ -44,9 +44,12 @@ LEAST_ANCHORS = 3
 MOST_ROUNDS = 4
 """Rounds of assigning and solving from one hypothesis; the second or third adds nothing to the one before."""
 
+AS_MUCH_SCORE = 0.5
+"""Lead in the score below which another assignment may explain the image as well: half of a pair that fits exactly."""
+
 AS_MUCH_NOISE = 2.0
-"""Ratio of boundary noises up to which another assignment of as many pairs explains the image as well. It is far above
-its scatter; an arrangement that is off by a fraction of a region leaves tens of times the noise."""
+"""Ratio of boundary noises above which it doesn't, whatever its score. It is far above their scatter; an arrangement
+that is off by a fraction of a region leaves tens of times the noise."""
 
 UP_MARGIN = np.radians(30.0)
 """Angle (rad) by which a pose has to be nearer to `up` to be preferred whatever it fits: a hand-held camera's tilt."""
@@ -58,7 +61,7 @@ class RegionMatches:
 
     `pairs`: (image index, world index), by image index; `unmatched_image`, `unmatched_world`: the indices left over.
     `estimate`: of the pairs in this order, so that its k-th region is `pairs[k]`. `alternatives`: other pairs that
-    explain the image as well, best first. `warnings`: "ambiguous-matching" where there are any,
+    explain the image about as well, best first. `warnings`: "ambiguous-matching" where there are any,
     "unconfirmed-matching" where a single pair was found among several regions; those of the pose are in
     `estimate.warnings`.
     """
@@ -80,15 +83,16 @@ def match_regions(
     refine: Refine | None = "contour",
     threads: int | None = None,
 ) -> RegionMatches:
-    """The pairs of image and world regions that one pose explains, as many as there are, and the pose.
+    """The pairs of image and world regions that one pose explains best, and the pose.
 
     The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
-    together, and kept while the overlap error of each is below 15 % (docs/math.md, sections 7 and 8). Regions that are
-    hidden, cut off or without a partner stay unmatched. `up`, the world direction (3,) that is up in the image, decides
-    between assignments that explain as much; `refine` as in `estimate_pose`; `threads` (all cores when None) changes
-    the time alone.
+    together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
+    counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
+    wins. Regions that are hidden, cut off or without a partner stay unmatched. `up`, the world direction (3,) that is
+    up in the image, decides between assignments that explain about as much; `refine` as in `estimate_pose`; `threads`
+    (all cores when None) changes the time alone.
 
-    Assignments that explain as much are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
+    Those assignments are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
     ValueError) where no image region looks like any world region.
     """
     images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
@@ -187,7 +191,7 @@ class _Sides:
         estimate = self.problem(ordered).estimate(start="paper", initial=initial, refine=refine)
         if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
             return None
-        return _Consensus(ordered, estimate.best.minimum, estimate.boundary_noise)
+        return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)
 
 
 def _centroid(world: _core.WorldRegion) -> Array:
@@ -200,29 +204,41 @@ def _centroid(world: _core.WorldRegion) -> Array:
 
 @dataclass(frozen=True)
 class _Consensus:
-    """Pairs that one pose explains, and the noise of their boundaries in pixels."""
+    """Pairs that one pose explains, how well (`match_regions`), and the noise of their boundaries in pixels."""
 
     pairs: Pairs
     minimum: _core.Minimum
+    score: float
     noise: float
+
+    @classmethod
+    def of(cls, pairs: Pairs, solution: _core.Solution, noise: float) -> _Consensus:
+        """The consensus of a solution of these pairs."""
+        losses = (solution.region_overlap_errors / MATCHED_OVERLAP) ** 2
+        return cls(pairs, solution.minimum, float(np.sum(1.0 - losses)), noise)
+
+    def contradicts(self, other: _Consensus) -> bool:
+        """Whether a region has another partner here than there."""
+        there, back = dict(other.pairs), {j: i for i, j in other.pairs}
+        return any(there.get(i, j) != j or back.get(j, i) != i for i, j in self.pairs)
 
 
 def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], float]:
     """What the poses of single pairs grow to, and the least overlap error of those pairs.
 
-    Image regions are tried in turn, the largest first. What shares none of those tried has at most as many pairs as
-    regions are left: when that is less than the most found, nothing left can explain as much.
+    Image regions are tried in turn, the largest first. What shares none of those tried has at most the score of as many
+    exact pairs as regions are left: when that is too little, nothing left can explain as much.
     """
     found: list[_Consensus] = []
-    most, least = 0, np.inf
+    needed, least = 0.0, np.inf
     for tried, anchor in enumerate(np.argsort(-sides.solid_angles, kind="stable").tolist()):
-        if tried >= LEAST_ANCHORS and len(sides.observed) - tried < most:
+        if tried >= LEAST_ANCHORS and len(sides.observed) - tried < needed:
             break
         for error, alone in _single_pairs(sides, anchor, threads):
             least = min(least, error)
             if error <= MATCHED_OVERLAP:
-                found.append(_grown(sides, alone, most))
-                most = max(most, len(found[-1].pairs))
+                found.append(_grown(sides, alone, needed))
+                needed = max(needed, found[-1].score - AS_MUCH_SCORE)
     return found, least
 
 
@@ -231,7 +247,7 @@ def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[
     problems = [([sides.observed[image]], [world]) for world in sides.worlds]
     estimates = _core.estimate_batch(problems, threads=threads, refine=None)
     single = [
-        (solution.overlap_error, _Consensus(((image, world),), solution.minimum, estimate.boundary_noise))
+        (solution.overlap_error, _Consensus.of(((image, world),), solution, estimate.boundary_noise))
         for world, estimate in enumerate(estimates)
         if estimate is not None
         for solution in [estimate.best, *estimate.alternatives]
@@ -240,14 +256,14 @@ def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[
     return sorted(single, key=lambda pair: pair[0])
 
 
-def _grown(sides: _Sides, alone: _Consensus, at_least: int) -> _Consensus:
-    """The consensus that a single pair leads to, or a part of it where that can't reach `at_least` pairs."""
+def _grown(sides: _Sides, alone: _Consensus, needed: float) -> _Consensus:
+    """The consensus that a single pair leads to, or a part of it where that can't reach the score that is needed."""
     current = alone
     for _ in range(MOST_ROUNDS):
         near = sides.near(current.minimum)
-        if len(near) < max(at_least, 2):
+        if len(near) < max(needed, 2):
             break
-        grown = sides.solved(near, current.minimum) or _extended(sides, current, near, at_least)
+        grown = sides.solved(near, current.minimum) or _extended(sides, current, near, needed)
         if len(grown.pairs) <= len(current.pairs):
             break
         current = grown
@@ -255,37 +271,39 @@ def _grown(sides: _Sides, alone: _Consensus, at_least: int) -> _Consensus:
 
 
 def _extended(
-    sides: _Sides, consensus: _Consensus, near: list[Pair], at_least: int = 0, refine: Refine | None = None
+    sides: _Sides, consensus: _Consensus, near: list[Pair], needed: float = 0.0, refine: Refine | None = None
 ) -> _Consensus:
     """The consensus and those of the pairs, one after the other, that fit together with it."""
     images, worlds = (set(side) for side in zip(*consensus.pairs, strict=True))
     free = [(i, j) for i, j in near if i not in images and j not in worlds]
     for tried, pair in enumerate(free):
-        if len(consensus.pairs) + len(free) - tried < at_least:
+        if len(consensus.pairs) + len(free) - tried < needed:
             break
         consensus = sides.solved([*consensus.pairs, pair], consensus.minimum, refine) or consensus
     return consensus
 
 
 def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensus]:
-    """Those that explain the most, different pairs each, best first: upright ones, then those of least noise."""
-    most = max(len(consensus.pairs) for consensus in consensuses)
-    largest = [consensus for consensus in consensuses if len(consensus.pairs) == most]
-    noise = min(consensus.noise for consensus in largest)
-    fitting = [consensus for consensus in largest if consensus.noise <= AS_MUCH_NOISE * noise]
-    tilts = [_tilt(consensus.minimum, up) for consensus in fitting]
-    order = sorted(range(len(fitting)), key=lambda k: (tilts[k] > min(tilts) + UP_MARGIN, fitting[k].noise))
-    first: dict[Pairs, _Consensus] = {}
-    for k in order:
-        first.setdefault(fitting[k].pairs, fitting[k])
-    return list(first.values())
+    """The one that explains the most and those that contradict it and explain about as much, best first."""
+    first = max(consensuses, key=lambda each: each.score)
+    alike = [
+        each
+        for each in consensuses
+        if each.score >= first.score - AS_MUCH_SCORE
+        and each.noise <= AS_MUCH_NOISE * first.noise
+        and (each.pairs == first.pairs or each.contradicts(first))
+    ]
+    least = min(_tilt(each.minimum, up) for each in alike)
+    return sorted(alike, key=lambda each: (_tilt(each.minimum, up) > least + UP_MARGIN, -each.score))
 
 
 def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
-    """The pairs of those that explain the most with what joins them at a refined pose, different ones, best first."""
-    completed = [_extended(sides, each, sides.near(each.minimum), refine=refine) for each in consensuses]
-    most = max(len(each.pairs) for each in completed)
-    return list(dict.fromkeys(each.pairs for each in completed if len(each.pairs) == most))
+    """The different pairs of the consensuses, in order, with what joins them at a refined pose."""
+    distinct: dict[Pairs, _Consensus] = {}
+    for each in consensuses:
+        distinct.setdefault(each.pairs, each)
+    completed = [_extended(sides, each, sides.near(each.minimum), refine=refine) for each in distinct.values()]
+    return list(dict.fromkeys(each.pairs for each in completed))
 
 
 def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
@@ -299,7 +317,7 @@ def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
 def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:
     warnings = []
     if len(assignments) > 1:
-        message = f"{len(assignments) - 1} other assignment(s) of {len(assignments[0])} pairs explain the image as well"
+        message = f"{len(assignments) - 1} other assignment(s) explain the image about as well"
         warnings.append(PoseWarning("ambiguous-matching", message))
     images, worlds = len(sides.observed), len(sides.worlds)
     if len(assignments[0]) == 1 and images * worlds > 1:

@@ -159,7 +159,7 @@ def test_two_equal_windows_can_be_either() -> None:
     found = matched([window(-2.0, 0.0), window(1.0, 0.0)], [window(-2.0, 0.0), window(1.0, 0.0)])
     assert {found.pairs, *found.alternatives} == {((0, 0), (1, 1)), ((0, 1), (1, 0))}
     assert codes(found.warnings) == ["ambiguous-matching"]
-    assert "1 other assignment(s) of 2 pairs" in str(found.warnings[0])
+    assert "1 other assignment(s) explain the image about as well" in str(found.warnings[0])
 
 
 def test_an_equal_window_out_of_line_tells_them_apart() -> None:
