@@ -217,10 +217,11 @@ class _Consensus:
         losses = (solution.region_overlap_errors / MATCHED_OVERLAP) ** 2
         return cls(pairs, solution.minimum, float(np.sum(1.0 - losses)), noise)
 
-    def contradicts(self, other: _Consensus) -> bool:
-        """Whether a region has another partner here than there."""
+    def is_another(self, other: _Consensus) -> bool:
+        """Whether a region has another partner here than there, or no pair is the same."""
         there, back = dict(other.pairs), {j: i for i, j in other.pairs}
-        return any(there.get(i, j) != j or back.get(j, i) != i for i, j in self.pairs)
+        contradicts = any(there.get(i, j) != j or back.get(j, i) != i for i, j in self.pairs)
+        return contradicts or not {*self.pairs} & {*other.pairs}
 
 
 def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], float]:
@@ -284,14 +285,14 @@ def _extended(
 
 
 def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensus]:
-    """The one that explains the most and those that contradict it and explain about as much, best first."""
+    """The one that explains the most and the other readings that explain about as much, best first."""
     first = max(consensuses, key=lambda each: each.score)
     alike = [
         each
         for each in consensuses
         if each.score >= first.score - AS_MUCH_SCORE
         and each.noise <= AS_MUCH_NOISE * first.noise
-        and (each.pairs == first.pairs or each.contradicts(first))
+        and (each.pairs == first.pairs or each.is_another(first))
     ]
     least = min(_tilt(each.minimum, up) for each in alike)
     return sorted(alike, key=lambda each: (_tilt(each.minimum, up) > least + UP_MARGIN, -each.score))

@@ -228,6 +228,14 @@ def test_a_single_pair_among_several_regions_is_unconfirmed() -> None:
     assert "a single pair of 1 image and 3 world regions" in str(found.warnings[0])
 
 
+def test_pairs_that_no_one_pose_explains_are_two_readings() -> None:
+    """Two shapes seen side by side of which one has been carried off: either may be where it was."""
+    aside, away = np.array([2.0, 0.0, 0.0]), np.array([-9.0, 4.0, 3.0])
+    found = matched([facade_letter(), facade_letter("key") + aside], [facade_letter(), facade_letter("key") + away])
+    assert {found.pairs, *found.alternatives} == {((0, 0),), ((1, 1),)}
+    assert codes(found.warnings) == ["ambiguous-matching", "unconfirmed-matching"]
+
+
 def test_no_pair_at_all_is_an_error_with_the_least_overlap_error() -> None:
     with pytest.raises(
         rp.PoseError, match=r"none of 1 image .* any of 2 world .*error of \d+\.\d %; needed up to 15 %"
