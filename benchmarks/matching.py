@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import Scene, perspective_scene, problem_generator, squares_on_mask
+from regionpose.evaluation import Scene, binary_mask, perspective_scene, problem_generator, squares_on_mask
 from regionpose.matching import Pairs
 
 LAYOUTS = {2: (2, 1), 4: (2, 2), 8: (4, 2)}
@@ -67,13 +67,15 @@ def distractors(scene: Scene, count: int, seed: int) -> tuple[list[NDArray[np.bo
     masks: list[NDArray[np.bool_]] = []
     worlds: list[rp.WorldRegion] = []
     used, draws = set(scene.names), 0
+    width, height = scene.camera.width, scene.camera.height
+    assert width is not None and height is not None
     while len(worlds) < count:
         other = scene_of(8, 1000 * seed + draws, "matching distractors")
         fresh = [index for index, name in enumerate(other.names) if name not in used]
         for index in fresh[: 2 * count - len(masks) - len(worlds)]:
             used.add(other.names[index])
             if len(masks) < count:
-                masks.append(other.masks()[index])
+                masks.append(binary_mask(other.image_rings[index], width, height))
             else:
                 worlds.append(rp.WorldRegion.from_polygon(other.regions[index]))
         draws += 1
