@@ -33,6 +33,8 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/peers.py --scenes 20
 	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
 	$(BIN)/python benchmarks/cloud_segmentation.py --scenes 20
+	$(BIN)/python benchmarks/matching.py --scenes 20
+	$(BIN)/python benchmarks/rig.py --synthetic 5
 	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
 	cargo bench --quiet

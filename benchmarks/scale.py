@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,67 +116,59 @@ def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     return inputs
 
 
+class Loaded:
+    """The scene's cloud and image, each read when it is asked for, outside of the measurement."""
+
+    def __init__(self, inputs: Inputs, megapixels: float) -> None:
+        """Of the files and the size of the image."""
+        self.inputs, self.camera, self.pose = inputs, camera_of(megapixels), true_pose()
+        corner, u, v = (np.array(part) for part in PANELS["poster"])
+        self.seed = corner + 0.5 * u + 0.5 * v
+        self.pixel = self.camera.project(self.pose.transform(self.seed[None]))[0]
+
+    def cloud(self) -> rp.clouds.Cloud:
+        """The cloud."""
+        return rp.clouds.read_cloud(self.inputs.cloud)
+
+    def image(self) -> NDArray[np.uint8]:
+        """The image (h, w, 3)."""
+        return np.asarray(Image.open(self.inputs.image).convert("RGB"))
+
+    def run(self) -> None:
+        """Estimate the scene and write all its files."""
+        out = self.inputs.scene.parent / "result"
+        out.mkdir()
+        run = estimate_scene(load_scene(self.inputs.scene))
+        for name, write in bundle(run, Stages()).writers.items():
+            write(out / name)
+
+
 def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable[[], object]]]:
-    """What is measured: each entry prepares its inputs and returns the action."""
-    camera, pose = camera_of(megapixels), true_pose()
-    corner, u, v = (np.array(part) for part in PANELS["poster"])
-    seed = corner + 0.5 * u + 0.5 * v
-    pixel = camera.project(pose.transform(seed[None]))[0]
+    """What is measured: each entry reads what its action needs and returns the action."""
+    held = Loaded(inputs, megapixels)
 
-    def cloud() -> rp.clouds.Cloud:
-        return rp.clouds.read_cloud(inputs.cloud)
+    def on_points(action: Callable[[Array], object]) -> Callable[[], Callable[[], object]]:
+        return lambda: partial(action, held.cloud().points)
 
-    def image() -> NDArray[np.uint8]:
-        return np.asarray(Image.open(inputs.image).convert("RGB"))
+    def on_both(action: Callable[[Array, NDArray[np.uint8]], object]) -> Callable[[], Callable[[], object]]:
+        return lambda: partial(action, held.cloud().points, held.image())
 
-    def with_cloud(action: Callable[[Array], object]) -> Callable[[], Callable[[], object]]:
-        def prepared() -> Callable[[], object]:
-            points = cloud().points
-            return lambda: action(points)
+    def wall() -> Array:
+        points = held.cloud().points
+        return points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE]
 
-        return prepared
-
-    def with_image(action: Callable[[NDArray[np.uint8]], object]) -> Callable[[], Callable[[], object]]:
-        def prepared() -> Callable[[], object]:
-            picture = image()
-            return lambda: action(picture)
-
-        return prepared
-
-    def with_both(action: Callable[[Array, NDArray[np.uint8]], object]) -> Callable[[], Callable[[], object]]:
-        def prepared() -> Callable[[], object]:
-            points, picture = cloud().points, image()
-            return lambda: action(points, picture)
-
-        return prepared
-
-    def outlined() -> Callable[[], object]:
-        points = cloud().points
-        wall = points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE]
-        return lambda: rp.WorldRegion.from_points(wall)
-
-    def written() -> Callable[[], object]:
-        held = cloud()
-        return lambda: rp.clouds.write_ply(inputs.cloud.with_name("written.ply"), held)
-
-    def whole() -> object:
-        (inputs.scene.parent / "result").mkdir()
-        run, timing = estimate_scene(load_scene(inputs.scene)), Stages()
-        for name, write in bundle(run, timing).writers.items():
-            write(inputs.scene.parent / "result" / name)
-        return None
-
+    camera, pose = held.camera, held.pose
     return {
-        "read_cloud (PLY)": lambda: cloud,
-        "read image (PNG)": lambda: image,
-        "grow_image_region": with_image(lambda picture: rp.grow_image_region(picture, pixel)),
-        "grow_plane": with_cloud(lambda points: rp.grow_plane(points, seed)),
-        "find_planes": with_cloud(lambda points: rp.find_planes(points)),
-        "WorldRegion.from_points (a wall)": lambda: outlined(),
-        "colorize": with_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
-        "overlay_depth": with_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
-        "write_ply": lambda: written(),
-        "regionpose estimate, all files": lambda: whole,
+        "read_cloud (PLY)": lambda: held.cloud,
+        "read image (PNG)": lambda: held.image,
+        "grow_image_region": lambda: partial(rp.grow_image_region, held.image(), held.pixel),
+        "grow_plane": on_points(lambda points: rp.grow_plane(points, held.seed)),
+        "find_planes": on_points(rp.find_planes),
+        "WorldRegion.from_points (a wall)": lambda: partial(rp.WorldRegion.from_points, wall()),
+        "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
+        "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
+        "write_ply": lambda: partial(rp.clouds.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
+        "regionpose estimate, all files": lambda: held.run,
     }
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.fusion import blend_colors, colorize
     from regionpose.intrinsics import CameraRefinement
+    from regionpose.matching import RegionMatches, match_regions
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
@@ -51,6 +52,7 @@ __all__ = [
     "PoseError",
     "PoseEstimate",
     "PoseWarning",
+    "RegionMatches",
     "RigEstimate",
     "UnifiedCamera",
     "WorldRegion",
@@ -68,6 +70,7 @@ __all__ = [
     "mask_from_file",
     "masks_from_file",
     "masks_from_segmenter",
+    "match_regions",
     "overlay_depth",
     "overlay_regions",
     "planar_moments",
@@ -84,6 +87,7 @@ _MODULES = {
     "drawing": ("overlay_depth", "overlay_regions"),
     "fusion": ("blend_colors", "colorize"),
     "intrinsics": ("CameraRefinement",),
+    "matching": ("RegionMatches", "match_regions"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),
     "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),

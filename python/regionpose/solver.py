@@ -136,10 +136,10 @@ def estimate_pose(
     """
     if driver not in ("scipy", "native"):
         raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
-    _check_camera(camera, image_regions)
+    check_camera(camera, image_regions)
     problem = _core.Problem(
-        _observed_regions(camera, image_regions, integration),
-        [region.core for region in _checked_regions(world_regions, WorldRegion)],
+        observed_regions(camera, image_regions, integration),
+        [region.core for region in checked_regions(world_regions, WorldRegion)],
         system=system,
         integration=integration,
     )
@@ -168,9 +168,9 @@ def estimate_poses(
     for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)")):
         try:
             camera, image_regions, world_regions = _problem_parts(problem)
-            _check_camera(camera, image_regions)
-            observed = _observed_regions(camera, image_regions, "boundary")
-            sides.append((observed, [region.core for region in _checked_regions(world_regions, WorldRegion)]))
+            check_camera(camera, image_regions)
+            observed = observed_regions(camera, image_regions, "boundary")
+            sides.append((observed, [region.core for region in checked_regions(world_regions, WorldRegion)]))
         except ValueError as error:
             raise ValueError(f"problem {index}: {error}") from error
     estimates = _core.estimate_batch(sides, threads=threads, refine=refine)
@@ -184,10 +184,11 @@ def _problem_parts(problem: Problem) -> Problem:
     return problem
 
 
-def _check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
+def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
+    """Nothing; ValueError unless it is a camera whose image has the shape of each region's mask."""
     if not isinstance(camera, Camera):
         raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
-    for index, region in enumerate(_checked_regions(image_regions, ImageRegion)):
+    for index, region in enumerate(checked_regions(image_regions, ImageRegion)):
         if region.mask is None or camera.width is None or camera.height is None:
             continue
         if region.mask.shape != (camera.height, camera.width):
@@ -197,7 +198,8 @@ def _check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
             )
 
 
-def _checked_regions(regions: Sequence[Region], kind: type[Region]) -> list[Region]:
+def checked_regions(regions: Sequence[Region], kind: type[Region]) -> list[Region]:
+    """The regions as a list; ValueError naming the first that is of another kind."""
     listed = _listed(regions, f"a list of {kind.__name__}s")
     for index, region in enumerate(listed):
         if not isinstance(region, kind):
@@ -212,7 +214,10 @@ def _listed(items: Iterable[Item], needed: str) -> list[Item]:
         raise ValueError(f"found a {type(items).__name__}; needed {needed}") from error
 
 
-def _observed_regions(camera: Camera, regions: Sequence[ImageRegion], integration: str) -> list[_core.ObservedRegion]:
+def observed_regions(
+    camera: Camera, regions: Sequence[ImageRegion], integration: Integration
+) -> list[_core.ObservedRegion]:
+    """The regions as the core takes them; ValueError naming the first that holds pixels without a ray."""
     observed = []
     for index, region in enumerate(regions):
         try:

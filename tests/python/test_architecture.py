@@ -40,7 +40,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("outline",),
     ("regions",),
     ("contours", "segmentation", "solver"),
-    ("drawing", "evaluation", "intrinsics", "report", "splat"),
+    ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),
     ("rig", "scene"),
     ("__init__",),
     ("demo",),

@@ -1,0 +1,327 @@
+"""Which image region is which world region: hypotheses of single pairs, verified by the pose of all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.solver import (
+    PoseError,
+    PoseEstimate,
+    PoseWarning,
+    Refine,
+    check_camera,
+    checked_regions,
+    estimate_pose,
+    observed_regions,
+)
+
+Array = NDArray[np.float64]
+Pair = tuple[int, int]
+Pairs = tuple[Pair, ...]
+
+MATCHED_OVERLAP = 0.15
+"""Overlap error (a fraction) up to which two regions are a pair: three times the 5 % at which the paper calls a pose
+solved, for contours that a segmentation has disturbed by as much; shapes that differ leave about 0.4."""
+
+REACH = 1.0
+"""Largest distance between observed and predicted centroid, in square roots of the observed solid angle: the pose of
+one region, a few degrees off where its contour is disturbed, predicts its neighbours to less."""
+
+MOST_SIZE_RATIO = 3.0
+"""Largest ratio of observed to predicted solid angle, either way, for the same reason."""
+
+LEAST_ANCHORS = 3
+"""Image regions whose pairs are tried before the search may end: the pose of one alone can be poor."""
+
+MOST_ROUNDS = 4
+"""Rounds of assigning and solving from one hypothesis; the second or third adds nothing to the one before."""
+
+AS_MUCH_SCORE = 0.5
+"""Lead in the score below which another assignment may explain the image as well: half of a pair that fits exactly."""
+
+AS_MUCH_NOISE = 2.0
+"""Ratio of boundary noises above which it doesn't, whatever its score. It is far above their scatter; an arrangement
+that is off by a fraction of a region leaves tens of times the noise."""
+
+UP_MARGIN = np.radians(30.0)
+"""Angle (rad) by which a pose has to be nearer to `up` to be preferred whatever it fits: a hand-held camera's tilt."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionMatches:
+    """Which image region is which world region, and the pose that says so.
+
+    `pairs`: (image index, world index), by image index; `unmatched_image`, `unmatched_world`: the indices left over.
+    `estimate`: of the pairs in this order, so that its k-th region is `pairs[k]`. `alternatives`: other pairs that
+    explain the image about as well, best first. `warnings`: "ambiguous-matching" where there are any,
+    "unconfirmed-matching" where a single pair was found among several regions; those of the pose are in
+    `estimate.warnings`.
+    """
+
+    pairs: Pairs
+    unmatched_image: tuple[int, ...]
+    unmatched_world: tuple[int, ...]
+    estimate: PoseEstimate
+    alternatives: tuple[Pairs, ...]
+    warnings: tuple[PoseWarning, ...]
+
+
+def match_regions(
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    *,
+    up: ArrayLike | None = None,
+    refine: Refine | None = "contour",
+    threads: int | None = None,
+) -> RegionMatches:
+    """The pairs of image and world regions that one pose explains best, and the pose.
+
+    The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
+    together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
+    counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
+    wins. Regions that are hidden, cut off or without a partner stay unmatched. `up`, the world direction (3,) that is
+    up in the image, decides between assignments that explain about as much; `refine` as in `estimate_pose`; `threads`
+    (all cores when None) changes the time alone.
+
+    Those assignments are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
+    ValueError) where no image region looks like any world region.
+    """
+    images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
+    sides = _Sides.of(camera, images, worlds)
+    sides.check(up)
+    consensuses, least = _consensuses(sides, threads)
+    if not consensuses:
+        raise PoseError(
+            f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
+            f" pair has an overlap error of {100.0 * least:.1f} %; needed up to {100.0 * MATCHED_OVERLAP:.0f} %"
+        )
+    assignments = _completed(sides, _best(consensuses, up), refine)
+    pairs = assignments[0]
+    estimate = estimate_pose(camera, [images[i] for i, _ in pairs], [worlds[j] for _, j in pairs], up=up, refine=refine)
+    return RegionMatches(
+        pairs=pairs,
+        unmatched_image=tuple(sorted({*range(len(images))} - {i for i, _ in pairs})),
+        unmatched_world=tuple(sorted({*range(len(worlds))} - {j for _, j in pairs})),
+        estimate=estimate,
+        alternatives=tuple(assignments[1:]),
+        warnings=_warnings(assignments, sides),
+    )
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Both sides of all regions: for the core, and as centroids and sizes.
+
+    Of the k observed ones `bearings` (k, 3) of the centroids and `solid_angles` (k,); of the m world ones `centroids`
+    (m, 3), `normals` (m, 3) and `areas` (m,).
+    """
+
+    observed: list[_core.ObservedRegion]
+    worlds: list[_core.WorldRegion]
+    bearings: Array
+    solid_angles: Array
+    centroids: Array
+    normals: Array
+    areas: Array
+
+    @classmethod
+    def of(cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion]) -> _Sides:
+        """Both sides as this camera sees them."""
+        check_camera(camera, images)
+        if not (images and worlds):
+            raise ValueError(f"there are {len(images)} image and {len(worlds)} world regions; needed at least one each")
+        observed = observed_regions(camera, images, "boundary")
+        moments = [_core.spherical_moments(region.bearings(camera), 1) for region in images]
+        sums = np.array([[m[1, 0, 0], m[0, 1, 0], m[0, 0, 1]] for m in moments])
+        return cls(
+            observed=observed,
+            worlds=[region.core for region in worlds],
+            bearings=sums / np.linalg.norm(sums, axis=1, keepdims=True),
+            solid_angles=np.array([m[0, 0, 0] for m in moments]),
+            centroids=np.array([_centroid(region.core) for region in worlds]),
+            normals=np.array([region.normal for region in worlds]),
+            areas=np.array([region.area for region in worlds]),
+        )
+
+    def check(self, up: ArrayLike | None) -> None:
+        """Nothing; ValueError for an image region that the core refuses, or an `up` that is no direction."""
+        for index in range(len(self.observed)):
+            try:
+                problem = self.problem([(index, 0)])
+            except ValueError as error:
+                raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
+        # Without a minimum there is no verdict: only the prior is read.
+        problem.judged([], up=up)
+
+    def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
+        """The problem of these pairs."""
+        observed, worlds = [self.observed[i] for i, _ in pairs], [self.worlds[j] for _, j in pairs]
+        return _core.Problem(observed, worlds, system="plane", integration="boundary")
+
+    def near(self, minimum: _core.Minimum) -> list[Pair]:
+        """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""
+        rotation = minimum.rotation
+        points = self.centroids @ rotation.T + minimum.translation
+        distances = np.linalg.norm(points, axis=1)
+        rays = points / distances[:, None]
+        solid_angles = self.areas * np.abs(np.sum(self.normals @ rotation.T * rays, axis=1)) / distances**2
+        gaps = np.linalg.norm(self.bearings[:, None] - rays[None], axis=2) / np.sqrt(self.solid_angles)[:, None]
+        ratios = np.abs(np.log(np.maximum(solid_angles, np.finfo(float).tiny)[None] / self.solid_angles[:, None]))
+        refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO))
+        # Above the sum of all others: a refused pair is taken only where nothing else is left.
+        out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
+        costs = np.where(refused, out_of_reach, gaps + ratios)
+        rows, columns = linear_sum_assignment(costs)
+        order = np.argsort(costs[rows, columns], kind="stable")
+        return [(int(i), int(j)) for i, j in zip(rows[order], columns[order], strict=True) if not refused[i, j]]
+
+    def solved(self, pairs: Iterable[Pair], start: _core.Minimum, refine: Refine | None = None) -> _Consensus | None:
+        """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
+        ordered = tuple(sorted(pairs))
+        initial = (start.rotation, start.translation)
+        estimate = self.problem(ordered).estimate(start="paper", initial=initial, refine=refine)
+        if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
+            return None
+        return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)
+
+
+def _centroid(world: _core.WorldRegion) -> Array:
+    """The area centroid in the world, (3,)."""
+    moments = _core.planar_moments(world.outline, 1)
+    flat = np.array([moments[1, 0], moments[0, 1]]) / moments[0, 0]
+    centroid: Array = world.origin + flat @ world.axes[:2]
+    return centroid
+
+
+@dataclass(frozen=True)
+class _Consensus:
+    """Pairs that one pose explains, how well (`match_regions`), and the noise of their boundaries in pixels."""
+
+    pairs: Pairs
+    minimum: _core.Minimum
+    score: float
+    noise: float
+
+    @classmethod
+    def of(cls, pairs: Pairs, solution: _core.Solution, noise: float) -> _Consensus:
+        """The consensus of a solution of these pairs."""
+        losses = (solution.region_overlap_errors / MATCHED_OVERLAP) ** 2
+        return cls(pairs, solution.minimum, float(np.sum(1.0 - losses)), noise)
+
+    def is_another(self, other: _Consensus) -> bool:
+        """Whether a region has another partner here than there, or no pair is the same."""
+        there, back = dict(other.pairs), {j: i for i, j in other.pairs}
+        contradicts = any(there.get(i, j) != j or back.get(j, i) != i for i, j in self.pairs)
+        return contradicts or not {*self.pairs} & {*other.pairs}
+
+
+def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], float]:
+    """What the poses of single pairs grow to, and the least overlap error of those pairs.
+
+    Image regions are tried in turn, the largest first. What shares none of those tried has at most the score of as many
+    exact pairs as regions are left: when that is too little, nothing left can explain as much.
+    """
+    found: list[_Consensus] = []
+    needed, least = 0.0, np.inf
+    for tried, anchor in enumerate(np.argsort(-sides.solid_angles, kind="stable").tolist()):
+        if tried >= LEAST_ANCHORS and len(sides.observed) - tried < needed:
+            break
+        for error, alone in _single_pairs(sides, anchor, threads):
+            least = min(least, error)
+            if error <= MATCHED_OVERLAP:
+                found.append(_grown(sides, alone, needed))
+                needed = max(needed, found[-1].score - AS_MUCH_SCORE)
+    return found, least
+
+
+def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:
+    """Overlap error and consensus of one image region with each world region, one for each pose, best first."""
+    problems = [([sides.observed[image]], [world]) for world in sides.worlds]
+    estimates = _core.estimate_batch(problems, threads=threads, refine=None)
+    single = [
+        (solution.overlap_error, _Consensus.of(((image, world),), solution, estimate.boundary_noise))
+        for world, estimate in enumerate(estimates)
+        if estimate is not None
+        for solution in [estimate.best, *estimate.alternatives]
+        if np.isfinite(solution.overlap_error)
+    ]
+    return sorted(single, key=lambda pair: pair[0])
+
+
+def _grown(sides: _Sides, alone: _Consensus, needed: float) -> _Consensus:
+    """The consensus that a single pair leads to, or a part of it where that can't reach the score that is needed."""
+    current = alone
+    for _ in range(MOST_ROUNDS):
+        near = sides.near(current.minimum)
+        if len(near) < max(needed, 2):
+            break
+        grown = sides.solved(near, current.minimum) or _extended(sides, current, near, needed)
+        if len(grown.pairs) <= len(current.pairs):
+            break
+        current = grown
+    return current
+
+
+def _extended(
+    sides: _Sides, consensus: _Consensus, near: list[Pair], needed: float = 0.0, refine: Refine | None = None
+) -> _Consensus:
+    """The consensus and those of the pairs, one after the other, that fit together with it."""
+    images, worlds = (set(side) for side in zip(*consensus.pairs, strict=True))
+    free = [(i, j) for i, j in near if i not in images and j not in worlds]
+    for tried, pair in enumerate(free):
+        if len(consensus.pairs) + len(free) - tried < needed:
+            break
+        consensus = sides.solved([*consensus.pairs, pair], consensus.minimum, refine) or consensus
+    return consensus
+
+
+def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensus]:
+    """The one that explains the most and the other readings that explain about as much, best first."""
+    first = max(consensuses, key=lambda each: each.score)
+    alike = [
+        each
+        for each in consensuses
+        if each.score >= first.score - AS_MUCH_SCORE
+        and each.noise <= AS_MUCH_NOISE * first.noise
+        and (each.pairs == first.pairs or each.is_another(first))
+    ]
+    least = min(_tilt(each.minimum, up) for each in alike)
+    return sorted(alike, key=lambda each: (_tilt(each.minimum, up) > least + UP_MARGIN, -each.score))
+
+
+def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
+    """The different pairs of the consensuses, in order, with what joins them at a refined pose."""
+    distinct: dict[Pairs, _Consensus] = {}
+    for each in consensuses:
+        distinct.setdefault(each.pairs, each)
+    completed = [_extended(sides, each, sides.near(each.minimum), refine=refine) for each in distinct.values()]
+    return list(dict.fromkeys(each.pairs for each in completed))
+
+
+def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
+    """Angle (rad) between `up` and the image's, 0 without it."""
+    if up is None:
+        return 0.0
+    direction = minimum.rotation @ np.asarray(up, dtype=np.float64)
+    return float(np.arctan2(np.linalg.norm(direction[[0, 2]]), -direction[1]))
+
+
+def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:
+    warnings = []
+    if len(assignments) > 1:
+        message = f"{len(assignments) - 1} other assignment(s) explain the image about as well"
+        warnings.append(PoseWarning("ambiguous-matching", message))
+    images, worlds = len(sides.observed), len(sides.worlds)
+    if len(assignments[0]) == 1 and images * worlds > 1:
+        message = f"a single pair of {images} image and {worlds} world regions was found: no other confirms it"
+        warnings.append(PoseWarning("unconfirmed-matching", message))
+    return tuple(warnings)
