@@ -43,7 +43,9 @@ Templates = Annotated[str | None, typer.Option("--templates", help="all, asymmet
 System = Annotated[str | None, typer.Option("--system", help="plane, sphere, or plane,sphere.")]
 Solver = Annotated[
     list[str] | None,
-    typer.Option("--solver", help="Options of estimate_pose, as 'driver=native'; repeat it to compare several."),
+    typer.Option(
+        "--solver", help="Options of estimate_pose, as 'driver=native' or 'refine=null'; repeat it to compare several."
+    ),
 ]
 OwnCamera = Annotated[
     Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
