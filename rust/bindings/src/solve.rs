@@ -252,7 +252,7 @@ impl Problem {
     }
 
     /// The estimate by the native driver; None without a pose in view.
-    #[pyo3(signature = (*, start = "global", initial = None, up = None, refine = Some("contour")))]
+    #[pyo3(signature = (*, start = "global", initial = None, up = None, refine = "contour"))]
     fn estimate<'py>(
         &self,
         py: Python<'py>,
@@ -267,7 +267,7 @@ impl Problem {
     }
 
     /// The verdict on minima found by any driver; None without one.
-    #[pyo3(signature = (minima, *, initial = None, up = None, refine = Some("contour")))]
+    #[pyo3(signature = (minima, *, initial = None, up = None, refine = "contour"))]
     fn judged(
         &self,
         py: Python<'_>,
@@ -325,7 +325,7 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 
 /// Estimates of many problems by the native solver, in order; None for a problem without a pose in view.
 #[pyfunction]
-#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary", refine = Some("contour")))]
+#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary", refine = "contour"))]
 pub fn estimate_batch(
     py: Python<'_>,
     problems: Vec<PySides<'_>>,
