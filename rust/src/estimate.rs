@@ -15,9 +15,14 @@ use crate::warning::Warning;
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
 
-/// Share of a region's contour on its projection from which the region counts as found, and below which as an outlier where
-/// others are found: a wrong contour crosses the projection here and there.
+/// Share of a region's contour on its projection from which the region counts as found.
 const FIRM_SHARE: f64 = 0.3;
+
+/// The same for a region without others: nothing but its own contour speaks for its pose.
+const FIRM_ALONE: f64 = 0.5;
+
+/// Share of a region's contour on its projection below which it counts as an outlier where others are found: a wrong contour
+/// crosses the projection here and there.
 const OUTLIER_SHARE: f64 = 0.2;
 
 /// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
@@ -123,7 +128,8 @@ impl Problem {
 
     fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if !best.minimum.converged {
+        // On the contours it does not matter how the moments' iteration ended.
+        if best.contour.is_none() && !best.minimum.converged {
             warnings.push(Warning::NotConverged { termination: best.minimum.termination.clone() });
         }
         let angles = alternatives.iter().map(|other| best.minimum.pose.angle_to(&other.minimum.pose).to_degrees());
@@ -155,7 +161,7 @@ fn poor_region(region: usize, error: f64, contour: Option<&ContourFit>) -> Optio
     let poor = Warning::PoorOverlap { region, percent: 100.0 * error };
     let Some(fit) = contour else { return Some(poor) };
     let (share, others) = fit.clean_shares_of(region);
-    if share > FIRM_SHARE {
+    if share > if fit.clean_shares.len() > 1 { FIRM_SHARE } else { FIRM_ALONE } {
         return None;
     }
     let outlier = others > FIRM_SHARE && share < OUTLIER_SHARE;
