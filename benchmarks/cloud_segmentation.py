@@ -13,7 +13,8 @@ from __future__ import annotations
 import argparse
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,8 +22,7 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from real_scenes import DEFAULT_DATA, camera_item, cloud_of
-from regionpose.cameras import Camera
+from real_scenes import DEFAULT_DATA, camera_of, cloud_of
 from regionpose.evaluation import Scene, SpinningLidar, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
@@ -30,12 +30,6 @@ from regionpose.outline import SparseSamplingWarning
 
 Array = NDArray[np.float64]
 
-MODELS: dict[str, Callable[..., Camera]] = {
-    "pinhole": rp.PinholeCamera,
-    "fisheye": rp.FisheyeCamera,
-    "ocam": rp.OcamCamera,
-}
-"""The cameras of a scene file, by its names of them."""
 Indices = NDArray[np.intp]
 
 LIDARS = {
@@ -155,10 +149,10 @@ def labelled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str,
                 yield path.parent, region, calibration
 
 
-def camera_of(calibration: dict[str, Any]) -> Camera:
-    """The camera of a calib.json."""
-    item = camera_item(calibration)
-    return MODELS[item.pop("model")](**item)
+@lru_cache(maxsize=1)
+def planes_of(folder: Path) -> list[Indices]:
+    """All planes of a scene's cloud, found once for its labelled faces."""
+    return rp.find_planes(cloud_of(folder))
 
 
 def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration: dict[str, Any]) -> tuple[float, float]:
@@ -183,12 +177,16 @@ def print_real(data: Path) -> None:
         return
     print(
         "real                                        IoU  precision recall   area error  rotation deg  translation mm"
+        "  planes"
     )
-    print("                                                           plain / corrected   plain / corrected, each")
+    print(
+        "                                                           plain / corrected   plain / corrected, each     IoU"
+    )
     for folder, labels, calibration in faces:
         cloud = cloud_of(folder)
         true = np.load(folder / labels["point_indices"])
         overlap = overlap_of_points(rp.grow_plane(cloud, np.median(cloud[true], axis=0)), true)
+        found = max(overlap_of_points(members, true).iou for members in planes_of(folder))
         areas, errors = [], []
         for correct in (False, True):
             region = rp.WorldRegion.from_points(cloud[true], correct_sampling=correct)
@@ -199,7 +197,8 @@ def print_real(data: Path) -> None:
         print(
             f"{folder.parent.name}/{folder.name} {labels['name']}".ljust(42)
             + f"{overlap.iou:.3f}  {overlap.precision:.3f}  {overlap.recall:.3f}  {' / '.join(areas)}"
-            f"  {turn:6.2f} / {corrected_turn:5.2f}  {1e3 * shift:7.1f} / {1e3 * corrected_shift:6.1f}",
+            f"  {turn:6.2f} / {corrected_turn:5.2f}  {1e3 * shift:7.1f} / {1e3 * corrected_shift:6.1f}"
+            f"   {found:.3f}",
             flush=True,
         )
 

@@ -30,7 +30,7 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from benchmarks.real_scenes import DEFAULT_DATA, camera_of, pairs_of
+from benchmarks.real_scenes import DEFAULT_DATA, camera_of
 
 Array = NDArray[np.float64]
 Feature = Literal["intensity", "normals"]
@@ -79,6 +79,18 @@ def load_frame(folder: Path) -> Frame:
     cloud = np.fromfile(folder / "points.bin", dtype=np.float32).reshape(-1, 4).astype(np.float64)
     pose = rp.Pose.from_parts(calibration["R"], calibration["t"])
     return Frame(folder.name, folder, camera_of(calibration), grey, cloud[:, :3], cloud[:, 3], pose)
+
+
+def pairs_of(frame: Frame) -> list[tuple[rp.ImageRegion, rp.WorldRegion]]:
+    """The labelled regions of a frame: polygons of the image, outlines of points."""
+    labels = json.loads((frame.folder / "regions.json").read_text())
+    return [
+        (
+            rp.ImageRegion.from_polygon([label["image_polygon"]]),
+            rp.WorldRegion.from_points(frame.points[np.load(frame.folder / label["point_indices"])]),
+        )
+        for label in labels
+    ]
 
 
 def facing_angles(points: Array) -> Array:
@@ -169,7 +181,7 @@ def region_overlap(frame: Frame, pose: rp.Pose) -> float:
     if not (frame.folder / "regions.json").exists():
         return float("nan")
     deltas, areas = [], []
-    for image, world in pairs_of(frame.folder, from_points=True):
+    for image, world in pairs_of(frame):
         rings = [frame.camera.project(pose.transform(ring)) for ring in world.rings]
         if not np.isfinite(np.concatenate(rings)).all():
             return float("inf")
@@ -198,7 +210,7 @@ def line(frame: Frame, what: str, poses: Sequence[rp.Pose]) -> str:
 def print_regions(frame: Frame) -> None:
     """The lines of the true pose and of `regionpose`, which has no start: its first answer, and the nearest."""
     print(line(frame, "true pose", [frame.pose]))
-    images, worlds = (list(side) for side in zip(*pairs_of(frame.folder, from_points=True), strict=True))
+    images, worlds = (list(side) for side in zip(*pairs_of(frame), strict=True))
     estimate = rp.estimate_pose(frame.camera, images, worlds)
     answers = [estimate.pose, *(answer.pose for answer in estimate.alternatives)]
     print(line(frame, "regionpose, no start", answers[:1]))

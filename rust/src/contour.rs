@@ -91,8 +91,6 @@ pub struct ContourFit {
     pub independent: f64,
     /// `J^T W J` of the clean pieces over their variance and its correlation, per squared rad and metre.
     pub information: Matrix6<f64>,
-    /// Evaluations of the distances.
-    pub evaluations: usize,
 }
 
 impl ContourFit {
@@ -327,7 +325,7 @@ pub fn contour_distances(contours: &[Contour], pose: &Pose) -> Option<Evaluation
 
 /// What the contours show at a pose about the problem's origin; `None` where a region is out of view.
 pub fn contour_fit(contours: &[Contour], pose: &Pose) -> Option<ContourFit> {
-    Some(fit_of(&Rows::at(contours, pose, None)?, pose, 1))
+    Some(fit_of(&Rows::at(contours, pose, None)?, pose))
 }
 
 /// The most likely pose on the contours that is reached from a start; the start itself where nothing is likelier.
@@ -335,35 +333,38 @@ pub fn contour_fit(contours: &[Contour], pose: &Pose) -> Option<ContourFit> {
 /// `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose) -> Option<ContourFit> {
     let mut rows = Rows::at(contours, start, None)?;
-    let mut best = fit_of(&rows, start, 1);
-    let (mut pose, mut evaluations) = (*start, 1);
+    let mut pose = *start;
+    let mut best = (rows.distances().mixture(FINEST_SCALE).likelihood, pose);
     let mut scale = (FIRST_SCALE * rows.distances().robust_sigma()).max(2.0 * FINEST_SCALE);
     loop {
-        let steps = if scale > FINEST_SCALE { STEPS } else { LAST_STEPS };
-        for step in 0..steps {
-            let Some(increment) = rows.step(scale) else { break };
-            let Some((moved, next)) = advanced(contours, &pose, &increment, (step > 0).then_some(&rows.nearest[..]))
-            else {
-                break;
-            };
-            (pose, rows) = (moved, next);
-            evaluations += 1;
-            if size(&increment, &pose) < SETTLED {
-                break;
-            }
-        }
-        let fit = fit_of(&rows, &pose, evaluations);
-        if fit.mixture.likelihood > best.mixture.likelihood {
-            best = fit;
+        (pose, rows) = settled(contours, pose, rows, scale);
+        let likelihood = rows.distances().mixture(FINEST_SCALE).likelihood;
+        if likelihood > best.0 {
+            best = (likelihood, pose);
         }
         if scale <= FINEST_SCALE {
-            return Some(ContourFit { evaluations, ..best });
+            return contour_fit(contours, &best.1);
         }
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
 }
 
-fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
+/// The pose after Gauss-Newton steps at one scale, and the distances there.
+fn settled(contours: &[Contour], mut pose: Pose, mut rows: Rows, scale: f64) -> (Pose, Rows) {
+    let steps = if scale > FINEST_SCALE { STEPS } else { LAST_STEPS };
+    for step in 0..steps {
+        let Some(increment) = rows.step(scale) else { break };
+        let nearest = (step > 0).then_some(&rows.nearest[..]);
+        let Some(next) = advanced(contours, &pose, &increment, nearest) else { break };
+        (pose, rows) = next;
+        if size(&increment, &pose) < SETTLED {
+            break;
+        }
+    }
+    (pose, rows)
+}
+
+fn fit_of(rows: &Rows, pose: &Pose) -> ContourFit {
     let distances = rows.distances();
     let mixture = distances.mixture(FINEST_SCALE);
     let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.0)).collect();
@@ -381,7 +382,7 @@ fn fit_of(rows: &Rows, pose: &Pose, evaluations: usize) -> ContourFit {
     let clean_shares = shares.iter().map(|region| mean(region)).collect();
     let sigma = distances.robust_sigma().max(FINEST_SCALE);
     let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
-    ContourFit { pose: *pose, mixture, is_clean, clean_shares, independent, information, evaluations }
+    ContourFit { pose: *pose, mixture, is_clean, clean_shares, independent, information }
 }
 
 /// Consecutive parts of these lengths.

@@ -1,10 +1,8 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,6 @@ from regionpose.demo.scene import folder as demo_folder
 from scene_files import POSE, scene_values, write_scene
 
 COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
-
-HELP_SECONDS = 0.5
-"""What `regionpose --help` may take, the interpreter's start included: longer feels slow at a prompt."""
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
@@ -58,15 +53,9 @@ def test_help_loads_nothing_slow() -> None:
     program = (
         "import sys; from regionpose.cli import main; code = main(['--help']); print(*sys.modules); sys.exit(code)"
     )
-    seconds = []
-    for _ in range(3):
-        start = time.perf_counter()
-        ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-        seconds.append(time.perf_counter() - start)
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = ended.stdout.split("\n")[-2].split()
     assert not {"numpy", "scipy", "skimage", "shapely", "pydantic", "PIL", "yaml"} & set(loaded)
-    if os.getloadavg()[0] < 0.75 * (os.cpu_count() or 1):
-        assert min(seconds) < HELP_SECONDS
 
 
 def test_estimate_writes_all_files_and_says_the_pose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,20 +31,13 @@ def without_narrow_parts(points: ArrayLike, seed: ArrayLike, min_width: float) -
     given = np.asarray(points, dtype=np.float64)
     outline = outline_of_points(given, correct_sampling=False)
     flat, place = ((np.asarray(p, dtype=np.float64) - outline.origin) @ outline.axes.T for p in (given, seed))
-    opened = _opened(_shape(outline.rings), 0.5 * min_width)
+    opened = _opened(shapely.Polygon(outline.rings[0], outline.rings[1:]), 0.5 * min_width)
     pieces = [piece for piece in shapely.get_parts(opened) if piece.area > 0.0]
     if not pieces:
         raise ValueError(f"no part of the patch of {len(given)} points is {min_width} m wide; needed a smaller width")
     nearest = min(pieces, key=shapely.Point(place).distance)
     kept: NDArray[np.bool_] = shapely.contains_xy(nearest.buffer(RIM_SHARE * min_width), flat[:, 0], flat[:, 1])
     return kept
-
-
-def _shape(rings: list[Array]) -> BaseGeometry:
-    shape: BaseGeometry = shapely.Polygon()
-    for ring in rings:
-        shape = shape.symmetric_difference(shapely.make_valid(shapely.Polygon(ring)))
-    return shape
 
 
 def _opened(shape: BaseGeometry, radius: float) -> BaseGeometry:
