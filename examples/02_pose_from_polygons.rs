@@ -34,7 +34,7 @@ fn main() -> Result<()> {
         return Ok(());
     };
     let pose = estimate.best.minimum.pose;
-    let deviation = |k: usize| estimate.covariance[(k, k)].sqrt();
+    let deviation = |k: usize| estimate.best.covariance[(k, k)].sqrt();
     println!("camera centre (world)   {:.3?} m", pose.inverse().translation.as_slice());
     println!("viewing direction       {:.3?}", (pose.rotation.inverse() * Vector3::z()).as_slice());
     println!("standard deviations     {:.3?} deg", [0, 1, 2].map(|k| deviation(k).to_degrees()));

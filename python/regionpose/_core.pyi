@@ -188,6 +188,10 @@ class Solution:
     def region_overlap_errors(self) -> NDArray[np.float64]:
         """The same, region by region, (k,)."""
 
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(6, 6) of the left increment `[omega (rad), tau]`."""
+
 @final
 class Estimate:
     """The pose of a camera, and what is known of it."""
@@ -195,10 +199,6 @@ class Estimate:
     @property
     def best(self) -> Solution:
         """The best pose."""
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(6, 6) of the left increment `[omega (rad), tau]`."""
 
     @property
     def boundary_noise(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypedDict, TypeVar
 
 import numpy as np
@@ -64,9 +64,10 @@ class PoseWarning:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alternative(Pose):
-    """Another pose that fits as well, and its overlap error (a fraction, as `PoseEstimate.overlap_error`)."""
+    """Another pose that fits as well, its overlap error and its covariance (6, 6), as those of `PoseEstimate`."""
 
     overlap_error: float = float("nan")
+    covariance: Array = field(default_factory=lambda: np.full((6, 6), np.inf))
 
     @property
     def pose(self) -> Pose:
@@ -298,12 +299,14 @@ def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseEr
         )
     best = estimate.best
     alternatives = tuple(
-        Alternative(*_pose_parts(solution.minimum), overlap_error=solution.overlap_error)
+        Alternative(
+            *_pose_parts(solution.minimum), overlap_error=solution.overlap_error, covariance=solution.covariance
+        )
         for solution in estimate.alternatives
     )
     return PoseEstimate(
         pose=Pose(*_pose_parts(best.minimum)),
-        covariance=estimate.covariance,
+        covariance=best.covariance,
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise=estimate.boundary_noise,

@@ -8,20 +8,12 @@
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
+use crate::contour_noise::{correlation, weight};
 use crate::mixture::{Distances, Mixture};
+use crate::pieces::{Piece, edges, pieces};
 use crate::pose::{Pose, Tangent};
 use crate::region::WorldRegion;
 use crate::residual::{Evaluation, RegionEquations};
-use crate::rings::PlaneRings;
-
-/// Length of a piece in pixels: a few steps of a binary mask's staircase average out, and a corner rounds only one.
-const PIECE: f64 = 3.0;
-
-/// Pieces of one region at most; a longer contour has longer ones.
-const MOST_PIECES: usize = 800;
-
-/// Pieces of one ring at least.
-const FEWEST_PIECES: usize = 8;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
@@ -50,8 +42,10 @@ const LONGEST_STEP: f64 = 0.1;
 /// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is.
 const RIDGE: f64 = 1e-9;
 
-/// Weights fall to a quarter at this many scales (Geman-McClure).
-const HALF_WIDTH: f64 = 2.0;
+/// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite does
+/// where that crosses the outline; and what its spread across counts beside its squared distance.
+const ALIGNED: f64 = 3.0;
+const CROSSING: f64 = 4.0;
 
 /// A piece is astray at this many standard deviations of the others; a clean contour has such pieces at corners alone.
 const ASTRAY: f64 = 4.0;
@@ -68,8 +62,8 @@ const NEIGHBOURS: usize = 2;
 pub struct Contour {
     /// `chart_from_camera`.
     rotation: Rotation3<f64>,
-    /// Mean points of the pieces, on the plane z = 1 of the chart's axes.
-    pieces: Vec<Vector2<f64>>,
+    /// On the plane z = 1 of the chart's axes.
+    pieces: Vec<Piece>,
     /// Pixels per unit of that plane.
     pixels: f64,
     /// Boundary rings of the world region about the problem's origin.
@@ -89,8 +83,6 @@ pub struct ContourFit {
     pub clean_shares: Vec<f64>,
     /// Parts of the contours that were disturbed, or not, independently of each other.
     pub independent: f64,
-    /// `J^T W J` of the clean pieces over their variance and its correlation, per squared rad and metre.
-    pub information: Matrix6<f64>,
 }
 
 impl ContourFit {
@@ -99,12 +91,6 @@ impl ContourFit {
         let others = self.clean_shares.iter().enumerate().filter(|(index, _)| *index != region);
         (self.clean_shares[region], others.map(|(_, share)| *share).reduce(f64::min).unwrap_or(0.0))
     }
-
-    /// Covariance of the left increment `[omega (rad), tau (metres)]`; infinite where a direction is left free.
-    pub fn covariance(&self) -> Matrix6<f64> {
-        let free = Matrix6::from_element(f64::INFINITY);
-        self.information.cholesky().map_or(free, |cholesky| cholesky.inverse())
-    }
 }
 
 impl Contour {
@@ -112,58 +98,20 @@ impl Contour {
     pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let pieces = pieces(region.outline(), pixels).into_iter().map(|p| p / scale).collect();
+        let pieces = pieces(region.outline(), pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
         let rings = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect();
         Self { rotation: region.chart().rotation, pieces, pixels: pixels * scale, rings }
+    }
+
+    /// The straight run of the contour that each piece wholly lies on, by number.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+        self.pieces.iter().map(|piece| piece.run)
     }
 
     /// The same with one piece in `step`.
     pub fn thinned(&self, step: usize) -> Self {
         Self { pieces: self.pieces.iter().copied().step_by(step).collect(), ..self.clone() }
     }
-}
-
-/// Means of the parts of a region's rings, in chart units.
-fn pieces(outline: &PlaneRings, pixels: f64) -> Vec<Vector2<f64>> {
-    let length = |ring: &[Vector2<f64>]| edges(ring).map(|(a, b)| (b - a).norm()).sum::<f64>();
-    let total: f64 = outline.rings().iter().map(|ring| length(ring)).sum();
-    let piece = (PIECE / pixels).max(total / MOST_PIECES as f64);
-    let mut means = Vec::new();
-    for ring in outline.rings() {
-        let count = ((length(ring) / piece).round() as usize).max(FEWEST_PIECES);
-        means.extend(ring_means(ring, length(ring), count));
-    }
-    means
-}
-
-/// Means of `count` equally long parts of a closed ring, exact.
-fn ring_means(ring: &[Vector2<f64>], length: f64, count: usize) -> Vec<Vector2<f64>> {
-    let part = length / count as f64;
-    let mut means = Vec::with_capacity(count);
-    let (mut sum, mut filled) = (Vector2::zeros(), 0.0);
-    for (a, b) in edges(ring) {
-        let step = (b - a).norm();
-        let mut from = 0.0;
-        while step > from {
-            let last = means.len() + 1 == count;
-            let to = if last { step } else { step.min(from + part - filled) };
-            sum += a.lerp(&b, 0.5 * (from + to) / step) * (to - from);
-            filled += to - from;
-            from = to;
-            if !last && filled >= part * (1.0 - f64::EPSILON * count as f64) {
-                means.push(sum / filled);
-                (sum, filled) = (Vector2::zeros(), 0.0);
-            }
-        }
-    }
-    if filled > 0.0 {
-        means.push(sum / filled);
-    }
-    means
-}
-
-fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
-    (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]))
 }
 
 /// An edge of the projected boundary: its ends along the chart's axes, and on the plane z = 1.
@@ -191,8 +139,18 @@ impl Edge {
     }
 }
 
-/// A signed distance (pixels) and its derivatives by the left increment.
-type Row = (f64, Vector6<f64>);
+/// A piece against the boundary.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Row {
+    /// Signed distance of its mean, pixels.
+    pub distance: f64,
+    /// Derivatives of that by the left increment.
+    pub derivative: Vector6<f64>,
+    /// Mean square of its points about their mean across the boundary, squared pixels.
+    pub spread: f64,
+    /// How far off it counts: as far as its mean, farther where it runs across the boundary, pixels.
+    pub misfit: f64,
+}
 
 impl Contour {
     /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane.
@@ -223,16 +181,19 @@ impl Contour {
             best.1
         };
         match before {
-            None => self.pieces.iter().map(|point| among(point, &mut (0..edges.len()))).collect(),
-            Some(before) => {
-                self.pieces.iter().zip(before).map(|(point, &last)| among(point, &mut around(last, ends))).collect()
-            }
+            None => self.pieces.iter().map(|piece| among(&piece.mean, &mut (0..edges.len()))).collect(),
+            Some(before) => self
+                .pieces
+                .iter()
+                .zip(before)
+                .map(|(piece, &last)| among(&piece.mean, &mut around(last, ends)))
+                .collect(),
         }
     }
 
     /// Distance and derivatives of one piece from one edge (`docs/math.md`, eq. 11.2 and 11.3).
-    fn row(&self, point: &Vector2<f64>, edge: &Edge) -> Row {
-        let (share, offset) = edge.foot(point);
+    fn row(&self, piece: &Piece, edge: &Edge) -> Row {
+        let (share, offset) = edge.foot(&piece.mean);
         let normal = Vector2::new(edge.step.y, -edge.step.x) * edge.inverse.sqrt();
         let inside = share > 0.0 && share < 1.0;
         let distance = offset.norm();
@@ -255,7 +216,11 @@ impl Contour {
             by_translation.y,
             by_translation.z,
         );
-        (self.pixels * value, self.pixels * derivative)
+        let (distance, spread) = (self.pixels * value, normal.dot(&(piece.spread * normal)));
+        let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
+        let squared = self.pixels.powi(2);
+        let misfit = (distance.powi(2) + squared * crossing).sqrt();
+        Row { distance, derivative: self.pixels * derivative, spread: squared * spread, misfit }
     }
 }
 
@@ -269,45 +234,42 @@ fn around(index: usize, ends: &[usize]) -> impl Iterator<Item = usize> + use<> {
 }
 
 /// Distances and derivatives of all pieces, and the edges that they belong to.
-struct Rows {
-    rows: Vec<Row>,
+pub(crate) struct Rows {
+    pub rows: Vec<Row>,
     nearest: Vec<Vec<usize>>,
 }
 
 impl Rows {
     /// `None` where a region is out of view.
-    fn at(contours: &[Contour], pose: &Pose, before: Option<&[Vec<usize>]>) -> Option<Self> {
+    pub fn at(contours: &[Contour], pose: &Pose, before: Option<&[Vec<usize>]>) -> Option<Self> {
         let (mut rows, mut all) = (Vec::new(), Vec::new());
         for (index, contour) in contours.iter().enumerate() {
             let (edges, ends) = contour.projected(pose)?;
             let nearest = contour.nearest(&edges, &ends, before.map(|before| before[index].as_slice()));
-            rows.extend(contour.pieces.iter().zip(&nearest).map(|(point, &k)| contour.row(point, &edges[k])));
+            rows.extend(contour.pieces.iter().zip(&nearest).map(|(piece, &k)| contour.row(piece, &edges[k])));
             all.push(nearest);
         }
         Some(Self { rows, nearest: all })
     }
 
     fn distances(&self) -> Distances {
-        Distances::new(self.rows.iter().map(|row| row.0))
+        Distances::new(self.rows.iter().map(|row| row.misfit))
     }
 
     /// Gauss-Newton step of the distances weighted down beyond a scale; `None` where no direction is held.
     fn step(&self, scale: f64) -> Option<Tangent> {
-        let (normal, gradient) = self.normal_equations(|value| {
-            let ratio = value / (HALF_WIDTH * scale);
-            (1.0 + ratio * ratio).powi(-2)
-        });
+        let (normal, gradient) = self.normal_equations(scale);
         let ridge = Matrix6::from_diagonal(&(normal.diagonal() * RIDGE));
         Some(-(normal + ridge).cholesky()?.solve(&gradient))
     }
 
-    /// `J^T W J` and `J^T W r`.
-    fn normal_equations(&self, weight: impl Fn(f64) -> f64) -> (Matrix6<f64>, Vector6<f64>) {
+    /// `J^T W J` and `J^T W r` at a scale.
+    fn normal_equations(&self, scale: f64) -> (Matrix6<f64>, Vector6<f64>) {
         let (mut normal, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
-        for (value, derivative) in &self.rows {
-            let weighted = derivative * weight(*value);
+        for Row { distance, derivative, misfit, .. } in &self.rows {
+            let weighted = derivative * weight(*misfit, scale);
             normal += weighted * derivative.transpose();
-            gradient += weighted * *value;
+            gradient += weighted * *distance;
         }
         (normal, gradient)
     }
@@ -318,8 +280,8 @@ impl Rows {
 pub fn contour_distances(contours: &[Contour], pose: &Pose) -> Option<Evaluation> {
     let rows = Rows::at(contours, pose, None)?.rows;
     Some(Evaluation {
-        residual: DVector::from_iterator(rows.len(), rows.iter().map(|row| row.0)),
-        jacobian: OMatrix::<f64, Dyn, U6>::from_fn(rows.len(), |row, column| rows[row].1[column]),
+        residual: DVector::from_iterator(rows.len(), rows.iter().map(|row| row.distance)),
+        jacobian: OMatrix::<f64, Dyn, U6>::from_fn(rows.len(), |row, column| rows[row].derivative[column]),
     })
 }
 
@@ -367,14 +329,7 @@ fn settled(contours: &[Contour], mut pose: Pose, mut rows: Rows, scale: f64) -> 
 fn fit_of(rows: &Rows, pose: &Pose) -> ContourFit {
     let distances = rows.distances();
     let mixture = distances.mixture(FINEST_SCALE);
-    let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.0)).collect();
-    let residuals: Vec<f64> = rows.rows.iter().zip(&clean).map(|(row, clean)| row.0 * clean).collect();
-    let variance = residuals.iter().map(|r| r * r).sum::<f64>() / clean.iter().sum::<f64>().max(1.0);
-    let correlation_length = correlation(&residuals);
-    let free = clean.iter().sum::<f64>() / correlation_length;
-    // Six parameters leave so much less of the independent distances.
-    let correlated = variance * correlation_length * free / (free - 6.0).max(1.0);
-    let (information, _) = rows.normal_equations(|value| mixture.clean_probability(value) / correlated);
+    let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.misfit)).collect();
     let shares: Vec<&[f64]> = split(&clean, rows.nearest.iter().map(Vec::len));
     // A region that is disturbed as a whole says nothing of how long the disturbances are.
     let about_mean: Vec<f64> = shares.iter().flat_map(|region| centred(region)).collect();
@@ -382,7 +337,7 @@ fn fit_of(rows: &Rows, pose: &Pose) -> ContourFit {
     let clean_shares = shares.iter().map(|region| mean(region)).collect();
     let sigma = distances.robust_sigma().max(FINEST_SCALE);
     let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
-    ContourFit { pose: *pose, mixture, is_clean, clean_shares, independent, information }
+    ContourFit { pose: *pose, mixture, is_clean, clean_shares, independent }
 }
 
 /// Consecutive parts of these lengths.
@@ -403,17 +358,6 @@ fn mean(values: &[f64]) -> f64 {
 fn centred(values: &[f64]) -> Vec<f64> {
     let mean = mean(values);
     values.iter().map(|value| value - mean).collect()
-}
-
-/// How many neighbours vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive.
-fn correlation(values: &[f64]) -> f64 {
-    let product = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>();
-    let square = product(0);
-    if square <= 0.0 {
-        return 1.0;
-    }
-    let lags = (1..values.len() / 4).map(|lag| product(lag) / square).take_while(|&rho| rho > 0.0);
-    1.0 + 2.0 * lags.sum::<f64>()
 }
 
 /// The pose moved by an increment, shortened until every region is in view.

@@ -55,6 +55,8 @@ pub struct Solution {
     pub overlap_error: f64,
     /// The same, region by region.
     pub region_overlap_errors: Vec<f64>,
+    /// Covariance of the left increment `[omega (rad), tau (metres)]`.
+    pub covariance: Matrix6<f64>,
 }
 
 /// The pose of a camera, and what is known of it.
@@ -62,8 +64,6 @@ pub struct Solution {
 pub struct Estimate {
     /// The best pose.
     pub best: Solution,
-    /// Covariance of the left increment `[omega (rad), tau (metres)]`.
-    pub covariance: Matrix6<f64>,
     /// Noise of the boundary that the fit shows, in pixels along the normal.
     pub boundary_noise: f64,
     /// The other minima that fit as well, best first.
@@ -98,16 +98,13 @@ impl Problem {
         let mut solutions = fitting.into_iter().map(|place| self.solution(place));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
-        let (noise, covariance) = match &best.contour {
-            Some(fit) => (fit.mixture.sigma, fit.covariance()),
-            None => (noise, self.covariance(&best.minimum.pose, noise)),
-        };
-        let warnings = self.warnings(&best, &alternatives, &covariance);
-        Some(Estimate { best, covariance, boundary_noise: noise, alternatives, warnings, evaluations })
+        let noise = best.contour.as_ref().map_or(noise, |fit| fit.mixture.sigma);
+        let warnings = self.warnings(&best, &alternatives);
+        Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evaluations })
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-    fn covariance(&self, pose: &Pose, noise: f64) -> Matrix6<f64> {
+    pub(crate) fn covariance(&self, pose: &Pose, noise: f64) -> Matrix6<f64> {
         let free = Matrix6::from_element(f64::INFINITY);
         let Some(evaluation) = self.evaluate(pose, Weighting::Whitened) else { return free };
         let information = evaluation.jacobian.transpose() * &evaluation.jacobian;
@@ -115,7 +112,7 @@ impl Problem {
         information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
     }
 
-    fn solution(&self, Place { pose, minimum, contour }: Place) -> Solution {
+    fn solution(&self, Place { pose, minimum, contour, covariance }: Place) -> Solution {
         let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
             pairs.map(|(region, world)| region_overlap(region, world, &pose)).collect();
@@ -123,10 +120,11 @@ impl Problem {
         let total =
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         let region_overlap_errors = areas.into_iter().map(ratio).collect();
-        Solution { minimum: Minimum { pose, ..minimum }, contour, overlap_error: ratio(total), region_overlap_errors }
+        let minimum = Minimum { pose, ..minimum };
+        Solution { minimum, contour, overlap_error: ratio(total), region_overlap_errors, covariance }
     }
 
-    fn warnings(&self, best: &Solution, alternatives: &[Solution], covariance: &Matrix6<f64>) -> Vec<Warning> {
+    fn warnings(&self, best: &Solution, alternatives: &[Solution]) -> Vec<Warning> {
         let mut warnings = Vec::new();
         // On the contours it does not matter how the moments' iteration ended.
         if best.contour.is_none() && !best.minimum.converged {
@@ -139,7 +137,7 @@ impl Problem {
         for (region, &error) in best.region_overlap_errors.iter().enumerate() {
             warnings.extend(poor_region(region, error, best.contour.as_ref()));
         }
-        warnings.extend(weak_geometry(covariance, self.distance(&best.minimum.pose)));
+        warnings.extend(weak_geometry(&best.covariance, self.distance(&best.minimum.pose)));
         warnings
     }
 }

@@ -1,6 +1,9 @@
 //! From minima to the poses that fit alike: by their moments, or led onto the contours where those speak for it.
 
+use nalgebra::Matrix6;
+
 use crate::contour::{Contour, ContourFit, contour_fit, refined};
+use crate::contour_noise::covariance;
 use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
@@ -48,6 +51,8 @@ pub struct Place {
     pub minimum: Minimum,
     /// What the contours show there, where it was led onto them.
     pub contour: Option<ContourFit>,
+    /// Covariance of the left increment `[omega (rad), tau (metres)]`, by the contours where the pose lies on them.
+    pub covariance: Matrix6<f64>,
 }
 
 impl Place {
@@ -64,7 +69,12 @@ impl Problem {
         let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
         let tie = least + TIE_COST * self.boundary_noise(least).powi(2);
         fitting.sort_by_key(|minimum| if minimum.cost <= tie { order(&minimum.pose) } else { [i64::MAX; 3] });
-        fitting.into_iter().map(|minimum| Place { pose: minimum.pose, minimum, contour: None }).collect()
+        let noise = self.boundary_noise(least);
+        let place = |minimum: Minimum| {
+            let covariance = self.covariance(&minimum.pose, noise);
+            Place { pose: minimum.pose, minimum, contour: None, covariance }
+        };
+        fitting.into_iter().map(place).collect()
     }
 
     /// The minima led onto the observed contours, those that fit as well as the best; `None` where the contours are clean or
@@ -104,7 +114,8 @@ impl Problem {
     fn led_onto(&self, contours: &[Contour], minima: impl Iterator<Item = Minimum>) -> Vec<Place> {
         let led = |minimum: Minimum| {
             let fit = refined(contours, &self.centred(&minimum.pose))?;
-            Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit) })
+            let covariance = covariance(contours, &fit);
+            Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit), covariance })
         };
         minima.filter_map(led).collect()
     }

@@ -34,7 +34,7 @@ fn bits(estimate: &Estimate) -> Vec<u64> {
         let entries: Vec<f64> = pose.rotation.matrix().iter().chain(pose.translation.iter()).copied().collect();
         entries.into_iter().chain([solution.minimum.cost, solution.overlap_error])
     });
-    numbers.chain(estimate.covariance.iter().copied()).map(f64::to_bits).collect()
+    numbers.chain(estimate.best.covariance.iter().copied()).map(f64::to_bits).collect()
 }
 
 #[test]

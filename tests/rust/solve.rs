@@ -237,8 +237,8 @@ fn the_covariance_agrees_with_the_scatter_of_noisy_images() {
         let estimate = problem.estimate(Start::Global, &NO_PRIOR, Refinement::Contour).unwrap();
         let error = increment(&estimate.best.minimum.pose, &scene.pose);
         scatter += error * error.transpose() / SCATTER as f64;
-        predicted += estimate.covariance / SCATTER as f64;
-        distance += (error.transpose() * estimate.covariance.try_inverse().unwrap() * error)[0] / SCATTER as f64;
+        predicted += estimate.best.covariance / SCATTER as f64;
+        distance += (error.transpose() * estimate.best.covariance.try_inverse().unwrap() * error)[0] / SCATTER as f64;
         noise += estimate.boundary_noise / SCATTER as f64;
     }
     assert!(noise > 0.7 && noise < 1.4, "boundary noise {noise}");
@@ -255,7 +255,7 @@ fn covariances_are_symmetric_and_positive() {
     let mut random = Random::new(38);
     for regions in [1, 2, 3] {
         let scene = Scene::random(&mut random, Layout { regions, ..Layout::default() });
-        let covariance = estimated(&scene, &NO_PRIOR).covariance;
+        let covariance = estimated(&scene, &NO_PRIOR).best.covariance;
         let scale = Matrix6::from_diagonal(&covariance.diagonal().map(|variance| variance.sqrt().recip()));
         let correlation = scale * covariance * scale;
         assert!((correlation - correlation.transpose()).amax() < 1e-9);

@@ -139,6 +139,11 @@ impl Solution {
     fn region_overlap_errors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.region_overlap_errors)
     }
+
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.0.covariance.iter().copied().collect(), [6, 6])
+    }
 }
 
 /// The pose of a camera, and what is known of it.
@@ -151,11 +156,6 @@ impl Estimate {
     #[getter]
     fn best(&self) -> Solution {
         Solution(self.0.best.clone())
-    }
-
-    #[getter]
-    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.0.covariance.iter().copied().collect(), [6, 6])
     }
 
     #[getter]

@@ -1,0 +1,78 @@
+//! What the noise of the contours that a fit shows says of its pose: how long it goes on alike, and the pose's covariance
+//! (`docs/math.md`, eq. 11.5 to 11.7).
+
+use nalgebra::{Matrix6, Vector6};
+
+use crate::contour::{Contour, ContourFit, Row, Rows};
+
+/// Weights fall to a quarter at this many scales (Geman-McClure).
+const HALF_WIDTH: f64 = 2.0;
+
+/// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
+const LEAST_SLOPE: f64 = 0.1;
+
+/// Parameters of a pose.
+const PARAMETERS: f64 = 6.0;
+
+/// The weight of a distance against a scale.
+pub fn weight(distance: f64, scale: f64) -> f64 {
+    let ratio = distance / (HALF_WIDTH * scale);
+    (1.0 + ratio * ratio).powi(-2)
+}
+
+/// Derivative of a distance times its weight: negative beyond the turning point of the loss.
+fn slope(distance: f64, scale: f64) -> f64 {
+    let square = (distance / (HALF_WIDTH * scale)).powi(2);
+    (1.0 - 3.0 * square) * (1.0 + square).powi(-3)
+}
+
+/// How many neighbours vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive.
+pub fn correlation(values: &[f64]) -> f64 {
+    let product = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    let square = product(0);
+    if square <= 0.0 {
+        return 1.0;
+    }
+    let lags = (1..values.len() / 4).map(|lag| product(lag) / square).take_while(|&rho| rho > 0.0);
+    1.0 + 2.0 * lags.sum::<f64>()
+}
+
+/// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
+/// left free.
+pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
+    let free = Matrix6::from_element(f64::INFINITY);
+    let Some(Rows { rows, .. }) = Rows::at(contours, &fit.pose, None) else { return free };
+    let scale = fit.mixture.sigma;
+    let weights: Vec<f64> = rows.iter().map(|row| weight(row.misfit, scale)).collect();
+    let held: f64 = weights.iter().sum();
+    let steepness = (rows.iter().map(|row| slope(row.misfit, scale)).sum::<f64>() / held).max(LEAST_SLOPE);
+    let pulls: Vec<f64> = rows.iter().zip(&weights).map(|(row, weight)| row.distance * weight).collect();
+    let correlation = correlation(&pulls);
+    let square =
+        |sum: Matrix6<f64>, (row, factor): (&Row, f64)| sum + row.derivative * row.derivative.transpose() * factor;
+    let information = rows.iter().zip(weights.iter().map(|w| w * steepness)).fold(Matrix6::zeros(), square);
+    let scatter = rows.iter().zip(pulls.iter().map(|pull| pull * pull * correlation)).fold(Matrix6::zeros(), square);
+    let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else { return free };
+    // Six parameters leave so much less of the distances that vary independently.
+    let independent = held / correlation;
+    let left = independent / (independent - PARAMETERS).max(1.0);
+    inverse * (scatter + runs_scatter(contours, &rows, &weights)) * inverse * left
+}
+
+/// What straight runs add to the scatter of the gradient: all pieces of one are off alike.
+///
+/// A mask's edge along the pixels' grid lies anywhere within a pixel, as the side of a polygon does within a click's
+/// error: the deviation of the contour's points, not that of the pieces, over which a staircase averages out.
+fn runs_scatter(contours: &[Contour], rows: &[Row], weights: &[f64]) -> Matrix6<f64> {
+    let held: f64 = weights.iter().sum();
+    let points = rows.iter().zip(weights).map(|(row, weight)| (row.distance.powi(2) + row.spread) * weight);
+    let variance = points.sum::<f64>() / held;
+    let runs = contours.iter().enumerate().flat_map(|(region, contour)| contour.runs().map(move |run| (region, run)));
+    let pulls: Vec<_> = runs.zip(rows.iter().zip(weights).map(|(row, &weight)| row.derivative * weight)).collect();
+    pulls
+        .chunk_by(|((region, run), _), ((other, next), _)| region == other && run.is_some() && run == next)
+        .filter(|run| run.len() > 1)
+        .map(|run| run.iter().map(|(_, pull)| pull).sum::<Vector6<f64>>())
+        .map(|pull| pull * pull.transpose() * variance)
+        .sum()
+}
