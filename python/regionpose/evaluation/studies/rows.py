@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -35,6 +36,9 @@ ANSWER_TYPES: dict[str, type] = {
 }
 """Columns of one answer against the truth."""
 
+OUTLIER = re.compile(r"outlier-region: region (\d+) ")
+"""The warning that a region is wrong, and the region's number."""
+
 NEAREST = "nearest_"
 """What the columns of the nearest answer begin with; those of the pose itself have the bare names."""
 
@@ -46,6 +50,7 @@ RESULT_TYPES: dict[str, type] = {
     "answers": int,
     "ambiguous": bool,
     "warnings": str,
+    "outlier_named": str,
     "observed_overlap_error": float,
     "boundary_noise_px": float,
     **{f"sigma_rotation_{axis}_deg": float for axis in AXES},
@@ -84,6 +89,7 @@ def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estim
         "answers": len(answers),
         "ambiguous": "ambiguous" in codes,
         "warnings": ";".join(codes),
+        "outlier_named": outlier_named(problem, estimate),
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise),
         **_sigmas(estimate),
@@ -94,6 +100,15 @@ def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estim
         "prepare_s": prepare_s,
         "estimate_s": estimate_s,
     }
+
+
+def outlier_named(problem: Problem, estimate: PoseEstimate) -> str:
+    """What the warnings say of a wrong region: "none" named, the "right" one and no other, or any "wrong" one."""
+    found = [OUTLIER.match(str(warning)) for warning in estimate.warnings]
+    named = {int(match.group(1)) for match in found if match}
+    if not named:
+        return "none"
+    return "right" if named == {problem.wrong} else "wrong"
 
 
 def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
@@ -168,6 +183,7 @@ def _sigmas(estimate: PoseEstimate) -> Row:
 
 def _drawn(problem: Problem) -> Row:
     return {
+        **problem.drawn,
         "templates_drawn": ";".join(problem.scene.names),
         "regions_given": len(problem.kept),
         "view_angle_deg": float(problem.scene.view_angles()[0]),
@@ -198,8 +214,9 @@ class Results:
         return list(dict.fromkeys(row[name] for row in self.rows))
 
     def varying(self) -> list[str]:
-        """Columns of the condition with more than one value."""
-        return [name for name in CONDITION_TYPES if len(self.values(name)) > 1]
+        """Columns of the condition with more than one value, without those that the seeds decided."""
+        drawn = self.settings.get("drawn", ())
+        return [name for name in CONDITION_TYPES if name not in drawn and len(self.values(name)) > 1]
 
     def groups(self, names: Sequence[str]) -> Iterator[tuple[dict[str, Value], Results]]:
         """The rows that share the values of the columns, with these values, in the order they come."""

@@ -7,10 +7,15 @@ from collections.abc import Sequence
 
 from regionpose.evaluation.measures import Summary, solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.studies.coverage import LEVELS, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
+from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows
 
 SHOWN_ERRORS = 5
 """Different error texts that are listed, the most frequent first."""
+
+SHOWN_SILENT = 50
+"""Silently wrong problems that are listed; the rows hold them all."""
 
 QUANTILES = "median (quartiles; 95 %)"
 
@@ -19,11 +24,12 @@ NEAREST_NOTE = "The nearest of the pose and its alternatives: a symmetric shape 
 
 
 def results_table(results: Results, title: str = "") -> str:
-    """The rows as Markdown: the pose itself, the nearest answer, and what failed."""
+    """The rows as Markdown: the pose itself, the nearest answer, verdict, coverage, and what failed."""
     heading = [f"# {title}", ""] if title else []
     parts = [*heading, *_answer_table(results, "Pose", BEST_NOTE, "")]
     parts += ["", *_answer_table(results, "Nearest answer", NEAREST_NOTE, NEAREST)]
-    return "\n".join([*parts, *_failures(results), *_remarks(results)]) + "\n"
+    parts += ["", *_verdict_table(results), "", *_coverage_table(results)]
+    return "\n".join([*parts, *_silent(results), *_failures(results), *_remarks(results)]) + "\n"
 
 
 def _answer_table(results: Results, name: str, note: str, prefix: str) -> list[str]:
@@ -71,6 +77,68 @@ def value_text(name: str, value: Value) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+VERDICT_NOTE = (
+    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning. Of"
+    " shapes that are all symmetric, being ambiguous is no false alarm."
+)
+VERDICT_HEADS = ["scenes", "right", "right, warned", "beside ambiguous", "between", "between, silent", "wrong", "silent"]
+
+
+def _verdict_table(results: Results) -> list[str]:
+    """Right, between and wrong poses, warned of or not; with wrong regions also which of them were named."""
+    varying = results.varying()
+    outliers = any(value != "none" for value in results.values("wrong"))
+    heads = [*varying, *VERDICT_HEADS, "no answer", *(["named right", "named wrong"] if outliers else [])]
+    lines = [_line(heads), _line(["---"] * len(heads))]
+    for values, group in results.groups(varying):
+        shown = [value_text(column, value) for column, value in values.items()]
+        lines.append(_line([*shown, *_verdict_cells(group, outliers)]))
+    if varying:
+        lines.append(_line(["all", *[""] * (len(varying) - 1), *_verdict_cells(results, outliers)]))
+    return ["## Verdict", "", VERDICT_NOTE, "", *lines]
+
+
+def _verdict_cells(group: Results, outliers: bool) -> list[str]:
+    found = Verdicts.of(group)
+    counts = [found.scenes, found.right, found.right_warned, found.right_warned_otherwise]
+    counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
+    return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
+
+
+def _coverage_table(results: Results) -> list[str]:
+    varying = results.varying()
+    heads = [*varying, "solved", *(f"in {100.0 * level:g} %" for level in LEVELS), "median ratio", "rotation, rms ratio"]
+    lines = [_line(heads), _line(["---"] * len(heads))]
+    for values, group in results.groups(varying):
+        found = coverage(group)
+        shown = [value_text(column, value) for column, value in values.items()]
+        shares = ["-" if found.count == 0 else f"{100.0 * share:.1f} %" for share in found.inside]
+        lines.append(_line([*shown, str(found.count), *shares, _number(found.median_ratio), _number(found.rotation_ratio)]))
+    return ["## Coverage", "", COVERAGE_NOTE, "", *lines]
+
+
+COVERAGE_NOTE = (
+    "True poses inside the ellipsoids of the estimate's covariance about the nearest answer, of those that are solved."
+    " Median ratio: of the squared Mahalanobis distance over that of chi-squared; rotation: of error over its deviation."
+)
+
+
+def _silent(results: Results) -> list[str]:
+    """What is wrong without a warning, and how to see it again."""
+    rows = silent_rows(results)
+    if not rows:
+        return []
+    study = results.settings.get("study", "NAME")
+    lines = []
+    for row in rows[:SHOWN_SILENT]:
+        chosen = " ".join(f"--only '{name}={row[name]}'" for name in results.varying())
+        command = f"regionpose evaluate {study} --seed {row['seed']} --scenes 1 {chosen}".rstrip()
+        lines.append(f"- {row['rotation_deg']:.1f} deg, {row['templates_drawn']}: `{command}`")
+    left = len(rows) - len(lines)
+    more = [f"- and {left} others; the rows hold them all"] if left > 0 else []
+    return ["", "## Silently wrong", "", f"{len(rows)} of {len(results.rows)} problems.", "", *lines, *more]
 
 
 def _failures(results: Results) -> list[str]:
