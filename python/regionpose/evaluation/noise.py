@@ -299,7 +299,7 @@ def another_shape(rings: Sequence[Array], other: Sequence[Array], rng: np.random
 
 
 def elsewhere(rings: Sequence[Array], rng: np.random.Generator) -> list[Array]:
-    """(n, 3) rings of a planar region moved in its plane, by half the square root of its area, and turned by any angle."""
+    """(n, 3) rings of a planar region moved in its plane, by half the square root of its area, and turned at will."""
     frame = PlaneFrame.of_region(rings)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     distance = MOVED_SHARE * np.sqrt(np.linalg.norm(area_vector(rings)))

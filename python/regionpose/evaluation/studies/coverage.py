@@ -57,3 +57,15 @@ def solved_and_finite(results: Results) -> Results:
     """The rows whose nearest answer is solved and whose covariance says something."""
     rows = [r for r in results.rows if r[f"{NEAREST}solved"] and np.isfinite(float(r["mahalanobis_squared"] or 0.0))]
     return Results(results.settings, rows)
+
+
+def bound_ratios(results: Results, name: str) -> Array:
+    """(n,) errors of the nearest answers over their bounds, of the rows that are solved and have one.
+
+    `name`: "rotation_deg" or "translation_m".
+    """
+    rows = [row for row in results.rows if row[f"{NEAREST}solved"] and row[f"bound_{name}"] is not None]
+    pairs = np.array([(row[f"{NEAREST}{name}"], row[f"bound_{name}"]) for row in rows], dtype=np.float64).reshape(-1, 2)
+    bounded = pairs[np.isfinite(pairs[:, 1])]
+    ratios: Array = bounded[:, 0] / bounded[:, 1]
+    return ratios

@@ -36,19 +36,31 @@ MOST_RANGE_NOISE_M = 0.03
 MOST_FOCAL_ERROR, MOST_CENTER_ERROR_PX = 0.01, 3.0
 LIDAR_BEAMS = (16, 32, 64, 128)
 
+SCENE_TRIES = 50
+"""Scenes that are drawn at the most until one can be given to an estimate."""
+
 
 def draw_mixed_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
-    """The problem of a seed under the condition's noise model; no two models or cameras have a scene in common."""
+    """The problem of a seed under the condition's noise model; no two models or cameras have a scene in common.
+
+    The scene is drawn again where the disturbance leaves nothing to solve, as of a region that the lidar's fan misses.
+    """
     rng = problem_generator(seed, f"{condition.camera} {condition.model}")
     drawn = drawn_condition(condition, rng)
-    problem = draw_problem(setup, drawn, int(rng.integers(2**62)))
+    for left in reversed(range(SCENE_TRIES)):
+        try:
+            problem = draw_problem(setup, drawn, int(rng.integers(2**62)))
+            break
+        except ValueError:
+            if not left:
+                raise
     return replace(problem, drawn={name: getattr(drawn, name) for name in DRAWN})
 
 
 def drawn_condition(condition: Condition, rng: np.random.Generator) -> Condition:
-    """The condition with every field of `DRAWN` set: shapes, planes, masks, and strengths uniform within their range."""
+    """The condition with every field of `DRAWN` set: shapes, planes, masks; strengths uniform within their ranges."""
     planes = PLANES_WITH_WRONG if condition.model == "wrong-region" else PLANES
-    held = {
+    held: dict[str, Any] = {
         "planes": int(rng.choice(planes)),
         "templates": str(rng.choice(("asymmetric", "symmetric", "all"))),
         "masks": str(rng.choice(("binary", "coverage"))),

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from regionpose.evaluation.masks import ProjectionError, project_region
 from regionpose.evaluation.measures import is_solved, overlap_error, pose_errors
+from regionpose.evaluation.studies.bounds import PoseBound
 from regionpose.evaluation.studies.conditions import CONDITION_TYPES, Condition, Value
 from regionpose.evaluation.studies.problems import Problem
 from regionpose.pose import Pose
@@ -56,6 +57,8 @@ RESULT_TYPES: dict[str, type] = {
     **{f"sigma_rotation_{axis}_deg": float for axis in AXES},
     **{f"sigma_translation_{axis}_m": float for axis in AXES},
     "mahalanobis_squared": float,
+    "bound_rotation_deg": float,
+    "bound_translation_m": float,
     "converged": bool,
     "evaluations": int,
     "templates_drawn": str,
@@ -75,8 +78,10 @@ COLUMN_TYPES: dict[str, type] = {**CONDITION_TYPES, "seed": int, **RESULT_TYPES}
 """All columns of a row, in order, and the type of each when it is not None."""
 
 
-def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estimate_s: float) -> Row:
-    """The outcome of an estimate."""
+def solved_row(
+    problem: Problem, estimate: PoseEstimate, prepare_s: float, estimate_s: float, bound: PoseBound | None = None
+) -> Row:
+    """The outcome of an estimate, with the bound of its errors where that was asked for."""
     answers = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
@@ -94,6 +99,8 @@ def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estim
         "boundary_noise_px": float(estimate.boundary_noise),
         **_sigmas(estimate),
         "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], estimate.covariance),
+        "bound_rotation_deg": None if bound is None else bound.rotation_deg,
+        "bound_translation_m": None if bound is None else bound.translation_m,
         "converged": bool(estimate.converged),
         "evaluations": int(estimate.evaluations),
         **_drawn(problem),

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from regionpose import _core
 from regionpose.evaluation.setups import Setup, fisheye_setup, omnidirectional_setup, perspective_setup
+from regionpose.evaluation.studies.bounds import pose_bound
 from regionpose.evaluation.studies.conditions import (
     CONDITION_TYPES,
     Condition,
@@ -36,8 +37,9 @@ class Chart:
     """A picture of the rows.
 
     `kind`: "sorted" draws errors and run times in rising order, "solved" the share of solved problems over the column
-    `across`, "coverage" the share of true poses inside the covariance's ellipsoids over the share that should be. A line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a
-    picture each.
+    `across`, "coverage" the share of true poses inside the covariance's ellipsoids over the share that should be. A
+    line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a picture
+    each.
     """
 
     kind: ChartKind
@@ -61,8 +63,9 @@ class Study:
 
     `grids`: values of the condition's fields, all combinations of each grid one after the other. `setups`: the cameras
     and poses that conditions name. `problem`: from setup, condition and seed to the problem; a function of a module, so
-    that other processes find it. `drawn`: fields of the condition that `problem` draws anew for each seed; the rows hold
-    them, and no table or chart is divided by them.
+    that other processes find it. `drawn`: fields of the condition that `problem` draws anew for each seed; the rows
+    hold them, and no table or chart is divided by them. `bounds`: whether rows hold the bound of their errors, which
+    takes about as long as the estimate.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Study:
     setups: Mapping[str, Setup] = field(default_factory=benchmark_setups)
     problem: ProblemMaker = draw_problem
     drawn: Sequence[str] = ()
+    bounds: bool = False
 
     def __post_init__(self) -> None:
         """Check that every camera of the grids is there."""
@@ -119,6 +123,7 @@ class Study:
             "seeds": [seeds.start, seeds.stop],
             "versions": versions(),
             **({"drawn": list(self.drawn)} if self.drawn else {}),
+            **({"bounds": True} if self.bounds else {}),
         }
 
     def outcome(self, condition: Condition, seed: int) -> Row:
@@ -131,7 +136,8 @@ class Study:
             options = solver_options(condition.solver)
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
-            return solved_row(problem, estimate, prepared - started, ended - prepared)
+            bound = pose_bound(problem) if self.bounds else None
+            return solved_row(problem, estimate, prepared - started, ended - prepared, bound)
         except Exception as error:
             return failed_row(error, problem)
 

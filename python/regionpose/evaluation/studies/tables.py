@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from regionpose.evaluation.measures import Summary, solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value
-from regionpose.evaluation.studies.coverage import LEVELS, coverage
+from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
 from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows
 
@@ -28,19 +30,14 @@ def results_table(results: Results, title: str = "") -> str:
     heading = [f"# {title}", ""] if title else []
     parts = [*heading, *_answer_table(results, "Pose", BEST_NOTE, "")]
     parts += ["", *_answer_table(results, "Nearest answer", NEAREST_NOTE, NEAREST)]
-    parts += ["", *_verdict_table(results), "", *_coverage_table(results)]
+    parts += ["", *_verdict_table(results), "", *_coverage_table(results), *_bound_table(results)]
     return "\n".join([*parts, *_silent(results), *_failures(results), *_remarks(results)]) + "\n"
 
 
 def _answer_table(results: Results, name: str, note: str, prefix: str) -> list[str]:
-    varying = results.varying()
-    heads = [*varying, "scenes", "solved", f"rotation, deg: {QUANTILES}", f"translation, mm: {QUANTILES}"]
+    heads = ["scenes", "solved", f"rotation, deg: {QUANTILES}", f"translation, mm: {QUANTILES}"]
     heads += ["overlap error", "ambiguous", f"time, ms: {QUANTILES}"]
-    lines = [_line(heads), _line(["---"] * len(heads))]
-    for values, group in results.groups(varying):
-        shown = [value_text(column, value) for column, value in values.items()]
-        lines.append(_line([*shown, *_cells(group, prefix)]))
-    return [f"## {name}", "", note, "", *lines]
+    return [f"## {name}", "", note, "", *_table(results, heads, lambda group: _cells(group, prefix))]
 
 
 def _cells(group: Results, prefix: str) -> list[str]:
@@ -80,21 +77,27 @@ def _line(cells: Sequence[str]) -> str:
 
 
 VERDICT_NOTE = (
-    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning. Of"
-    " shapes that are all symmetric, being ambiguous is no false alarm."
+    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning."
+    " False alarms are of right poses, without ambiguity where all shapes are symmetric and without the wrong region's name."
 )
-VERDICT_HEADS = ["scenes", "right", "right, warned", "beside ambiguous", "between", "between, silent", "wrong", "silent"]
+VERDICT_HEADS = [
+    "scenes",
+    "right",
+    "right, warned",
+    "false alarms",
+    "between",
+    "between, silent",
+    "wrong",
+    "wrong, silent",
+]
 
 
 def _verdict_table(results: Results) -> list[str]:
     """Right, between and wrong poses, warned of or not; with wrong regions also which of them were named."""
     varying = results.varying()
     outliers = any(value != "none" for value in results.values("wrong"))
-    heads = [*varying, *VERDICT_HEADS, "no answer", *(["named right", "named wrong"] if outliers else [])]
-    lines = [_line(heads), _line(["---"] * len(heads))]
-    for values, group in results.groups(varying):
-        shown = [value_text(column, value) for column, value in values.items()]
-        lines.append(_line([*shown, *_verdict_cells(group, outliers)]))
+    heads = [*VERDICT_HEADS, "no answer", *(["named right", "named wrong"] if outliers else [])]
+    lines = _table(results, heads, lambda group: _verdict_cells(group, outliers))
     if varying:
         lines.append(_line(["all", *[""] * (len(varying) - 1), *_verdict_cells(results, outliers)]))
     return ["## Verdict", "", VERDICT_NOTE, "", *lines]
@@ -102,27 +105,60 @@ def _verdict_table(results: Results) -> list[str]:
 
 def _verdict_cells(group: Results, outliers: bool) -> list[str]:
     found = Verdicts.of(group)
-    counts = [found.scenes, found.right, found.right_warned, found.right_warned_otherwise]
+    counts = [found.scenes, found.right, found.right_warned, found.false_alarms]
     counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
     return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
 
 
-def _coverage_table(results: Results) -> list[str]:
-    varying = results.varying()
-    heads = [*varying, "solved", *(f"in {100.0 * level:g} %" for level in LEVELS), "median ratio", "rotation, rms ratio"]
-    lines = [_line(heads), _line(["---"] * len(heads))]
-    for values, group in results.groups(varying):
-        found = coverage(group)
-        shown = [value_text(column, value) for column, value in values.items()]
-        shares = ["-" if found.count == 0 else f"{100.0 * share:.1f} %" for share in found.inside]
-        lines.append(_line([*shown, str(found.count), *shares, _number(found.median_ratio), _number(found.rotation_ratio)]))
-    return ["## Coverage", "", COVERAGE_NOTE, "", *lines]
-
-
 COVERAGE_NOTE = (
     "True poses inside the ellipsoids of the estimate's covariance about the nearest answer, of those that are solved."
-    " Median ratio: of the squared Mahalanobis distance over that of chi-squared; rotation: of error over its deviation."
+    " Median ratio: of the squared Mahalanobis distance over chi-squared's; rotation: of error over its deviation."
 )
+
+
+def _coverage_table(results: Results) -> list[str]:
+    heads = ["solved", *(f"in {100.0 * level:g} %" for level in LEVELS), "median ratio", "rotation, rms ratio"]
+    return ["## Coverage", "", COVERAGE_NOTE, "", *_table(results, heads, _coverage_cells)]
+
+
+def _coverage_cells(group: Results) -> list[str]:
+    found = coverage(group)
+    if found.count == 0:
+        return ["0", *["-"] * (len(LEVELS) + 2)]
+    shares = [f"{100.0 * share:.1f} %" for share in found.inside]
+    return [str(found.count), *shares, _number(found.median_ratio), _number(found.rotation_ratio)]
+
+
+BOUND_NOTE = (
+    "Error of the nearest answer over its bound, of those that are solved: root of the mean square, and median. An"
+    " estimate that reaches the bound has a root of the mean square of 1."
+)
+
+
+def _bound_table(results: Results) -> list[str]:
+    """Errors over their bounds, where the rows hold them."""
+    if all(row["bound_rotation_deg"] is None for row in results.rows):
+        return []
+    heads = ["solved", "rotation: rms", "median", "translation: rms", "median"]
+    return ["", "## Error over bound", "", BOUND_NOTE, "", *_table(results, heads, _bound_cells)]
+
+
+def _bound_cells(group: Results) -> list[str]:
+    ratios = [bound_ratios(group, name) for name in ("rotation_deg", "translation_m")]
+    if len(ratios[0]) == 0:
+        return ["0", *["-"] * 4]
+    shown = [_number(value) for ratio in ratios for value in (np.sqrt(np.mean(ratio**2)), np.median(ratio))]
+    return [str(len(ratios[0])), *shown]
+
+
+def _table(results: Results, heads: Sequence[str], cells: Callable[[Results], list[str]]) -> list[str]:
+    """A row of cells for each group of the columns that vary."""
+    varying = results.varying()
+    lines = [_line([*varying, *heads]), _line(["---"] * (len(varying) + len(heads)))]
+    for values, group in results.groups(varying):
+        shown = [value_text(column, value) for column, value in values.items()]
+        lines.append(_line([*shown, *cells(group)]))
+    return lines
 
 
 def _silent(results: Results) -> list[str]:

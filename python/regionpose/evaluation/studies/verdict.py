@@ -10,22 +10,23 @@ from regionpose.evaluation.templates import template_named
 RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 """Rotation error of the pose below which it is right, and from which on it is wrong."""
 
-AMBIGUOUS = "ambiguous"
+AMBIGUOUS, OUTLIER = "ambiguous", "outlier-region"
+"""Codes of warnings that may have a cause in the problem itself."""
 
 
 @dataclass(frozen=True)
 class Verdicts:
     """How many poses are right, between and wrong, and warned of; all of the pose itself, not of the nearest answer.
 
-    `right_warned_otherwise`: right ones warned of by more than that all their shapes are symmetric. `between_silent`,
-    `wrong_silent`: those without any warning. `unanswered`: an error in place of a pose. `named_right`, `named_wrong`:
+    `false_alarms`: right ones with a warning that there was no cause for. `between_silent`, `wrong_silent`: those
+    without any warning. `unanswered`: an error in place of a pose. `named_right`, `named_wrong`:
     where the wrong region alone was named, and where another one was.
     """
 
     scenes: int
     right: int
     right_warned: int
-    right_warned_otherwise: int
+    false_alarms: int
     between: int
     between_silent: int
     wrong: int
@@ -44,7 +45,7 @@ class Verdicts:
             scenes=len(results.rows),
             right=len(right),
             right_warned=sum(bool(row["warnings"]) for row in right),
-            right_warned_otherwise=sum(is_warned_otherwise(row) for row in right),
+            false_alarms=sum(is_false_alarm(row) for row in right),
             between=len(between),
             between_silent=sum(not row["warnings"] for row in between),
             wrong=len(answered) - len(right) - len(between),
@@ -60,11 +61,16 @@ def silent_rows(results: Results) -> list[Row]:
     return [r for r in results.rows if not r["error"] and not r["warnings"] and not _rotation(r) < WRONG_DEG]
 
 
-def is_warned_otherwise(row: Row) -> bool:
-    """Whether there is a warning beside that of an ambiguity which is in the shapes, all of them symmetric."""
+def is_false_alarm(row: Row) -> bool:
+    """Whether a right pose has a warning without cause.
+
+    Shapes that are all symmetric fit from several poses, and a wrong region is to be named.
+    """
     codes = set(str(row["warnings"]).split(";")) - {""}
     if all(template_named(name).symmetric for name in str(row["templates_drawn"]).split(";")):
         codes -= {AMBIGUOUS}
+    if row["outlier_named"] == "right":
+        codes -= {OUTLIER}
     return bool(codes)
 
 

@@ -29,7 +29,9 @@ def with_wrong_region(scene: Scene, condition: Condition, rng: np.random.Generat
         if condition.side == "3d" or _in_image(scene, rings):
             regions = [rings if place == index else region for place, region in enumerate(scene.regions)]
             return index, replace(scene, regions=regions)
-    raise ScenePlacementError(f"the wrong region {index} left the image in each of {TRIES} places; a wider one is needed")
+    raise ScenePlacementError(
+        f"the wrong region {index} left the image in each of {TRIES} places; a wider one is needed"
+    )
 
 
 def wrong_rings(scene: Scene, index: int, wrong: Wrong, rng: np.random.Generator) -> list[Array]:
