@@ -232,7 +232,7 @@ def test_every_study_runs_and_is_drawn(name: str) -> None:
     assert sum(not row["error"] for row in results.rows) >= 2
     assert name == "lidar" or results.rows[0]["nearest_solved"] or name == "degeneracy"
     table = results_table(results, name)
-    assert table.count("\n| ") == 2 * 4, "two tables of a head, a rule and two conditions"
+    assert table.count("\n| ") == 4 * 4 + 1, "four tables of a head, a rule and two conditions, and the verdict of all"
     assert len(drawn_charts(results, study.charts)) >= 1
 
 

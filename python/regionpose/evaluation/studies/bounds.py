@@ -76,6 +76,8 @@ def undisturbed_pieces(problem: Problem) -> tuple[Array, Array]:
     scene = problem.scene
     pose = Pose(Rotation.from_matrix(scene.rotation), scene.translation)
     right = [place for place in range(len(problem.kept)) if place != problem.wrong]
+    if not right:
+        return np.zeros(0), np.zeros((0, 6))
     images = [problem.image_regions[place] for place in right]
     true = contours_of(
         scene.camera, pose, images, [world_region(scene.regions[problem.kept[place]]) for place in right]
@@ -85,7 +87,8 @@ def undisturbed_pieces(problem: Problem) -> tuple[Array, Array]:
     if distances is None or others is None:
         return np.zeros(0), np.zeros((0, 6))
     clean = np.abs(distances.values) < UNDISTURBED_PX
-    clean &= np.abs(distances.values - others.values) < SAME_OUTLINE_PX
+    # Without their signs: a plane's side, and with it the turn of its rings, is not the same for both.
+    clean &= np.abs(np.abs(distances.values) - np.abs(others.values)) < SAME_OUTLINE_PX
     jacobian = distance_derivatives(true, distances, _by_increment(scene.camera, pose, true))
     return distances.values[clean], jacobian[clean]
 

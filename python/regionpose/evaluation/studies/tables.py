@@ -78,7 +78,7 @@ def _line(cells: Sequence[str]) -> str:
 
 VERDICT_NOTE = (
     f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning."
-    " False alarms are of right poses, without ambiguity where all shapes are symmetric and without the wrong region's name."
+    " False alarms are of right poses; ambiguity is none where all shapes are symmetric, nor a wrong region's name."
 )
 VERDICT_HEADS = [
     "scenes",
@@ -174,7 +174,15 @@ def _silent(results: Results) -> list[str]:
         lines.append(f"- {row['rotation_deg']:.1f} deg, {row['templates_drawn']}: `{command}`")
     left = len(rows) - len(lines)
     more = [f"- and {left} others; the rows hold them all"] if left > 0 else []
-    return ["", "## Silently wrong", "", f"{len(rows)} of {len(results.rows)} problems.", "", *lines, *more]
+    return [
+        "",
+        "## Silently wrong",
+        "",
+        f"{len(rows)} of {len(results.rows)} problems; with the options of this run:",
+        "",
+        *lines,
+        *more,
+    ]
 
 
 def _failures(results: Results) -> list[str]:
