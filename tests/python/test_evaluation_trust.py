@@ -131,6 +131,12 @@ def test_one_condition_is_run_again_alone() -> None:
     assert comparable(alone.rows) == comparable([row for row in whole.rows if row["noise"] == 0.05][1:])
 
 
+def test_warnings_of_the_regions_are_kept_in_the_row() -> None:
+    study = Study("lidar", "", [{"lidar_beams": (16,)}], setups={"perspective": perspective_setup()})
+    (row,) = run_study(study, 1).rows
+    assert row["input_warnings"] == "SparseSamplingWarning"
+
+
 # Verdicts
 
 

@@ -51,6 +51,7 @@ RESULT_TYPES: dict[str, type] = {
     "answers": int,
     "ambiguous": bool,
     "warnings": str,
+    "input_warnings": str,
     "outlier_named": str,
     "observed_overlap_error": float,
     "boundary_noise_px": float,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -131,13 +132,16 @@ class Study:
         problem = None
         try:
             started = perf_counter()
-            problem = self.problem(self.setups[condition.camera], condition, seed)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
             options = solver_options(condition.solver)
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
             bound = pose_bound(problem) if self.bounds else None
-            return solved_row(problem, estimate, prepared - started, ended - prepared, bound)
+            row = solved_row(problem, estimate, prepared - started, ended - prepared, bound)
+            return {**row, "input_warnings": ";".join(dict.fromkeys(warning.category.__name__ for warning in said))}
         except Exception as error:
             return failed_row(error, problem)
 
