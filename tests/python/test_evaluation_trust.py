@@ -187,15 +187,17 @@ def covered(scale: float, seed: int = 0) -> Results:
     sigmas = {f"sigma_rotation_{axis}_deg": 0.5 for axis in "xyz"}
     rows = [
         made_row(
-            nearest_solved=True,
+            solved=True,
             mahalanobis_squared=float(error @ error),
             **sigmas,
             **{f"nearest_rotation_{axis}_deg": 0.5 * float(e) for axis, e in zip("xyz", error[:3], strict=True)},
         )
         for error in errors
     ]
-    unsolved = made_row(nearest_solved=False, mahalanobis_squared=1e6, **sigmas)
-    return Results({}, [*rows, unsolved, made_row(nearest_solved=True, mahalanobis_squared=float("nan"), **sigmas)])
+    unsolved = made_row(solved=False, mahalanobis_squared=1e6, **sigmas)
+    other = made_row(solved=True, nearest_rank=1, mahalanobis_squared=1e6, **sigmas)
+    unknown = made_row(solved=True, mahalanobis_squared=float("nan"), **sigmas)
+    return Results({}, [*rows, unsolved, other, unknown])
 
 
 def test_coverage_is_nominal_where_the_covariance_is_right() -> None:
@@ -213,7 +215,7 @@ def test_coverage_tells_a_variance_that_is_too_small() -> None:
     assert found.median_ratio == pytest.approx(2.0, rel=0.05)
     assert found.rotation_ratio == pytest.approx(np.sqrt(2.0), rel=0.03)
     assert found.inside[1] < 0.7
-    assert coverage(Results({}, [made_row(nearest_solved=False)])).count == 0
+    assert coverage(Results({}, [made_row(solved=False)])).count == 0
 
 
 # Bounds

@@ -22,10 +22,10 @@ FREEDOM = 6
 class Coverage:
     """How the covariance of solved problems agrees with their errors.
 
-    `count`: problems whose nearest answer is solved, with a finite covariance. `inside`: share of the true poses in the
-    ellipsoid of each of `LEVELS`. `median_ratio`: median of the squared Mahalanobis distance over that of chi-squared,
-    the factor by which the variance is too small. `rotation_ratio`: root of the mean square of the rotation's errors
-    about the camera's axes, each over its own standard deviation. NaN without any.
+    `count`: problems whose pose is solved and the nearest of the answers, with a finite covariance. `inside`: share of
+    the true poses in the ellipsoid of each of `LEVELS`. `median_ratio`: median of the squared Mahalanobis distance over
+    that of chi-squared, the factor by which a typical variance is too small. `rotation_ratio`: root of the mean square
+    of the rotation's errors about the camera's axes, each over its own standard deviation. NaN without any.
     """
 
     count: int
@@ -54,8 +54,12 @@ def coverage_curve(results: Results) -> tuple[Array, Array]:
 
 
 def solved_and_finite(results: Results) -> Results:
-    """The rows whose nearest answer is solved and whose covariance says something."""
-    rows = [r for r in results.rows if r[f"{NEAREST}solved"] and np.isfinite(float(r["mahalanobis_squared"] or 0.0))]
+    """The rows whose pose is solved and the nearest answer, and whose covariance says something.
+
+    The covariance is that of the pose: others that fit may hold differently, as the four that see a triangle alike.
+    """
+    solved = [row for row in results.rows if row["solved"] and row["nearest_rank"] == 0]
+    rows = [row for row in solved if np.isfinite(float(row["mahalanobis_squared"] or 0.0))]
     return Results(results.settings, rows)
 
 

@@ -111,7 +111,7 @@ def _verdict_cells(group: Results, outliers: bool) -> list[str]:
 
 
 COVERAGE_NOTE = (
-    "True poses inside the ellipsoids of the estimate's covariance about the nearest answer, of those that are solved."
+    "True poses inside the ellipsoids of the estimate's covariance, of poses that are solved and the nearest answer."
     " Median ratio: of the squared Mahalanobis distance over chi-squared's; rotation: of error over its deviation."
 )
 
