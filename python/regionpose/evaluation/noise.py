@@ -248,7 +248,8 @@ def _fitting_piece(
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
         part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
         left: BaseGeometry = as_multipolygon(part).difference(before, grid_size=grid)
-        return left
+        # Lines beside polygons, where the square touches what is there, are refused by the overlay.
+        return as_multipolygon(left) if isinstance(left, shapely.GeometryCollection) else left
 
     if piece(side).area <= missing:
         return piece(side)
