@@ -283,6 +283,10 @@ def test_errors_are_divided_by_their_bounds() -> None:
         made_row(nearest_solved=True, nearest_rotation_deg=0.2, bound_rotation_deg=None),
     ]
     assert bound_ratios(Results({}, rows), "rotation_deg").tolist() == [2.0]
+    shown = [{**row, **dict.fromkeys(("nearest_translation_m", "bound_translation_m"), 1.0)} for row in rows[:1]]
+    assert "| 1 | 2.00 | 2.00 | 1.00 | 1.00 |" in results_table(Results({}, shown))
+    failed = made_row(error="PoseError: none", nearest_solved=False)
+    assert "over bound" not in results_table(Results({}, [rows[3], failed])), "no bound was asked for"
 
 
 def test_the_errors_of_exact_masks_are_about_their_bound() -> None:

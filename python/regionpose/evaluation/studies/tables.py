@@ -137,7 +137,7 @@ BOUND_NOTE = (
 
 def _bound_table(results: Results) -> list[str]:
     """Errors over their bounds, where the rows hold them."""
-    if all(row["bound_rotation_deg"] is None for row in results.rows):
+    if not any(float(row["bound_rotation_deg"] or 0.0) > 0.0 for row in results.rows):
         return []
     heads = ["solved", "rotation: rms", "median", "translation: rms", "median"]
     return ["", "## Error over bound", "", BOUND_NOTE, "", *_table(results, heads, _bound_cells)]
