@@ -41,7 +41,8 @@ def test_a_study_writes_rows_table_settings_and_plots(
     code, out, err = run(capsys, *quick)
     assert code == 0
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["rows-solved-by-noise.png", "rows-sorted.png", "rows.csv", "rows.json", "rows.md"]
+    pictures = ["rows-coverage.png", "rows-solved-by-noise.png", "rows-sorted.png"]
+    assert names == [*pictures, "rows.csv", "rows.json", "rows.md"]
     assert out.startswith((tmp_path / "out" / "rows.md").read_text("utf-8")) and "4 of 4 (100 %)" in err
     rows = read_rows(tmp_path / "out" / "rows.csv")
     assert [(row["camera"], row["noise"], row["seed"]) for row in rows.rows] == [
@@ -102,6 +103,16 @@ def test_solver_options_and_systems_are_columns(
     assert not any(row["error"] for row in rows)
 
 
+def test_one_condition_alone_is_run_and_its_errors_are_bounded(
+    quick: list[str | Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--only", "noise=0.05", "--scenes", "1", "--seed", "1", "--bounds"]
+    code, out, _ = run(capsys, *quick, *words, "--no-plots", "--quiet")
+    (row,) = read_rows(tmp_path / "out" / "rows.csv").rows
+    assert code == 0 and (row["noise"], row["seed"]) == (0.05, 1)
+    assert "## Error over bound" in out and float(row["bound_rotation_deg"] or 0.0) > 0.0
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -111,6 +122,10 @@ def test_solver_options_and_systems_are_columns(
         (["regions", "--masks", "soft"], ["masks", "'soft'", "binary, coverage"]),
         (["regions", "--solver", "fast"], ["'fast'", "name=value"]),
         (["regions", "--scenes", "0"], ["scenes", "0"]),
+        (["trust", "--planes", "2"], ["trust", "planes", "seed"]),
+        (["trust", "--only", "lidar"], ["--only", "'lidar'", "NAME=VALUE"]),
+        (["trust", "--only", "kind=lidar"], ["'kind'", "model"]),
+        (["trust", "--only", "model=radar"], ["trust", "model=radar"]),
         (["regions", "--workers", "0"], ["workers", "0"]),
     ],
 )

@@ -124,6 +124,13 @@ def test_the_disturbance_is_measured_as_it_was_asked_for(condition: Condition, i
         assert problem.world_change == pytest.approx(world, abs=1e-5)
 
 
+@pytest.mark.parametrize(("noise", "seed"), [(0.2, 167), (0.12, 406)])
+def test_a_last_square_that_touches_the_others_along_a_line_still_fits(noise: float, seed: int) -> None:
+    condition = Condition(camera="omnidirectional", side="3d", planes=3, noise=noise)
+    problem = draw_problem(STUDIES["omnidirectional"].setups["omnidirectional"], condition, seed)
+    assert problem.world_change == pytest.approx(noise, abs=1e-5)
+
+
 def test_scenes_of_a_seed_are_the_same_whatever_disturbs_them() -> None:
     plain, noisy = (draw_problem(PERSPECTIVE, Condition(noise=share), 5).scene for share in (0.0, 0.2))
     np.testing.assert_array_equal(plain.rotation, noisy.rotation)
@@ -232,7 +239,7 @@ def test_every_study_runs_and_is_drawn(name: str) -> None:
     assert sum(not row["error"] for row in results.rows) >= 2
     assert name == "lidar" or results.rows[0]["nearest_solved"] or name == "degeneracy"
     table = results_table(results, name)
-    assert table.count("\n| ") == 2 * 4, "two tables of a head, a rule and two conditions"
+    assert table.count("\n| ") == 4 * 4 + 1, "four tables of a head, a rule and two conditions, and the verdict of all"
     assert len(drawn_charts(results, study.charts)) >= 1
 
 

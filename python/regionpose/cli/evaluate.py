@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -31,7 +32,7 @@ Name = Annotated[
     str,
     typer.Argument(
         help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion, truncation,"
-        " lidar or calibration."
+        " lidar, calibration, outlier or trust."
     ),
 ]
 Scenes = Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")]
@@ -46,6 +47,13 @@ Solver = Annotated[
     typer.Option(
         "--solver", help="Options of estimate_pose, as 'driver=native' or 'refine=null'; repeat it to compare several."
     ),
+]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", help="The value of one column that alone is run, as 'model=lidar'; repeat it for others."),
+]
+Bounds = Annotated[
+    bool, typer.Option("--bounds", help="Compare errors with the least that the undisturbed boundary allows.")
 ]
 OwnCamera = Annotated[
     Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
@@ -71,6 +79,8 @@ def evaluate(
     templates: Templates = None,
     system: System = None,
     solver: Solver = None,
+    only: Only = None,
+    bounds: Bounds = False,
     camera: OwnCamera = None,
     depth: Depth = "4,6",
     lateral: Lateral = "0,1",
@@ -95,7 +105,9 @@ def evaluate(
       regionpose evaluate regions --camera calib.yaml --depth 3,5 --noise 0,5
     """
     lists = {"planes": planes, "noise": noise, "side": side, "masks": masks, "templates": templates}
-    study = _chosen_study(name, lists, system, solver or [])
+    study = replace(_chosen_study(name, lists, system, solver or []), bounds=bounds)
+    if only:
+        study = study.only(dict(_pair(text) for text in only))
     if camera is not None:
         study = _with_camera(study, camera, _range("--depth", depth), _range("--lateral", lateral))
     rows_path = out or Path(f"{name}.csv")
@@ -124,6 +136,13 @@ def _values(name: str, text: str) -> list[str | int | float]:
         return [int(word) for word in words] if name == "planes" else [float(word) / 100.0 for word in words]
     except ValueError as error:
         raise ValueError(f"--{name}: found {text!r}; needed numbers with commas between") from error
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise ValueError(f"--only: found {text!r}; needed NAME=VALUE, as model=lidar")
+    return name, value
 
 
 def _range(option: str, text: str) -> tuple[float, float]:

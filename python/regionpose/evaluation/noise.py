@@ -36,6 +36,8 @@ SHARE_PRECISION = 1e-9
 # Grid of polygon operations as a share of the square root of the region's area: snapping to it keeps the many
 # coinciding edges of squares and region from breaking an operation, and moves areas by about 1e-8.
 GRID_SHARE = 1e-9
+# How far a region that lies elsewhere is moved, as a share of the square root of its area.
+MOVED_SHARE = 0.5
 
 
 POLYGON_TYPES = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
@@ -246,7 +248,8 @@ def _fitting_piece(
         square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
         part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
         left: BaseGeometry = as_multipolygon(part).difference(before, grid_size=grid)
-        return left
+        # Lines beside polygons, where the square touches what is there, are refused by the overlay.
+        return as_multipolygon(left) if isinstance(left, shapely.GeometryCollection) else left
 
     if piece(side).area <= missing:
         return piece(side)
@@ -283,6 +286,32 @@ def occlude_region(rings: Sequence[Array], share: float, rng: np.random.Generato
     if share == 0.0:
         return [ring.copy() for ring in rings]
     return frame.rings(kept(brentq(lambda d: kept(d).area - kept_area, -reach, reach, xtol=SHARE_PRECISION * reach)))
+
+
+def another_shape(rings: Sequence[Array], other: Sequence[Array], rng: np.random.Generator) -> list[Array]:
+    """(n, 3) rings of `other`, a planar region too, in the place of a region: its plane, side, centroid and area.
+
+    It is turned in the plane by any angle.
+    """
+    frame, shape = PlaneFrame.of_region(rings), PlaneFrame.of_region(other)
+    scale = np.sqrt(np.linalg.norm(area_vector(rings)) / np.linalg.norm(area_vector(other)))
+    turn = scale * _turn_in_plane(rng)
+    return [frame.lifted(shape.flat(ring) @ turn.T) for ring in other]
+
+
+def elsewhere(rings: Sequence[Array], rng: np.random.Generator) -> list[Array]:
+    """(n, 3) rings of a planar region moved in its plane, by half the square root of its area, and turned at will."""
+    frame = PlaneFrame.of_region(rings)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    distance = MOVED_SHARE * np.sqrt(np.linalg.norm(area_vector(rings)))
+    shift = distance * np.array([np.cos(angle), np.sin(angle)])
+    turn = _turn_in_plane(rng)
+    return [frame.lifted(frame.flat(ring) @ turn.T + shift) for ring in rings]
+
+
+def _turn_in_plane(rng: np.random.Generator) -> Array:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 class TruncatedMasks(NamedTuple):

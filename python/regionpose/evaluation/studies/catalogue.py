@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from regionpose.evaluation.studies.conditions import Grid
+import typing
+
+from regionpose.evaluation.studies.conditions import Grid, NoiseModel
+from regionpose.evaluation.studies.mixes import DRAWN, draw_mixed_problem
 from regionpose.evaluation.studies.study import Chart, Study
 
 NOISE = (0.0, 0.02, 0.05, 0.08, 0.12, 0.2)
@@ -21,16 +24,17 @@ SYMMETRIES = ("asymmetric", "symmetric")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
 SOLVED_BY_NOISE = Chart("solved", lines="planes", across="noise")
+COVERAGE_BY_NOISE = Chart("coverage", lines="noise", panels="planes")
 
 
 def _by_noise(name: str, camera: str, description: str) -> Study:
     grid: Grid = {"camera": (camera,), "side": ("2d", "3d"), "planes": PLANES, "noise": NOISE}
-    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE])
+    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE, COVERAGE_BY_NOISE])
 
 
 def _cut(name: str, disturbance: str, sides: tuple[str, ...], description: str) -> Study:
     grid: Grid = {"disturbance": (disturbance,), "side": sides, "planes": PLANES, "noise": CUTS}
-    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE])
+    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE, COVERAGE_BY_NOISE])
 
 
 _ALL = (
@@ -112,6 +116,20 @@ _ALL = (
             Chart("sorted", lines="focal_error", panels="planes"),
             Chart("solved", lines="planes", panels="center_error_px", across="focal_error"),
         ],
+    ),
+    Study(
+        "outlier",
+        "Success and warnings where one region is another shape or lies elsewhere, on the mask or in the world.",
+        [{"side": ("2d", "3d"), "planes": (3, 4, 5), "noise": (0.0, 0.05), "wrong": ("shape", "place")}],
+        [Chart("solved", lines="planes", panels="wrong", across="noise")],
+    ),
+    Study(
+        "trust",
+        "Whether warnings tell right from wrong poses: every kind of error, each as strong as the seed draws it.",
+        [{"camera": ("perspective", "omnidirectional"), "model": typing.get_args(NoiseModel)}],
+        [Chart("sorted", lines="model", panels="camera"), Chart("coverage", lines="model", panels="camera")],
+        problem=draw_mixed_problem,
+        drawn=DRAWN,
     ),
 )
 

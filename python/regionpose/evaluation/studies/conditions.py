@@ -17,6 +17,10 @@ Value: TypeAlias = "str | int | float | bool | None"
 Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage"]
+Wrong = Literal["none", "shape", "place"]
+NoiseModel = Literal[
+    "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
+]
 
 
 @dataclass(frozen=True)
@@ -28,9 +32,10 @@ class Condition:
     region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas.
     `lidar_beams`: the world region is outlined from the points of a lidar of so many beams near the camera, with the
     error `range_noise_m` along them. `focal_error` (a share) and `center_error_px`: standard deviations of the
-    calibration that the estimate is given. `grazing_deg`: angle between the first plane and the line of sight;
-    `turn_deg`: turn of the first plane in itself. `solver`: options of `estimate_pose`, as "integration=mesh
-    system=sphere".
+    calibration that the estimate is given. `wrong`: one region, drawn by the seed, is another template's ("shape") or
+    lies elsewhere ("place"), on `side`. `model`: what is disturbed where the seed draws how much (`mixes.py`).
+    `grazing_deg`: angle between the first plane and the line of sight; `turn_deg`: turn of the first plane in itself.
+    `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"
@@ -46,6 +51,8 @@ class Condition:
     range_noise_m: float = 0.0
     focal_error: float = 0.0
     center_error_px: float = 0.0
+    wrong: Wrong = "none"
+    model: NoiseModel = "exact"
     grazing_deg: float | None = None
     turn_deg: float | None = None
     solver: str = ""

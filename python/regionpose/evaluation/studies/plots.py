@@ -6,15 +6,16 @@ Lines differ in lightness, dash and marker, so that they can be told apart in pr
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from regionpose.evaluation.measures import solved_share
 from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.studies.coverage import coverage_curve
 from regionpose.evaluation.studies.rows import NEAREST, Results
-from regionpose.evaluation.studies.study import Chart
+from regionpose.evaluation.studies.study import Chart, ChartKind
 from regionpose.evaluation.studies.tables import value_text
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def drawn_charts(results: Results, charts: Sequence[Chart]) -> dict[str, Figure]
     figures: dict[str, Figure] = {}
     for chart in charts:
         for name, shown in _pictures(results, chart):
-            figures[name] = _sorted_figure(shown, chart) if chart.kind == "sorted" else _solved_figure(shown, chart)
+            figures[name] = FIGURES[chart.kind](shown, chart)
     return figures
 
 
@@ -218,3 +219,33 @@ def _draw_solved(panel: Axes, shown: Results, chart: Chart, values: Sequence[Val
             panel.plot(at, shares, label=label, linewidth=1.2, **style)  # type: ignore[arg-type]
     if bars:
         panel.set_xticks(range(len(places)), [value_text(name, place) for place in places], fontsize=8)
+
+
+def _coverage_figure(results: Results, chart: Chart) -> Figure:
+    """Share of true poses inside the ellipsoid of each nominal share; on the diagonal where the covariance is right."""
+    panels = _panels(results, chart)
+    figure, axes = _figure(1, len(panels))
+    values = results.values(chart.lines)
+    for panel, (title, shown) in zip(axes[0], panels, strict=True):
+        panel.set_title(title)
+        panel.plot([0.0, 100.0], [0.0, 100.0], color="grey", linewidth=0.8)
+        for value, style in zip(values, _styles(len(values)), strict=True):
+            nominal, observed = coverage_curve(shown.where(**{chart.lines: value}))
+            every = max(len(nominal) // MARKS_ON_A_CURVE, 1)
+            named = value_text(chart.lines, value)
+            panel.plot(100.0 * nominal, 100.0 * observed, label=named, linewidth=1.2, markevery=every, **style)
+        panel.set_xlim(0.0, 100.0)
+        panel.set_ylim(0.0, 100.0)
+        panel.set_xlabel("nominal share, %")
+        panel.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("true poses inside, %")
+    _legend(figure, axes[0, 0], chart.lines)
+    return figure
+
+
+FIGURES: dict[ChartKind, Callable[[Results, Chart], Figure]] = {
+    "sorted": _sorted_figure,
+    "solved": _solved_figure,
+    "coverage": _coverage_figure,
+}
+"""What draws each kind of chart."""

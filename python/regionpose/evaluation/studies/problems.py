@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -26,7 +26,8 @@ from regionpose.evaluation.noise import (
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
-from regionpose.evaluation.studies.conditions import Condition, solver_options
+from regionpose.evaluation.studies.conditions import Condition, Value, solver_options
+from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
@@ -46,7 +47,9 @@ class Problem:
     """What an estimate is given, and the scene that it comes from.
 
     `camera`: as it is believed to be. `kept`: the scene's regions that are given. `image_change`, `world_change`: area
-    of the symmetric difference between the given and the true regions over the true area, as measured.
+    of the symmetric difference between the given and the true regions over the true area, as measured; a wrong region
+    counts by its own disturbance alone. `wrong`: place of the wrong region among those given. `drawn`: fields of the
+    condition that the seed decided.
     """
 
     scene: Scene
@@ -56,17 +59,21 @@ class Problem:
     kept: list[int]
     image_change: float
     world_change: float
+    wrong: int | None = None
+    drawn: Mapping[str, Value] = field(default_factory=dict)
 
 
 def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     """The problem of a seed. Scenes of one seed and layout are the same whatever disturbs them."""
     scene = draw_scene(setup.camera, pose_source(setup, condition), layout(condition), problem_generator(seed))
+    wrong, told = with_wrong_region(scene, condition, problem_generator(seed, "wrong"))
+    seen, known = (told, scene) if condition.side == "2d" else (scene, told)
     rng = problem_generator(seed, "disturbance")
-    true, given = image_patches(scene, condition, rng)
+    true, given = image_patches(seen, condition, rng)
     kept = [i for i, patch in enumerate(given) if patch.values.sum() > LEAST_KEPT_SHARE * true[i].values.sum()]
     keep_masks = solver_options(condition.solver).get("integration") == "pixels"
-    worlds = [world_side(scene, index, condition, rng) for index in kept]
-    changes = [_world_change(scene.regions[index], world) for index, world in zip(kept, worlds, strict=True)]
+    worlds = [world_side(known, index, condition, rng) for index in kept]
+    changes = [_world_change(known.regions[index], world) for index, world in zip(kept, worlds, strict=True)]
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
@@ -75,6 +82,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
         kept,
         _image_change([true[index] for index in kept], [given[index] for index in kept]),
         float(np.mean(changes)),
+        kept.index(wrong) if wrong in kept else None,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from regionpose.evaluation.masks import ProjectionError, project_region
 from regionpose.evaluation.measures import is_solved, overlap_error, pose_errors
+from regionpose.evaluation.studies.bounds import PoseBound
 from regionpose.evaluation.studies.conditions import CONDITION_TYPES, Condition, Value
 from regionpose.evaluation.studies.problems import Problem
 from regionpose.pose import Pose
@@ -35,6 +37,9 @@ ANSWER_TYPES: dict[str, type] = {
 }
 """Columns of one answer against the truth."""
 
+OUTLIER = re.compile(r"outlier-region: region (\d+) ")
+"""The warning that a region is wrong, and the region's number."""
+
 NEAREST = "nearest_"
 """What the columns of the nearest answer begin with; those of the pose itself have the bare names."""
 
@@ -46,11 +51,15 @@ RESULT_TYPES: dict[str, type] = {
     "answers": int,
     "ambiguous": bool,
     "warnings": str,
+    "input_warnings": str,
+    "outlier_named": str,
     "observed_overlap_error": float,
     "boundary_noise_px": float,
     **{f"sigma_rotation_{axis}_deg": float for axis in AXES},
     **{f"sigma_translation_{axis}_m": float for axis in AXES},
     "mahalanobis_squared": float,
+    "bound_rotation_deg": float,
+    "bound_translation_m": float,
     "converged": bool,
     "evaluations": int,
     "templates_drawn": str,
@@ -70,8 +79,10 @@ COLUMN_TYPES: dict[str, type] = {**CONDITION_TYPES, "seed": int, **RESULT_TYPES}
 """All columns of a row, in order, and the type of each when it is not None."""
 
 
-def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estimate_s: float) -> Row:
-    """The outcome of an estimate."""
+def solved_row(
+    problem: Problem, estimate: PoseEstimate, prepare_s: float, estimate_s: float, bound: PoseBound | None = None
+) -> Row:
+    """The outcome of an estimate, with the bound of its errors where that was asked for."""
     answers = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
@@ -84,16 +95,28 @@ def solved_row(problem: Problem, estimate: PoseEstimate, prepare_s: float, estim
         "answers": len(answers),
         "ambiguous": "ambiguous" in codes,
         "warnings": ";".join(codes),
+        "outlier_named": outlier_named(problem, estimate),
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise),
         **_sigmas(estimate),
         "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], estimate.covariance),
+        "bound_rotation_deg": None if bound is None else bound.rotation_deg,
+        "bound_translation_m": None if bound is None else bound.translation_m,
         "converged": bool(estimate.converged),
         "evaluations": int(estimate.evaluations),
         **_drawn(problem),
         "prepare_s": prepare_s,
         "estimate_s": estimate_s,
     }
+
+
+def outlier_named(problem: Problem, estimate: PoseEstimate) -> str:
+    """What the warnings say of a wrong region: "none" named, the "right" one and no other, or any "wrong" one."""
+    found = [OUTLIER.match(str(warning)) for warning in estimate.warnings]
+    named = {int(match.group(1)) for match in found if match}
+    if not named:
+        return "none"
+    return "right" if named == {problem.wrong} else "wrong"
 
 
 def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
@@ -168,6 +191,7 @@ def _sigmas(estimate: PoseEstimate) -> Row:
 
 def _drawn(problem: Problem) -> Row:
     return {
+        **problem.drawn,
         "templates_drawn": ";".join(problem.scene.names),
         "regions_given": len(problem.kept),
         "view_angle_deg": float(problem.scene.view_angles()[0]),
@@ -198,8 +222,9 @@ class Results:
         return list(dict.fromkeys(row[name] for row in self.rows))
 
     def varying(self) -> list[str]:
-        """Columns of the condition with more than one value."""
-        return [name for name in CONDITION_TYPES if len(self.values(name)) > 1]
+        """Columns of the condition with more than one value, without those that the seeds decided."""
+        drawn = self.settings.get("drawn", ())
+        return [name for name in CONDITION_TYPES if name not in drawn and len(self.values(name)) > 1]
 
     def groups(self, names: Sequence[str]) -> Iterator[tuple[dict[str, Value], Results]]:
         """The rows that share the values of the columns, with these values, in the order they come."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import platform
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 from time import perf_counter
@@ -12,7 +13,9 @@ from typing import Any, Literal
 
 from regionpose import _core
 from regionpose.evaluation.setups import Setup, fisheye_setup, omnidirectional_setup, perspective_setup
+from regionpose.evaluation.studies.bounds import pose_bound
 from regionpose.evaluation.studies.conditions import (
+    CONDITION_TYPES,
     Condition,
     Grid,
     changed_grid,
@@ -23,7 +26,7 @@ from regionpose.evaluation.studies.problems import Problem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
 from regionpose.solver import estimate_pose
 
-ChartKind = Literal["sorted", "solved"]
+ChartKind = Literal["sorted", "solved", "coverage"]
 ProblemMaker = Callable[[Setup, Condition, int], Problem]
 
 LIBRARIES = ("numpy", "scipy", "shapely", "scikit-image")
@@ -35,8 +38,9 @@ class Chart:
     """A picture of the rows.
 
     `kind`: "sorted" draws errors and run times in rising order, "solved" the share of solved problems over the column
-    `across`. A line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a
-    picture each.
+    `across`, "coverage" the share of true poses inside the covariance's ellipsoids over the share that should be. A
+    line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a picture
+    each.
     """
 
     kind: ChartKind
@@ -60,7 +64,9 @@ class Study:
 
     `grids`: values of the condition's fields, all combinations of each grid one after the other. `setups`: the cameras
     and poses that conditions name. `problem`: from setup, condition and seed to the problem; a function of a module, so
-    that other processes find it.
+    that other processes find it. `drawn`: fields of the condition that `problem` draws anew for each seed; the rows
+    hold them, and no table or chart is divided by them. `bounds`: whether rows hold the bound of their errors, which
+    takes about as long as the estimate.
     """
 
     name: str
@@ -69,6 +75,8 @@ class Study:
     charts: Sequence[Chart] = ()
     setups: Mapping[str, Setup] = field(default_factory=benchmark_setups)
     problem: ProblemMaker = draw_problem
+    drawn: Sequence[str] = ()
+    bounds: bool = False
 
     def __post_init__(self) -> None:
         """Check that every camera of the grids is there."""
@@ -84,7 +92,21 @@ class Study:
 
     def with_values(self, axes: Grid, solver: Sequence[str] = ()) -> Study:
         """The study with other values of the condition's fields, and each solver option added to its own."""
+        for name in axes:
+            if name in self.drawn:
+                raise ValueError(f"study {self.name} draws {name} by the seed; needed values of other fields")
         return replace(self, grids=[changed_grid(grid, axes, solver) for grid in self.grids])
+
+    def only(self, texts: Mapping[str, str]) -> Study:
+        """The study of those conditions alone whose fields, as text, have the values of their names."""
+        for name in texts:
+            if name not in CONDITION_TYPES:
+                raise ValueError(f"{name!r} is no field of a condition; the fields are {', '.join(CONDITION_TYPES)}")
+        kept = [c for c in self.conditions if all(str(getattr(c, name)) == text for name, text in texts.items())]
+        if not kept:
+            wanted = ", ".join(f"{name}={text}" for name, text in texts.items())
+            raise ValueError(f"study {self.name} has no condition with {wanted}")
+        return replace(self, grids=[{name: [value] for name, value in asdict(c).items()} for c in kept])
 
     def with_setup(self, name: str, setup: Setup) -> Study:
         """The study of one other camera alone, `name` in its rows."""
@@ -101,6 +123,8 @@ class Study:
             "problem": f"{self.problem.__module__}.{self.problem.__qualname__}",
             "seeds": [seeds.start, seeds.stop],
             "versions": versions(),
+            **({"drawn": list(self.drawn)} if self.drawn else {}),
+            **({"bounds": True} if self.bounds else {}),
         }
 
     def outcome(self, condition: Condition, seed: int) -> Row:
@@ -108,12 +132,16 @@ class Study:
         problem = None
         try:
             started = perf_counter()
-            problem = self.problem(self.setups[condition.camera], condition, seed)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
             options = solver_options(condition.solver)
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
-            return solved_row(problem, estimate, prepared - started, ended - prepared)
+            bound = pose_bound(problem) if self.bounds else None
+            row = solved_row(problem, estimate, prepared - started, ended - prepared, bound)
+            return {**row, "input_warnings": ";".join(dict.fromkeys(warning.category.__name__ for warning in said))}
         except Exception as error:
             return failed_row(error, problem)
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from regionpose.evaluation.measures import Summary, solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
+from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows
 
 SHOWN_ERRORS = 5
 """Different error texts that are listed, the most frequent first."""
+
+SHOWN_SILENT = 50
+"""Silently wrong problems that are listed; the rows hold them all."""
 
 QUANTILES = "median (quartiles; 95 %)"
 
@@ -19,22 +26,18 @@ NEAREST_NOTE = "The nearest of the pose and its alternatives: a symmetric shape 
 
 
 def results_table(results: Results, title: str = "") -> str:
-    """The rows as Markdown: the pose itself, the nearest answer, and what failed."""
+    """The rows as Markdown: the pose itself, the nearest answer, verdict, coverage, and what failed."""
     heading = [f"# {title}", ""] if title else []
     parts = [*heading, *_answer_table(results, "Pose", BEST_NOTE, "")]
     parts += ["", *_answer_table(results, "Nearest answer", NEAREST_NOTE, NEAREST)]
-    return "\n".join([*parts, *_failures(results), *_remarks(results)]) + "\n"
+    parts += ["", *_verdict_table(results), "", *_coverage_table(results), *_bound_table(results)]
+    return "\n".join([*parts, *_silent(results), *_failures(results), *_remarks(results)]) + "\n"
 
 
 def _answer_table(results: Results, name: str, note: str, prefix: str) -> list[str]:
-    varying = results.varying()
-    heads = [*varying, "scenes", "solved", f"rotation, deg: {QUANTILES}", f"translation, mm: {QUANTILES}"]
+    heads = ["scenes", "solved", f"rotation, deg: {QUANTILES}", f"translation, mm: {QUANTILES}"]
     heads += ["overlap error", "ambiguous", f"time, ms: {QUANTILES}"]
-    lines = [_line(heads), _line(["---"] * len(heads))]
-    for values, group in results.groups(varying):
-        shown = [value_text(column, value) for column, value in values.items()]
-        lines.append(_line([*shown, *_cells(group, prefix)]))
-    return [f"## {name}", "", note, "", *lines]
+    return [f"## {name}", "", note, "", *_table(results, heads, lambda group: _cells(group, prefix))]
 
 
 def _cells(group: Results, prefix: str) -> list[str]:
@@ -71,6 +74,115 @@ def value_text(name: str, value: Value) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+VERDICT_NOTE = (
+    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning."
+    " False alarms are of right poses; ambiguity is none where all shapes are symmetric, nor a wrong region's name."
+)
+VERDICT_HEADS = [
+    "scenes",
+    "right",
+    "right, warned",
+    "false alarms",
+    "between",
+    "between, silent",
+    "wrong",
+    "wrong, silent",
+]
+
+
+def _verdict_table(results: Results) -> list[str]:
+    """Right, between and wrong poses, warned of or not; with wrong regions also which of them were named."""
+    varying = results.varying()
+    outliers = any(value != "none" for value in results.values("wrong"))
+    heads = [*VERDICT_HEADS, "no answer", *(["named right", "named wrong"] if outliers else [])]
+    lines = _table(results, heads, lambda group: _verdict_cells(group, outliers))
+    if varying:
+        lines.append(_line(["all", *[""] * (len(varying) - 1), *_verdict_cells(results, outliers)]))
+    return ["## Verdict", "", VERDICT_NOTE, "", *lines]
+
+
+def _verdict_cells(group: Results, outliers: bool) -> list[str]:
+    found = Verdicts.of(group)
+    counts = [found.scenes, found.right, found.right_warned, found.false_alarms]
+    counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
+    return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
+
+
+COVERAGE_NOTE = (
+    "True poses inside the ellipsoids of the estimate's covariance, of poses that are solved and the nearest answer."
+    " Median ratio: of the squared Mahalanobis distance over chi-squared's; rotation: of error over its deviation."
+)
+
+
+def _coverage_table(results: Results) -> list[str]:
+    heads = ["solved", *(f"in {100.0 * level:g} %" for level in LEVELS), "median ratio", "rotation, rms ratio"]
+    return ["## Coverage", "", COVERAGE_NOTE, "", *_table(results, heads, _coverage_cells)]
+
+
+def _coverage_cells(group: Results) -> list[str]:
+    found = coverage(group)
+    if found.count == 0:
+        return ["0", *["-"] * (len(LEVELS) + 2)]
+    shares = [f"{100.0 * share:.1f} %" for share in found.inside]
+    return [str(found.count), *shares, _number(found.median_ratio), _number(found.rotation_ratio)]
+
+
+BOUND_NOTE = (
+    "Error of the nearest answer over its bound, of those that are solved: root of the mean square, and median. An"
+    " estimate that reaches the bound has a root of the mean square of 1."
+)
+
+
+def _bound_table(results: Results) -> list[str]:
+    """Errors over their bounds, where the rows hold them."""
+    if not any(float(row["bound_rotation_deg"] or 0.0) > 0.0 for row in results.rows):
+        return []
+    heads = ["solved", "rotation: rms", "median", "translation: rms", "median"]
+    return ["", "## Error over bound", "", BOUND_NOTE, "", *_table(results, heads, _bound_cells)]
+
+
+def _bound_cells(group: Results) -> list[str]:
+    ratios = [bound_ratios(group, name) for name in ("rotation_deg", "translation_m")]
+    if len(ratios[0]) == 0:
+        return ["0", *["-"] * 4]
+    shown = [_number(value) for ratio in ratios for value in (np.sqrt(np.mean(ratio**2)), np.median(ratio))]
+    return [str(len(ratios[0])), *shown]
+
+
+def _table(results: Results, heads: Sequence[str], cells: Callable[[Results], list[str]]) -> list[str]:
+    """A row of cells for each group of the columns that vary."""
+    varying = results.varying()
+    lines = [_line([*varying, *heads]), _line(["---"] * (len(varying) + len(heads)))]
+    for values, group in results.groups(varying):
+        shown = [value_text(column, value) for column, value in values.items()]
+        lines.append(_line([*shown, *cells(group)]))
+    return lines
+
+
+def _silent(results: Results) -> list[str]:
+    """What is wrong without a warning, and how to see it again."""
+    rows = silent_rows(results)
+    if not rows:
+        return []
+    study = results.settings.get("study", "NAME")
+    lines = []
+    for row in rows[:SHOWN_SILENT]:
+        chosen = " ".join(f"--only '{name}={row[name]}'" for name in results.varying())
+        command = f"regionpose evaluate {study} --seed {row['seed']} --scenes 1 {chosen}".rstrip()
+        lines.append(f"- {row['rotation_deg']:.1f} deg, {row['templates_drawn']}: `{command}`")
+    left = len(rows) - len(lines)
+    more = [f"- and {left} others; the rows hold them all"] if left > 0 else []
+    return [
+        "",
+        "## Silently wrong",
+        "",
+        f"{len(rows)} of {len(results.rows)} problems; with the options of this run:",
+        "",
+        *lines,
+        *more,
+    ]
 
 
 def _failures(results: Results) -> list[str]:

@@ -1,0 +1,78 @@
+"""Whether warnings tell right poses from wrong ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from regionpose.evaluation.studies.rows import Results, Row
+from regionpose.evaluation.templates import template_named
+
+RIGHT_DEG, WRONG_DEG = 1.0, 5.0
+"""Rotation error of the pose below which it is right, and from which on it is wrong."""
+
+AMBIGUOUS, OUTLIER = "ambiguous", "outlier-region"
+"""Codes of warnings that may have a cause in the problem itself."""
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """How many poses are right, between and wrong, and warned of; all of the pose itself, not of the nearest answer.
+
+    `false_alarms`: right ones with a warning that there was no cause for. `between_silent`, `wrong_silent`: those
+    without any warning. `unanswered`: an error in place of a pose. `named_right`, `named_wrong`:
+    where the wrong region alone was named, and where another one was.
+    """
+
+    scenes: int
+    right: int
+    right_warned: int
+    false_alarms: int
+    between: int
+    between_silent: int
+    wrong: int
+    wrong_silent: int
+    unanswered: int
+    named_right: int
+    named_wrong: int
+
+    @classmethod
+    def of(cls, results: Results) -> Verdicts:
+        """The counts of the rows."""
+        answered = [row for row in results.rows if not row["error"]]
+        right = [row for row in answered if _rotation(row) < RIGHT_DEG]
+        between = [row for row in answered if RIGHT_DEG <= _rotation(row) < WRONG_DEG]
+        return cls(
+            scenes=len(results.rows),
+            right=len(right),
+            right_warned=sum(bool(row["warnings"]) for row in right),
+            false_alarms=sum(is_false_alarm(row) for row in right),
+            between=len(between),
+            between_silent=sum(not row["warnings"] for row in between),
+            wrong=len(answered) - len(right) - len(between),
+            wrong_silent=len(silent_rows(results)),
+            unanswered=len(results.rows) - len(answered),
+            named_right=sum(row["outlier_named"] == "right" for row in answered),
+            named_wrong=sum(row["outlier_named"] == "wrong" for row in answered),
+        )
+
+
+def silent_rows(results: Results) -> list[Row]:
+    """The rows of wrong poses without a warning."""
+    return [r for r in results.rows if not r["error"] and not r["warnings"] and not _rotation(r) < WRONG_DEG]
+
+
+def is_false_alarm(row: Row) -> bool:
+    """Whether a right pose has a warning without cause.
+
+    Shapes that are all symmetric fit from several poses, and a wrong region is to be named.
+    """
+    codes = set(str(row["warnings"]).split(";")) - {""}
+    if all(template_named(name).symmetric for name in str(row["templates_drawn"]).split(";")):
+        codes -= {AMBIGUOUS}
+    if row["outlier_named"] == "right":
+        codes -= {OUTLIER}
+    return bool(codes)
+
+
+def _rotation(row: Row) -> float:
+    return float(row["rotation_deg"] or 0.0)

@@ -1,0 +1,295 @@
+"""Whether an estimate can be trusted: wrong regions, drawn conditions, verdicts, coverage and bounds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from regionpose import PoseWarning, estimate_pose
+from regionpose._core import moved_pose
+from regionpose.evaluation import noise, planar
+from regionpose.evaluation.measures import translation_error
+from regionpose.evaluation.setups import perspective_setup
+from regionpose.evaluation.studies import Condition, Problem, Results, Study, draw_problem, results_table, run_study
+from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
+from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
+from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
+from regionpose.evaluation.studies.rows import Row, failed_row, outlier_named, whole_row
+from regionpose.evaluation.studies.verdict import Verdicts, silent_rows
+from regionpose.evaluation.templates import template_named
+from small_study import PERSPECTIVE, QUICK, comparable
+
+Array = NDArray[np.float64]
+
+
+def made_row(**values: Any) -> Row:
+    """A row that holds these values and nothing else."""
+    return whole_row(Condition(), 0, {**failed_row(ValueError()), "error": "", "warnings": "", **values})
+
+
+# Wrong regions
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_another_shape_takes_the_place_of_a_region(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tilted = [ring @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + 1.0 for ring in template_named("hook").region()]
+    other = template_named("uneven_window").region()
+    placed = noise.another_shape(tilted, other, rng)
+    np.testing.assert_allclose(planar.area_vector(placed), planar.area_vector(tilted), atol=1e-12)
+    np.testing.assert_allclose(planar.region_centroid(placed), planar.region_centroid(tilted), atol=1e-12)
+    scales = [
+        np.linalg.norm(a - a[0], axis=1)[1:] / np.linalg.norm(b - b[0], axis=1)[1:]
+        for a, b in zip(placed, other, strict=True)
+    ]
+    np.testing.assert_allclose(np.concatenate(scales), scales[0][0])
+
+
+def test_a_region_elsewhere_is_the_same_shape_in_its_plane() -> None:
+    rings = template_named("house").region()
+    moved = noise.elsewhere(rings, np.random.default_rng(1))
+    np.testing.assert_allclose(planar.area_vector(moved), planar.area_vector(rings), atol=1e-12)
+    shift = planar.region_centroid(moved) - planar.region_centroid(rings)
+    assert np.linalg.norm(shift) == pytest.approx(0.5 * np.sqrt(np.linalg.norm(planar.area_vector(rings))))
+    lengths = [np.linalg.norm(np.diff(ring, axis=0), axis=1) for ring in (rings[0], moved[0])]
+    np.testing.assert_allclose(*lengths)
+
+
+@pytest.mark.parametrize("wrong", ["shape", "place"])
+@pytest.mark.parametrize("side", ["2d", "3d"])
+def test_one_region_is_wrong_on_one_side(side: Any, wrong: Any) -> None:
+    right = draw_problem(PERSPECTIVE, Condition(planes=3, side=side), 1)
+    problem = draw_problem(PERSPECTIVE, Condition(planes=3, side=side, wrong=wrong), 1)
+    assert problem.wrong is not None and right.wrong is None
+    changed = {
+        "2d": [not same(a.rings, b.rings) for a, b in zip(problem.image_regions, right.image_regions, strict=True)],
+        "3d": [not same(a.rings, b.rings) for a, b in zip(problem.world_regions, right.world_regions, strict=True)],
+    }
+    assert np.flatnonzero(changed.pop(side)).tolist() == [problem.wrong]
+    assert not any(*changed.values())
+    assert problem.scene.names == right.scene.names, "the scene stays the true one"
+
+
+def same(rings: Any, others: Any) -> bool:
+    """Whether rings are the same to rounding."""
+    return len(rings) == len(others) and all(
+        a.shape == b.shape and np.allclose(a, b) for a, b in zip(rings, others, strict=True)
+    )
+
+
+def test_a_wrong_region_is_named() -> None:
+    problem = draw_problem(perspective_setup(), Condition(planes=4, wrong="shape"), 0)
+    estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
+    assert outlier_named(problem, estimate) == "right"
+    others = [place for place in range(4) if place != problem.wrong]
+    named = PoseWarning("outlier-region", f"region {others[0]} does not belong to this pose")
+    assert outlier_named(problem, replace(estimate, warnings=(*estimate.warnings, named))) == "wrong"
+    poor = PoseWarning("poor-overlap", f"region {others[0]} projected with this pose misses")
+    assert outlier_named(problem, replace(estimate, warnings=(poor,))) == "none"
+
+
+# Drawn conditions
+
+
+def test_seeds_draw_the_strength_of_a_disturbance() -> None:
+    condition = Condition(model="occlusion")
+    problems = [draw_mixed_problem(PERSPECTIVE, condition, seed) for seed in range(6)]
+    again = draw_mixed_problem(PERSPECTIVE, condition, 3)
+    assert again.drawn == problems[3].drawn and again.scene.names == problems[3].scene.names
+    assert all(set(problem.drawn) == set(DRAWN) for problem in problems)
+    shares = [float(problem.drawn["noise"] or 0.0) for problem in problems]
+    assert len(set(shares)) == 6 and min(shares) > 0.0 and max(shares) < MOST_HIDDEN
+    for problem, share in zip(problems, shares, strict=True):
+        change = problem.image_change if problem.drawn["side"] == "2d" else problem.world_change
+        assert change == pytest.approx(share, abs=0.02), "pixels are whole"
+    other = draw_mixed_problem(PERSPECTIVE, Condition(model="exact"), 3)
+    assert other.drawn["noise"] == 0.0 and not np.allclose(other.scene.rotation, again.scene.rotation)
+
+
+def test_a_wrong_region_has_others_beside_it() -> None:
+    drawn = [draw_mixed_problem(PERSPECTIVE, Condition(model="wrong-region"), seed).drawn for seed in range(6)]
+    assert all(values["planes"] in PLANES_WITH_WRONG and values["wrong"] != "none" for values in drawn)
+
+
+def test_rows_hold_what_was_drawn_and_tables_are_not_divided_by_it() -> None:
+    trust = replace(STUDIES["trust"], setups={"perspective": PERSPECTIVE}, grids=[{"model": ("exact", "calibration")}])
+    results = run_study(trust, 3)
+    drawn = [draw_mixed_problem(PERSPECTIVE, Condition(model="calibration"), seed).drawn for seed in range(3)]
+    assert [row["focal_error"] for row in results.rows[3:]] == [values["focal_error"] for values in drawn]
+    assert results.varying() == ["model"]
+    with pytest.raises(ValueError, match="draws planes"):
+        trust.with_values({"planes": (1,)})
+
+
+def test_one_condition_is_run_again_alone() -> None:
+    whole = run_study(QUICK, 2)
+    alone = run_study(QUICK.only({"noise": "0.05", "planes": "2"}), 1, seed=1)
+    assert comparable(alone.rows) == comparable([row for row in whole.rows if row["noise"] == 0.05][1:])
+
+
+def test_warnings_of_the_regions_are_kept_in_the_row() -> None:
+    study = Study("lidar", "", [{"lidar_beams": (16,)}], setups={"perspective": perspective_setup()})
+    (row,) = run_study(study, 1).rows
+    assert row["input_warnings"] == "SparseSamplingWarning"
+
+
+# Verdicts
+
+
+def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
+    rows = [
+        made_row(rotation_deg=0.1, templates_drawn="hook"),
+        made_row(rotation_deg=0.1, templates_drawn="hook;star", warnings="ambiguous"),
+        made_row(rotation_deg=0.1, templates_drawn="square;star", warnings="ambiguous"),
+        made_row(rotation_deg=0.1, templates_drawn="hook", warnings="outlier-region", outlier_named="right"),
+        made_row(rotation_deg=0.1, templates_drawn="hook", warnings="outlier-region", outlier_named="wrong"),
+        made_row(rotation_deg=3.0, templates_drawn="hook"),
+        made_row(rotation_deg=3.0, templates_drawn="hook", warnings="weak-geometry"),
+        made_row(rotation_deg=9.0, templates_drawn="hook", warnings="ambiguous;poor-overlap"),
+        made_row(rotation_deg=90.0, templates_drawn="hook"),
+        made_row(error="PoseError: none", rotation_deg=float("nan")),
+    ]
+    assert Verdicts.of(Results({}, rows)) == Verdicts(
+        scenes=10,
+        right=5,
+        right_warned=4,
+        false_alarms=2,
+        between=2,
+        between_silent=1,
+        wrong=2,
+        wrong_silent=1,
+        unanswered=1,
+        named_right=1,
+        named_wrong=1,
+    )
+
+
+def test_what_is_silently_wrong_is_listed_with_its_command() -> None:
+    settings = {"study": "trust", "drawn": DRAWN}
+    rows = [made_row(rotation_deg=angle, templates_drawn="hook", seed=7) for angle in (0.1, 20.0)]
+    results = Results(settings, [{**row, "model": model} for row, model in zip(rows, ("exact", "lidar"), strict=True)])
+    assert silent_rows(results) == [results.rows[1]]
+    table = results_table(results)
+    assert "1 of 2 problems;" in table and "--seed 7 --scenes 1 --only 'model=lidar'`" in table
+
+
+# Coverage
+
+
+def covered(scale: float, seed: int = 0) -> Results:
+    """Rows whose errors have `scale` times the variance that they are said to have, and some that do not count."""
+    rng = np.random.default_rng(seed)
+    errors = np.sqrt(scale) * rng.normal(size=(4000, 6))
+    sigmas = {f"sigma_rotation_{axis}_deg": 0.5 for axis in "xyz"}
+    rows = [
+        made_row(
+            solved=True,
+            mahalanobis_squared=float(error @ error),
+            **sigmas,
+            **{f"nearest_rotation_{axis}_deg": 0.5 * float(e) for axis, e in zip("xyz", error[:3], strict=True)},
+        )
+        for error in errors
+    ]
+    unsolved = made_row(solved=False, mahalanobis_squared=1e6, **sigmas)
+    other = made_row(solved=True, nearest_rank=1, mahalanobis_squared=1e6, **sigmas)
+    unknown = made_row(solved=True, mahalanobis_squared=float("nan"), **sigmas)
+    return Results({}, [*rows, unsolved, other, unknown])
+
+
+def test_coverage_is_nominal_where_the_covariance_is_right() -> None:
+    found = coverage(covered(1.0))
+    assert found.count == 4000
+    np.testing.assert_allclose(found.inside, (0.5, 0.9, 0.99), atol=0.025)
+    assert found.median_ratio == pytest.approx(1.0, abs=0.05) and found.rotation_ratio == pytest.approx(1.0, abs=0.02)
+    nominal, observed = coverage_curve(covered(1.0))
+    assert len(nominal) == 4000
+    np.testing.assert_allclose(observed, nominal, atol=0.03)
+
+
+def test_coverage_tells_a_variance_that_is_too_small() -> None:
+    found = coverage(covered(2.0))
+    assert found.median_ratio == pytest.approx(2.0, rel=0.05)
+    assert found.rotation_ratio == pytest.approx(np.sqrt(2.0), rel=0.03)
+    assert found.inside[1] < 0.7
+    assert coverage(Results({}, [made_row(solved=False)])).count == 0
+
+
+# Bounds
+
+
+def moved(problem: Problem, increment: Array) -> Problem:
+    """The problem with its scene at a pose moved by a left increment."""
+    scene = problem.scene
+    rotation, translation = moved_pose(scene.rotation, scene.translation, increment)
+    return replace(problem, scene=replace(scene, rotation=rotation, translation=translation))
+
+
+@pytest.mark.parametrize("study_setup", ["perspective", "omnidirectional"])
+def test_derivatives_of_undisturbed_pieces_are_those_of_the_left_increment(study_setup: str) -> None:
+    setup = STUDIES["trust"].setups[study_setup]
+    problem = draw_problem(setup, Condition(camera=study_setup, masks="coverage"), 2)
+    increment = 1e-5 * np.array([1.0, -2.0, 1.5, 0.5, 1.0, -1.0])
+    distances, jacobian = undisturbed_pieces(problem)
+    after, _ = undisturbed_pieces(moved(problem, increment))
+    assert len(after) == len(distances)
+    np.testing.assert_allclose(np.median(np.abs(after - distances - jacobian @ increment)), 0.0, atol=1e-4)
+    assert np.median(np.abs(after - distances)) > 1e-3
+
+
+def test_the_anchor_moves_as_its_derivative_says() -> None:
+    problem = draw_problem(PERSPECTIVE, Condition(), 0)
+    increment = 1e-6 * np.array([1.0, 2.0, -1.0, 0.5, -0.5, 1.0])
+    scene, other = problem.scene, moved(problem, increment).scene
+    error = translation_error(other.rotation, other.translation, scene.rotation, scene.translation, scene.anchor)
+    assert np.linalg.norm(anchor_shift(problem) @ increment) == pytest.approx(error, rel=1e-4)
+
+
+def test_what_disturbs_a_boundary_widens_its_bound() -> None:
+    setup = perspective_setup()
+    exact, hidden = (
+        draw_problem(setup, Condition(planes=2, noise=share, disturbance="occlusion"), 1) for share in (0.0, 0.4)
+    )
+    all_pieces, left = len(undisturbed_pieces(exact)[0]), len(undisturbed_pieces(hidden)[0])
+    assert 0.4 * all_pieces < left < 0.85 * all_pieces
+    assert pose_bound(hidden).rotation_deg > 1.1 * pose_bound(exact).rotation_deg
+    assert pose_bound(hidden).translation_m > 1.1 * pose_bound(exact).translation_m
+    squares = [draw_problem(setup, Condition(planes=2, noise=0.2, side=side), 1) for side in ("2d", "3d")]
+    assert all(0.3 * all_pieces < len(undisturbed_pieces(problem)[0]) < 0.8 * all_pieces for problem in squares)
+
+
+def test_a_wrong_region_and_a_lost_boundary_bound_nothing() -> None:
+    setup = perspective_setup()
+    right = draw_problem(setup, Condition(planes=2), 1)
+    wrong = draw_problem(setup, Condition(planes=2, wrong="place", side="2d"), 1)
+    assert wrong.wrong is not None
+    other = 1 - wrong.wrong
+    one = replace(
+        right, kept=[other], image_regions=[right.image_regions[other]], world_regions=[right.world_regions[other]]
+    )
+    np.testing.assert_array_equal(undisturbed_pieces(wrong)[0], undisturbed_pieces(one)[0])
+    none = replace(wrong, kept=[wrong.wrong], image_regions=[wrong.image_regions[wrong.wrong]], wrong=0)
+    assert pose_bound(none).rotation_deg == pose_bound(none).translation_m == float("inf")
+
+
+def test_errors_are_divided_by_their_bounds() -> None:
+    rows = [
+        made_row(nearest_solved=True, nearest_rotation_deg=0.2, bound_rotation_deg=0.1),
+        made_row(nearest_solved=True, nearest_rotation_deg=0.2, bound_rotation_deg=float("inf")),
+        made_row(nearest_solved=False, nearest_rotation_deg=9.0, bound_rotation_deg=0.1),
+        made_row(nearest_solved=True, nearest_rotation_deg=0.2, bound_rotation_deg=None),
+    ]
+    assert bound_ratios(Results({}, rows), "rotation_deg").tolist() == [2.0]
+    shown = [{**row, **dict.fromkeys(("nearest_translation_m", "bound_translation_m"), 1.0)} for row in rows[:1]]
+    assert "| 1 | 2.00 | 2.00 | 1.00 | 1.00 |" in results_table(Results({}, shown))
+    failed = made_row(error="PoseError: none", nearest_solved=False)
+    assert "over bound" not in results_table(Results({}, [rows[3], failed])), "no bound was asked for"
+
+
+def test_the_errors_of_exact_masks_are_about_their_bound() -> None:
+    study = Study("bounds", "", [{"planes": (3,)}], setups={"perspective": perspective_setup()}, bounds=True)
+    ratios = bound_ratios(run_study(study, 6), "rotation_deg")
+    assert len(ratios) == 6 and 0.3 < np.median(ratios) < 2.0
