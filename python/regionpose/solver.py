@@ -119,6 +119,7 @@ def estimate_pose(
     up: ArrayLike | None = None,
     system: System = "plane",
     integration: Integration = "boundary",
+    mesh_size: float | None = None,
     refine: Refine | None = "contour",
     driver: Driver = "scipy",
 ) -> PoseEstimate:
@@ -127,7 +128,9 @@ def estimate_pose(
     No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
     in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
     start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
-    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `refine="contour"`
+    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels; `mesh_size`: edge length
+    of the mesh's triangles as a share of the side of a square of the region's area (None: 1/8 on the sphere; on the
+    plane, where any mesh is exact, triangles between the boundary's vertices). `refine="contour"`
     leads the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver`
     runs the final least squares of the moments.
 
@@ -142,6 +145,7 @@ def estimate_pose(
         [region.core for region in checked_regions(world_regions, WorldRegion)],
         system=system,
         integration=integration,
+        mesh_size=mesh_size,
     )
     start, prior = _start_and_prior(initial, up)
     if driver == "native":

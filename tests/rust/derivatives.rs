@@ -160,7 +160,7 @@ fn boundary_jacobians_match_differences() {
 #[test]
 fn plane_mesh_jacobians_match_differences() {
     for weighting in WEIGHTINGS {
-        let error = worst_error(System::Plane, Integration::Mesh, weighting);
+        let error = worst_error(System::Plane, Integration::Mesh { size: None }, weighting);
         assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
     }
 }
@@ -168,7 +168,7 @@ fn plane_mesh_jacobians_match_differences() {
 #[test]
 fn sphere_mesh_jacobians_match_differences() {
     for weighting in WEIGHTINGS {
-        let error = worst_error(System::Sphere, Integration::Mesh, weighting);
+        let error = worst_error(System::Sphere, Integration::Mesh { size: None }, weighting);
         assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
     }
 }
@@ -190,7 +190,7 @@ fn jacobians_of_several_regions_are_stacked() {
 
 /// Largest difference of residuals and derivatives between boundary and mesh, relative to the largest derivative.
 fn form_difference(scene: &Scene, system: System, pose: &Pose) -> f64 {
-    let [boundary, mesh] = [Integration::Boundary, Integration::Mesh]
+    let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: None }]
         .map(|integration| scene.problem(system, integration).evaluate(pose, Weighting::Uniform).unwrap());
     let gap = (&boundary.residual - &mesh.residual).amax().max((&boundary.jacobian - &mesh.jacobian).amax());
     gap / boundary.jacobian.amax()
