@@ -128,11 +128,11 @@ def estimate_pose(
     No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
     in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
     start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
-    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels; `mesh_size`: edge length
-    of the mesh's triangles as a share of the side of a square of the region's area (None: 1/8 on the sphere; on the
-    plane, where any mesh is exact, triangles between the boundary's vertices). `refine="contour"`
-    leads the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver`
-    runs the final least squares of the moments.
+    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `mesh_size`: edge
+    length of the mesh's triangles over the square root of the region's area; None is 1/8 on the sphere and, on the
+    plane, where every mesh is exact, triangles between the boundary's vertices. `refine="contour"` leads the pose onto
+    the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver` runs the final least
+    squares of the moments.
 
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.

@@ -6,7 +6,7 @@ use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
 use regionpose::equations::{System, Weighting};
-use regionpose::facet::Integration;
+use regionpose::facet::{Integration, SPHERE_MESH_SIZE};
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
 use regionpose::pose::{Pose, Tangent};
@@ -169,6 +169,23 @@ fn plane_mesh_jacobians_match_differences() {
 fn sphere_mesh_jacobians_match_differences() {
     for weighting in WEIGHTINGS {
         let error = worst_error(System::Sphere, Integration::Mesh { size: None }, weighting);
+        assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
+    }
+}
+
+#[test]
+fn the_size_of_a_mesh_moves_the_sphere_alone_and_its_jacobian_follows() {
+    let scene = Scene::random(&mut Random::new(8), Layout::default());
+    let of = |system, size| scene.problem(system, Integration::Mesh { size }).evaluate(&scene.pose, Weighting::Uniform);
+    let gap = |system, size| {
+        let (default, sized) = (of(system, None).unwrap(), of(system, Some(size)).unwrap());
+        (default.jacobian - sized.jacobian).amax()
+    };
+    assert!(gap(System::Plane, 0.3) < 1e-12);
+    assert_eq!(gap(System::Sphere, SPHERE_MESH_SIZE), 0.0);
+    assert!(gap(System::Sphere, 1.0) > 1e-12);
+    for weighting in WEIGHTINGS {
+        let error = worst_error(System::Sphere, Integration::Mesh { size: Some(0.3) }, weighting);
         assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
     }
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, solver_options
+from regionpose.outline import SparseSamplingWarning
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
@@ -48,9 +50,9 @@ GRAZING_VIEW_ANGLE_DEG = 90.0
 class Problem:
     """What an estimate is given, and the scene that it comes from.
 
-    `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in halves or
-    that no lidar's points outline. `image_change`, `world_change`: area
-    of the symmetric difference between the given and the true regions over the true area, as measured.
+    `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
+    halves or that a lidar hits too rarely. `image_change`, `world_change`: area of the symmetric difference between the
+    given and the true regions over the true area, as measured.
     """
 
     scene: Scene
@@ -163,9 +165,7 @@ def given_region(scene: Scene, index: int, patch: Patch, condition: Condition) -
     """The image side of a region: from its mask, or its true outline."""
     if condition.masks == "polygon":
         pose = scene.rotation, scene.translation
-        return ImageRegion.from_polygon(
-            project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX)
-        )
+        return ImageRegion.from_polygon(project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX))
     keep_mask = solver_options(condition.solver).get("integration") == "pixels"
     return image_region(patch, scene.camera, keep_mask)
 
@@ -211,7 +211,10 @@ def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Ge
     offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
     position = scene.rotation.T @ (offset - scene.translation)
     points = lidar_points(rings, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
-    return WorldRegion.from_points(points, sensor_origin=position)
+    with warnings.catch_warnings():
+        # What sparse samples cost is what the study measures.
+        warnings.simplefilter("ignore", SparseSamplingWarning)
+        return WorldRegion.from_points(points, sensor_origin=position)
 
 
 def world_region(rings: Sequence[Array]) -> WorldRegion:
