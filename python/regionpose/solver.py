@@ -152,7 +152,7 @@ def estimate_pose(
         found = _estimate_or_error(problem.estimate(start=start, refine=refine, **prior))
     else:
         problem, candidates = problem.search(start=start, **prior)
-        minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
+        minima = [scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
         found = _estimate_or_error(problem.judged(minima, refine=refine, **prior))
     if isinstance(found, PoseError):
         raise found
@@ -245,7 +245,7 @@ def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[
     raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
 
 
-def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
+def scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
     """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
     increments = _Increments(problem, rotation, translation)
     result = least_squares(
