@@ -20,6 +20,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
+from regionpose.cameras import Camera
 from regionpose.evaluation import perspective_scene, problem_generator, squares_on_mask
 from regionpose.solver import System, observed_regions, scipy_minimum
 
@@ -31,7 +32,7 @@ SYSTEMS: tuple[System, ...] = ("plane", "sphere")
 class Given(NamedTuple):
     """What an estimate starts from."""
 
-    camera: rp.PinholeCamera
+    camera: Camera
     masks: list[NDArray[np.bool_]]
     worlds: list[rp.WorldRegion]
 
