@@ -1,7 +1,8 @@
 """How far off the published start may be turned in its plane, which the paper puts at 60 to 80 deg (its figure 9).
 
 The world's up direction is handed to the start (the paper's `R_u`) turned by each angle, to the left and right in turn,
-so that the start is off by just that; shapes without symmetry, binary masks, the mesh scheme.
+so that the start is off by just that; shapes without symmetry, binary masks, the mesh scheme. At 0 deg stands what one
+plane's two tilts, which look nearly alike, leave of it.
 
     OMP_NUM_THREADS=1 python -m benchmarks.published.tolerance [--scenes 20] [--planes 1 3] [--start parallel]
 """
