@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks import published
 
-ANGLES_DEG = (0, 20, 40, 60, 70, 80, 90, 100, 120, 150)
+ANGLES_DEG = (0, 20, 45, 60, 70, 80, 90, 100, 120, 150)
 MAKERS: dict[published.System, Callable[..., Scene]] = {"plane": perspective_scene, "sphere": omnidirectional_scene}
 
 
