@@ -29,6 +29,8 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/regionpose evaluate perspective $(NOISE_FREE) --out results/perspective.csv
 	$(BIN)/regionpose evaluate omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
+	$(BIN)/python benchmarks/stages.py --scenes 10
+	$(BIN)/python benchmarks/workers.py --scenes 40
 	$(BIN)/python -m benchmarks.published --scenes 20
 	$(BIN)/python benchmarks/peers.py --scenes 20
 	$(BIN)/python benchmarks/image_segmentation.py --scenes 5

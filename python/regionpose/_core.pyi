@@ -231,6 +231,7 @@ class Problem:
         *,
         system: Literal["plane", "sphere"],
         integration: Literal["boundary", "mesh", "pixels"],
+        mesh_size: float | None = None,
     ) -> Problem: ...
     def search(
         self,

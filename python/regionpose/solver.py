@@ -120,6 +120,7 @@ def estimate_pose(
     up: ArrayLike | None = None,
     system: System = "plane",
     integration: Integration = "boundary",
+    mesh_size: float | None = None,
     refine: Refine | None = "contour",
     driver: Driver = "scipy",
 ) -> PoseEstimate:
@@ -128,9 +129,11 @@ def estimate_pose(
     No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
     in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
     start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
-    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `refine="contour"`
-    leads the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver`
-    runs the final least squares of the moments.
+    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `mesh_size`: edge
+    length of the mesh's triangles over the square root of the region's area; None is 1/8 on the sphere and, on the
+    plane, where every mesh is exact, triangles between the boundary's vertices. `refine="contour"` leads the pose onto
+    the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver` runs the final least
+    squares of the moments.
 
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
@@ -143,13 +146,14 @@ def estimate_pose(
         [region.core for region in checked_regions(world_regions, WorldRegion)],
         system=system,
         integration=integration,
+        mesh_size=mesh_size,
     )
     start, prior = _start_and_prior(initial, up)
     if driver == "native":
         found = _estimate_or_error(problem.estimate(start=start, refine=refine, **prior))
     else:
         problem, candidates = problem.search(start=start, **prior)
-        minima = [_scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
+        minima = [scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
         found = _estimate_or_error(problem.judged(minima, refine=refine, **prior))
     if isinstance(found, PoseError):
         raise found
@@ -242,7 +246,7 @@ def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[
     raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
 
 
-def _scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
+def scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
     """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
     increments = _Increments(problem, rotation, translation)
     result = least_squares(

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::chart::Chart;
 use crate::equations::System;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 use crate::mesh::triangulation::{MeshOptions, triangulate};
@@ -17,12 +17,17 @@ use crate::region::{Surface, WorldRegion};
 use crate::rings::PlaneRings;
 
 /// How the integrals are taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Integration {
     /// Sums over the boundary's edges, exact (`docs/math.md`, sections 2 and 3).
     Boundary,
     /// Sums over the triangles of a mesh (paper section 2.1 and 2.2, eq. 16 to 24).
-    Mesh,
+    Mesh {
+        /// Edge length of an even mesh as a share of the side of a square of the region's area. Without it the plane system,
+        /// exact on any mesh, takes a Delaunay mesh of the boundary, and the sphere system [`SPHERE_MESH_SIZE`]. A surface
+        /// that is not planar keeps its own triangles.
+        size: Option<f64>,
+    },
     /// The observed side summed over the mask's pixels (paper eq. 6, 7), the predicted side from the boundary; sphere only.
     Pixels,
 }
@@ -30,8 +35,8 @@ pub enum Integration {
 /// Each triangle of a spherical mesh is split into the square of this number for its quadrature.
 pub const SUBDIVISION: usize = 2;
 
-/// Edges of the spherical quadrature's mesh along the side of a square of the region's area.
-const EDGES_ACROSS: f64 = 8.0;
+/// Edge length of the spherical quadrature's mesh as a share of the side of a square of the region's area.
+pub const SPHERE_MESH_SIZE: f64 = 0.125;
 
 /// A plane that passes the camera nearer than this, as a share of the facet's distance, is seen edge-on.
 const EDGE_ON: f64 = 1e-9;
@@ -66,23 +71,29 @@ pub fn facets(
     }
 }
 
-/// The even mesh on which spherical integrals of an outline are taken.
+/// The mesh on which an outline's integrals are taken, with edges of `size` as of [`Integration::Mesh`].
 ///
 /// # Errors
-/// When the outline cannot be meshed.
-pub fn quadrature_mesh(outline: &PlaneRings) -> Result<PlaneMesh> {
-    even_mesh(outline, outline.area().sqrt() / EDGES_ACROSS)
+/// A size that is not positive and finite, or an outline that cannot be meshed.
+pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>) -> Result<PlaneMesh> {
+    if let Some(size) = size.filter(|size| !(size.is_finite() && *size > 0.0)) {
+        let needed = "positive and finite, a share of the region's extent".into();
+        return Err(Error::OutOfRange { item: "mesh_size", found: size.to_string(), needed });
+    }
+    let even = |share: f64| even_mesh(outline, share * outline.area().sqrt());
+    match (system, size) {
+        (_, Some(share)) => even(share),
+        (System::Plane, None) => triangulate(outline, MeshOptions::default()),
+        (System::Sphere, None) => even(SPHERE_MESH_SIZE),
+    }
 }
 
 fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {
     let frame = world.frame();
     let lift = |p: &Vector2<f64>| frame.lifted(p) - origin;
-    let shape = match (integration, system) {
-        (Integration::Mesh, system) => {
-            let mesh = match system {
-                System::Plane => triangulate(world.outline(), MeshOptions::default())?,
-                System::Sphere => quadrature_mesh(world.outline())?,
-            };
+    let shape = match integration {
+        Integration::Mesh { size } => {
+            let mesh = integration_mesh(world.outline(), system, size)?;
             Shape::Triangles { vertices: mesh.vertices.iter().map(lift).collect(), triangles: mesh.triangles }
         }
         _ => Shape::Rings(world.outline().rings().iter().map(|ring| ring.iter().map(lift).collect()).collect()),
@@ -97,7 +108,7 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
         // A triangle without area has no plane and no part in any integral.
         let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
         let shape = match integration {
-            Integration::Mesh => Shape::Triangles { vertices: vec![a, b, c], triangles: vec![[0, 1, 2]] },
+            Integration::Mesh { .. } => Shape::Triangles { vertices: vec![a, b, c], triangles: vec![[0, 1, 2]] },
             _ => Shape::Rings(vec![vec![a, b, c]]),
         };
         Some(Facet { normal, offset: normal.dot(&a), shape })

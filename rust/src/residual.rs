@@ -9,8 +9,7 @@ use crate::equations::{
     MOST_EQUATIONS, System, Weighting, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
 };
 use crate::error::{Error, Result};
-use crate::facet::{Facet, Integration, SUBDIVISION, facets, quadrature_mesh};
-use crate::mesh::triangulation::{MeshOptions, triangulate};
+use crate::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
@@ -165,8 +164,8 @@ fn observed_values(
         (System::Plane, Integration::Boundary) => {
             add_plane_values(&planar_moments(slices(outline), order), &mut values);
         }
-        (System::Plane, Integration::Mesh) => {
-            let mesh = triangulate(outline, MeshOptions::default())?;
+        (System::Plane, Integration::Mesh { size }) => {
+            let mesh = integration_mesh(outline, system, size)?;
             add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, &mut values);
         }
         (System::Sphere, Integration::Boundary) => {
@@ -175,8 +174,8 @@ fn observed_values(
             let moments = spherical_moments(rings.iter().map(Vec::as_slice), order);
             add_sphere_values(&moments, chart.scale, &mut values);
         }
-        (System::Sphere, Integration::Mesh) => {
-            let mesh = quadrature_mesh(outline)?;
+        (System::Sphere, Integration::Mesh { size }) => {
+            let mesh = integration_mesh(outline, system, size)?;
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0);
             let vertices: Vec<_> = mesh.vertices.iter().map(lift).collect();
             let moments = mesh_sphere_moments(&vertices, &mesh.triangles, order, SUBDIVISION)?;

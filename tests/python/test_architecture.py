@@ -45,6 +45,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("__init__",),
     ("demo",),
     ("cli",),
+    ("__main__",),
 )
 """Modules of the Python package, the compiled one first."""
 

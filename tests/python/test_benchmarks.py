@@ -7,7 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import regionpose as rp
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from regionpose.evaluation.studies import Study
+from small_study import SMALL
+
+from benchmarks.stages import drawn, stages
+from benchmarks.workers import comparable, timed, ways
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 OPTIONAL = ("cv2", "poselib")
@@ -15,7 +25,8 @@ OPTIONAL = ("cv2", "poselib")
 
 @pytest.mark.parametrize("path", sorted(BENCHMARKS.glob("*.py")), ids=lambda path: path.stem)
 def test_a_benchmark_says_how_it_is_run(path: Path) -> None:
-    paths = os.pathsep.join([str(BENCHMARKS), str(BENCHMARKS.parent)])
+    own = os.environ.get("PYTHONPATH")
+    paths = os.pathsep.join([str(BENCHMARKS), str(BENCHMARKS.parent), *([own] if own else [])])
     ended = subprocess.run(
         [sys.executable, str(path), "--help"],
         capture_output=True,
@@ -27,3 +38,20 @@ def test_a_benchmark_says_how_it_is_run(path: Path) -> None:
         if f"No module named '{name}'" in ended.stderr:
             pytest.skip(f"{path.stem} needs {name}: install the extra benchmarks")
     assert ended.returncode == 0, ended.stderr
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_the_stages_end_where_the_estimate_does(noise: float) -> None:
+    given = drawn(2, 3, noise)
+    seconds, staged = stages(given, "plane")
+    whole = rp.estimate_pose(given.camera, [rp.ImageRegion.from_mask(mask) for mask in given.masks], given.worlds)
+    assert staged is not None
+    np.testing.assert_array_equal(staged.best.minimum.translation, whole.pose.translation)
+    assert all(second >= 0.0 for second in seconds) and sum(seconds) > 0.0
+
+
+def test_a_study_on_two_processes_has_the_rows_of_one() -> None:
+    study = Study("two", "", [{"planes": (2,), "noise": (0.0, 0.05)}], setups=SMALL)
+    one, two = (timed(study, 3, way)[0] for way in list(ways(2).values())[:2])
+    assert comparable(one) == comparable(two)
+    assert one.column("nearest_solved").all()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from regionpose import Pose
+from regionpose import Pose, __version__
 from regionpose.calibration import load_camera
 from regionpose.cli import main
 from regionpose.cli.outputs import text_writer, write_files
@@ -47,6 +47,16 @@ def test_help_says_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "--help")
     assert code == 0
     assert all(f"\n    {number}  " in out for number in (0, 1, 2, 3, 130))
+
+
+def test_the_module_runs_as_the_command() -> None:
+    def ended(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "regionpose", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert ended("--version").stdout == f"regionpose {__version__}\n"
+    refused = ended("estimate", "nowhere.yaml")
+    assert refused.returncode == 2 and "nowhere.yaml" in refused.stderr
 
 
 def test_help_loads_nothing_slow() -> None:

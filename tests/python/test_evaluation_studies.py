@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
+from matplotlib.container import ErrorbarContainer
 from matplotlib.patches import Rectangle
 from regionpose.cameras import Camera, PinholeCamera, UnifiedCamera
 from regionpose.evaluation import setups
@@ -29,7 +30,7 @@ from regionpose.evaluation.studies import (
     study_named,
     write_rows,
 )
-from regionpose.evaluation.studies.conditions import changed_grid, grid_conditions, solver_options, solver_text
+from regionpose.evaluation.studies.conditions import Grid, changed_grid, grid_conditions, solver_options, solver_text
 from regionpose.evaluation.studies.plots import drawn_charts
 from regionpose.evaluation.studies.problems import image_patches, image_region
 from regionpose.evaluation.studies.rows import COLUMN_TYPES, judged, mahalanobis_squared
@@ -70,6 +71,7 @@ def test_solver_options_are_read_as_they_are_written() -> None:
         (lambda: Condition(masks="blurred"), ["masks", "blurred", "binary, coverage"]),  # type: ignore[arg-type]
         (lambda: Condition(grazing_deg=5.0, turn_deg=5.0), ["grazing_deg", "turn_deg"]),
         (lambda: Condition(disturbance="truncation", side="3d"), ["2d"]),
+        (lambda: Condition(masks="polygon", noise=0.1), ["mask", "binary"]),
         (lambda: Condition(solver="mesh"), ["mesh", "name=value"]),
         (lambda: grid_conditions([{"plains": (1,)}]), ["plains", "planes"]),
         (lambda: grid_conditions([{"planes": ()}]), ["planes", "at least one"]),
@@ -152,6 +154,22 @@ def test_a_lidar_and_a_wrong_calibration_reach_the_estimate() -> None:
     assert 0.0 < problem.world_change < 0.5
     axis = problem.camera.project(np.array([[0.0, 0.0, 1.0]]))
     assert 0.1 < np.linalg.norm(axis - (179.5, 119.5)) < 10.0
+
+
+def test_a_region_that_a_lidar_hits_by_one_line_is_left_out() -> None:
+    sparse = Condition(planes=2, lidar_beams=8)
+    problem = draw_problem(PERSPECTIVE, sparse, 1)
+    assert problem.kept == [0] and len(problem.image_regions) == len(problem.world_regions) == 1
+    alone = run_study(replace(QUICK, grids=[{"planes": (1,), "lidar_beams": (8,)}]), 1, seed=2)
+    assert "lie on one scan line" in str(alone.rows[0]["error"])
+
+
+@pytest.mark.parametrize("name", ["perspective", "omnidirectional"])
+def test_polygons_hold_no_error_of_pixels(name: str) -> None:
+    study = replace(QUICK, grids=[{"camera": (name,), "masks": ("polygon",), "planes": (1, 2)}])
+    rows = run_study(study, 4)
+    assert (rows.column("nearest_rotation_deg") < 1e-6).all()
+    assert (rows.column("nearest_translation_m") < 1e-8).all()
 
 
 @pytest.mark.parametrize(
@@ -297,3 +315,26 @@ def test_solved_shares_are_bars_or_a_line(quick_rows: Results, across: str, bars
 def test_other_columns_that_vary_make_a_picture_each(quick_rows: Results) -> None:
     figures = drawn_charts(quick_rows, [Chart("sorted", lines="planes"), Chart("solved", "planes", across="turn_deg")])
     assert list(figures) == ["sorted-noise-0pc", "sorted-noise-5pc"], "no turned plane, no picture of turns"
+
+
+def test_columns_that_the_lines_decide_make_no_further_picture() -> None:
+    grids: list[Grid] = [{"planes": (1, 2)}, {"planes": (1,), "regions_per_plane": (3,)}]
+    rows = run_study(replace(QUICK, grids=grids), 2)
+    figures = drawn_charts(rows, [Chart("sorted", lines="regions_given")])
+    assert list(figures) == ["sorted"]
+    assert len(figures["sorted"].axes[0].get_lines()) == 3
+
+
+def test_costs_are_medians_joined_by_the_size_of_the_mesh() -> None:
+    sizes = ["integration=mesh mesh_size=0.5", "integration=mesh mesh_size=0.2"]
+    rows = run_study(replace(QUICK, grids=[{"solver": ("", *sizes)}]), 3)
+    panel = drawn_charts(rows, [Chart("cost", lines="solver")])["cost"].axes[0]
+    lines = [container.lines[0] for container in panel.containers if isinstance(container, ErrorbarContainer)]
+    drawn = np.concatenate([line.get_xydata() for line in lines])
+    groups = [rows.where(solver=value) for value in ("", *sizes)]
+    medians = [
+        (1000.0 * np.median(g.column("estimate_s")), np.median(g.column("nearest_rotation_deg"))) for g in groups
+    ]
+    np.testing.assert_allclose(drawn, medians)
+    assert len(lines) == 2, "the two sizes are joined"
+    assert [text.get_text() for text in panel.texts if text.get_text()] == ["0.5", "0.2"]

@@ -17,6 +17,8 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks import published
+from benchmarks.published import __main__ as command
+from benchmarks.published.compare import Outcome
 from benchmarks.published.moments import (
     PLANE_EXPONENTS,
     SPHERE_EXPONENTS,
@@ -25,6 +27,7 @@ from benchmarks.published.moments import (
     subdivided,
     triangle_moments,
 )
+from benchmarks.published.report import Condition, details, table_row
 from benchmarks.published.start import centroid_direction, facing_placement, start_placement
 from benchmarks.published.system import SeenPlane, observed_moments, world_side
 
@@ -158,3 +161,39 @@ def test_a_scheme_that_the_paper_does_not_have_is_refused() -> None:
     scene = perspective_scene(0, 1)
     with pytest.raises(ValueError, match="needed one of"):
         published.estimate(scene.camera, [], [], system="plane", integration="quadrature")
+
+
+METHODS = ("published pixels", "published mesh", "regionpose", "regionpose any")
+
+
+def two_rows() -> list[dict[str, Outcome]]:
+    """Two problems: the first is solved by all, the second by our nearest answer alone."""
+    solved = {name: Outcome(0.1, 0.002, 0.01, 0.2 * (k + 1), 10) for k, name in enumerate(METHODS)}
+    lost = {name: Outcome(5.0, 1.0, float("inf"), 0.2 * (k + 1), 10) for k, name in enumerate(METHODS[:-1])}
+    return [solved, {**lost, METHODS[-1]: solved[METHODS[-1]]}]
+
+
+def test_the_table_of_a_comparison_holds_solved_shares_and_the_ratio_of_medians() -> None:
+    row = table_row(Condition("plane", 1, 0.05), two_rows())
+    assert row == "| plane, 1 | 5 % | 50 / 50 % | 501.00 | 200 / 400 | 50 / 100 % | 2.00 | 600 | 1.50 |"
+    lines = details(Condition("plane", 1, 0.05), two_rows()).split("\n")
+    assert [line.split()[-1] for line in lines] == ["3.000", "1.500", "1.000", "0.750"]
+
+
+def test_a_comparison_goes_on_from_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    solved = []
+
+    def drawn(system: str, seed: int, *_: object) -> int:
+        solved.append((system, seed))
+        return seed
+
+    monkeypatch.setattr(command, "drawn_problem", drawn)
+    monkeypatch.setattr(command, "outcomes", lambda seed, *_: two_rows()[seed % 2])
+    given = ["--planes", "1", "--systems", "plane", "--keep", str(tmp_path / "kept.jsonl")]
+    for scenes in ("1", "2"):
+        monkeypatch.setattr(sys, "argv", ["published", "--scenes", scenes, *given])
+        command.main()
+    assert solved == [("plane", 0), ("plane", 1)]
+    assert capsys.readouterr().out.endswith(f"{table_row(Condition('plane', 1, 0.0), two_rows())}\n")

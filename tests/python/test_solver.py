@@ -83,6 +83,21 @@ def test_systems_and_integrations_agree(draw: object, seed: int) -> None:
     assert apart(plane, pixels, scene.anchor) < SYSTEMS
 
 
+def test_a_smaller_mesh_is_nearer_to_the_boundary_on_the_sphere_and_any_is_exact_on_the_plane() -> None:
+    scene = omnidirectional_scene(3, 2)
+    problem = problem_of(scene, coverage=True)
+
+    def apart_from_boundary(system: rp.solver.System, size: float) -> float:
+        exact = rp.estimate_pose(*problem, system=system, driver="native").pose
+        meshed = rp.estimate_pose(*problem, system=system, integration="mesh", mesh_size=size, driver="native").pose
+        return apart(exact, meshed, scene.anchor)
+
+    coarse, middle, fine = (apart_from_boundary("sphere", size) for size in (1.0, 0.5, 0.1))
+    assert coarse > 3.0 * middle > 9.0 * fine
+    assert fine < SPHERE_MESH
+    assert max(apart_from_boundary("plane", size) for size in (1.0, 0.1)) < SAME_MOMENTS
+
+
 def test_three_planes_are_solved_within_millimetres() -> None:
     errors = []
     for seed in range(10):

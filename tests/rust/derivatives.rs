@@ -6,7 +6,7 @@ use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
 use regionpose::equations::{System, Weighting};
-use regionpose::facet::Integration;
+use regionpose::facet::{Integration, SPHERE_MESH_SIZE};
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
 use regionpose::pose::{Pose, Tangent};
@@ -160,7 +160,7 @@ fn boundary_jacobians_match_differences() {
 #[test]
 fn plane_mesh_jacobians_match_differences() {
     for weighting in WEIGHTINGS {
-        let error = worst_error(System::Plane, Integration::Mesh, weighting);
+        let error = worst_error(System::Plane, Integration::Mesh { size: None }, weighting);
         assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
     }
 }
@@ -168,7 +168,24 @@ fn plane_mesh_jacobians_match_differences() {
 #[test]
 fn sphere_mesh_jacobians_match_differences() {
     for weighting in WEIGHTINGS {
-        let error = worst_error(System::Sphere, Integration::Mesh, weighting);
+        let error = worst_error(System::Sphere, Integration::Mesh { size: None }, weighting);
+        assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
+    }
+}
+
+#[test]
+fn the_size_of_a_mesh_moves_the_sphere_alone_and_its_jacobian_follows() {
+    let scene = Scene::random(&mut Random::new(8), Layout::default());
+    let of = |system, size| scene.problem(system, Integration::Mesh { size }).evaluate(&scene.pose, Weighting::Uniform);
+    let gap = |system, size| {
+        let (default, sized) = (of(system, None).unwrap(), of(system, Some(size)).unwrap());
+        (default.jacobian - sized.jacobian).amax()
+    };
+    assert!(gap(System::Plane, 0.3) < 1e-12);
+    assert_eq!(gap(System::Sphere, SPHERE_MESH_SIZE), 0.0);
+    assert!(gap(System::Sphere, 1.0) > 1e-12);
+    for weighting in WEIGHTINGS {
+        let error = worst_error(System::Sphere, Integration::Mesh { size: Some(0.3) }, weighting);
         assert!(error < DIFFERENCES, "{weighting:?}: {error:.1e}");
     }
 }
@@ -190,7 +207,7 @@ fn jacobians_of_several_regions_are_stacked() {
 
 /// Largest difference of residuals and derivatives between boundary and mesh, relative to the largest derivative.
 fn form_difference(scene: &Scene, system: System, pose: &Pose) -> f64 {
-    let [boundary, mesh] = [Integration::Boundary, Integration::Mesh]
+    let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: None }]
         .map(|integration| scene.problem(system, integration).evaluate(pose, Weighting::Uniform).unwrap());
     let gap = (&boundary.residual - &mesh.residual).amax().max((&boundary.jacobian - &mesh.jacobian).amax());
     gap / boundary.jacobian.amax()

@@ -80,9 +80,9 @@ fn exact_images_are_recovered_in_any_direction_unit_and_place() {
 #[test]
 fn both_systems_and_forms_recover_exact_images() {
     for (system, integration, allowed) in [
-        (System::Plane, Integration::Mesh, EXACT),
+        (System::Plane, Integration::Mesh { size: None }, EXACT),
         (System::Sphere, Integration::Boundary, NEARLY_DEPENDENT),
-        (System::Sphere, Integration::Mesh, QUADRATURE),
+        (System::Sphere, Integration::Mesh { size: None }, QUADRATURE),
     ] {
         let error = worst_error(Layout { regions: 2, ..Layout::default() }, system, integration, 5);
         assert!(error < allowed, "{system:?}, {integration:?}: {error:.1e}");
@@ -416,7 +416,7 @@ proptest! {
         let mut random = Random::new(seed);
         let Some((observed, worlds)) = wild_scene(&mut random) else { return Ok(()) };
         let system = if sphere { System::Sphere } else { System::Plane };
-        let integration = if mesh && !sphere { Integration::Mesh } else { Integration::Boundary };
+        let integration = if mesh && !sphere { Integration::Mesh { size: None } } else { Integration::Boundary };
         let start = if paper { Start::Paper } else { Start::Global };
         match Problem::new(&observed, worlds, system, integration) {
             Err(error) => prop_assert!(matches!(error, Error::InRegion { .. }), "{error}"),

@@ -27,12 +27,15 @@ fn parsed_system(name: &str) -> PyResult<System> {
     }
 }
 
-fn parsed_integration(name: &str) -> PyResult<Integration> {
-    match name {
-        "boundary" => Ok(Integration::Boundary),
-        "mesh" => Ok(Integration::Mesh),
-        "pixels" => Ok(Integration::Pixels),
-        other => Err(unknown("integration", other, "\"boundary\", \"mesh\" or \"pixels\"")),
+fn parsed_integration(name: &str, mesh_size: Option<f64>) -> PyResult<Integration> {
+    match (name, mesh_size) {
+        ("mesh", size) => Ok(Integration::Mesh { size }),
+        ("boundary" | "pixels", Some(size)) => {
+            Err(PyValueError::new_err(format!("mesh_size is {size} with integration {name:?}; it needs \"mesh\"")))
+        }
+        ("boundary", None) => Ok(Integration::Boundary),
+        ("pixels", None) => Ok(Integration::Pixels),
+        (other, _) => Err(unknown("integration", other, "\"boundary\", \"mesh\" or \"pixels\"")),
     }
 }
 
@@ -193,18 +196,20 @@ pub struct Problem(solve::Problem);
 #[pymethods]
 impl Problem {
     #[new]
-    #[pyo3(signature = (observed, worlds, *, system, integration))]
+    #[pyo3(signature = (observed, worlds, *, system, integration, mesh_size = None))]
     fn new(
         py: Python<'_>,
         observed: Vec<PyRef<'_, ObservedRegion>>,
         worlds: Vec<PyRef<'_, WorldRegion>>,
         system: &Bound<'_, PyAny>,
         integration: &Bound<'_, PyAny>,
+        mesh_size: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let sides = Sides::new(&observed, &worlds);
         let system: String = scalar("system", system, "\"plane\" or \"sphere\"")?;
         let integration: String = scalar("integration", integration, "\"boundary\", \"mesh\" or \"pixels\"")?;
-        let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration)?);
+        let mesh_size: Option<f64> = optional("mesh_size", mesh_size, "a number, or None")?;
+        let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration, mesh_size)?);
         py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
     }
 
@@ -334,7 +339,7 @@ pub fn estimate_batch(
     integration: &str,
     refine: Option<&str>,
 ) -> PyResult<Vec<Option<Estimate>>> {
-    let (system, integration) = (parsed_system(system)?, parsed_integration(integration)?);
+    let (system, integration) = (parsed_system(system)?, parsed_integration(integration, None)?);
     let refinement = parsed_refinement(refine)?;
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();

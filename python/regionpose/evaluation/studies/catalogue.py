@@ -20,6 +20,13 @@ TURNS_DEG = tuple(float(turn) for turn in range(-180, 180, 15))
 PAPER_START = "initial=paper up=[0,-1,0]"
 """The paper's start, right in the plane where the plane is not turned: the template's up is the world's -y."""
 
+INTEGRALS = ("", "integration=boundary system=sphere", "integration=mesh", "integration=mesh system=sphere")
+MESHES = (
+    *(f"integration=mesh mesh_size={size}" for size in (0.2, 0.1, 0.05)),
+    *(f"integration=mesh mesh_size={size} system=sphere" for size in (1.0, 0.5, 0.2, 0.1, 0.05)),
+)
+"""Meshes by the length of their edges, a share of the region's size."""
+
 SYMMETRIES = ("asymmetric", "symmetric")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
@@ -42,22 +49,22 @@ _ALL = (
     _by_noise("omnidirectional", "omnidirectional", "Errors of a 180 deg fisheye by planes and segmentation error."),
     Study(
         "integration",
-        "Error and time of sums over the boundary, a mesh and the mask's pixels.",
+        "Error and time of sums over the boundary, meshes of several sizes and the mask's pixels.",
         [
             {
                 "camera": ("omnidirectional",),
                 "planes": (1, 3),
                 "noise": (0.0, 0.05),
-                "solver": (
-                    "",
-                    "integration=boundary system=sphere",
-                    "integration=mesh",
-                    "integration=mesh system=sphere",
-                    "integration=pixels system=sphere",
-                ),
-            }
+                "solver": (*INTEGRALS, "integration=pixels system=sphere"),
+            },
+            {
+                "camera": ("omnidirectional",),
+                "planes": (1, 3),
+                "masks": ("polygon",),
+                "solver": (*INTEGRALS, *MESHES),
+            },
         ],
-        [Chart("sorted", lines="solver", panels="planes")],
+        [Chart("cost", lines="solver", panels="planes")],
     ),
     Study(
         "regions",
@@ -67,8 +74,8 @@ _ALL = (
             {"noise": (0.0, 0.05, 0.12), "planes": (3,), "regions_per_plane": (2,)},
         ],
         [
-            Chart("sorted", lines="planes", panels="noise"),
-            Chart("solved", lines="noise", across="planes"),
+            Chart("sorted", lines="regions_given", panels="noise"),
+            Chart("solved", lines="noise", across="regions_given"),
         ],
     ),
     Study(

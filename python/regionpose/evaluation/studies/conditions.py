@@ -16,7 +16,7 @@ from regionpose.evaluation.templates import TemplateSet
 Value: TypeAlias = "str | int | float | bool | None"
 Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
-Masks = Literal["binary", "coverage"]
+Masks = Literal["binary", "coverage", "polygon"]
 Wrong = Literal["none", "shape", "place"]
 NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
@@ -29,7 +29,8 @@ class Condition:
 
     `camera`: name of one of the study's setups. `planes`, `regions_per_plane`, `templates`, `world`: as of `Layout`.
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
-    region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas.
+    region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas, or
+    the true outline without any pixels.
     `lidar_beams`: the world region is outlined from the points of a lidar of so many beams near the camera, with the
     error `range_noise_m` along them. `focal_error` (a share) and `center_error_px`: standard deviations of the
     calibration that the estimate is given. `wrong`: one region, drawn by the seed, is another template's ("shape") or
@@ -66,6 +67,8 @@ class Condition:
             raise ValueError("condition has both grazing_deg and turn_deg; needed one of them at the most")
         if self.disturbance == "truncation" and self.side == "3d":
             raise ValueError('condition truncates the world side; the image border cuts masks, side "2d"')
+        if self.masks == "polygon" and self.side == "2d" and self.noise > 0.0:
+            raise ValueError('condition disturbs the mask where there is none; needed masks "binary" or "coverage"')
         solver_options(self.solver)
 
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from regionpose.evaluation.measures import solved_share
-from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.measures import solved_share, summarize
+from regionpose.evaluation.studies.conditions import Value, solver_options, solver_text
 from regionpose.evaluation.studies.coverage import coverage_curve
 from regionpose.evaluation.studies.rows import NEAREST, Results
 from regionpose.evaluation.studies.study import Chart, ChartKind
@@ -22,10 +23,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Array = NDArray[np.float64]
+
 PANEL_INCHES = (3.2, 2.5)
 """Width and height of one panel: three stand beside one another on a page."""
 
 DASHES = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)), (0, (1, 1)))
+HATCHES = ("", "//", "..", "xx", "--", "oo")
 MARKERS = ("o", "s", "^", "D", "v", "x")
 LIGHTEST = 0.82
 """Share of the colour map that is used: what is lighter vanishes on paper."""
@@ -37,6 +41,9 @@ LABELLED_DECADES = (1.5, 0.6)
 """Decades of an axis below which some of the values between powers of ten have labels, and below which all have."""
 
 MARKS_ON_A_CURVE = 6
+COST_MARGIN = 0.12
+"""Share of a panel beside its points, for their labels."""
+
 MOST_BARS = 8
 """Values of a column up to which solved shares are bars; a line beyond."""
 
@@ -50,6 +57,7 @@ SORTED_COLUMNS = (
 NAMES = {
     "noise": "segmentation error",
     "planes": "planes",
+    "regions_given": "regions",
     "solver": "",
     "templates": "",
     "camera": "",
@@ -79,14 +87,16 @@ def check_plots() -> None:
 
 
 def _pictures(results: Results, chart: Chart) -> Iterator[tuple[str, Results]]:
-    """Name and rows of each picture of a chart: one for each value of the other columns that vary."""
+    """Name and rows of each picture of a chart: one for each value of the other columns that vary beside its own."""
     shown = results
     if chart.across is not None:
         shown = Results(results.settings, [row for row in results.rows if row[chart.across] is not None])
     if not shown.rows:
         return
     across = f"-by-{chart.across}" if chart.across else ""
-    others = [name for name in shown.varying() if name not in (chart.lines, chart.panels, chart.across)]
+    own = [name for name in (chart.lines, chart.panels, chart.across) if name is not None]
+    alike = [group.varying() for _, group in shown.groups(own)]
+    others = [name for name in shown.varying() if any(name in varying for varying in alike)]
     for values, group in shown.groups(others):
         told = "".join(f"-{name}-{_file_text(value_text(name, value))}" for name, value in values.items())
         yield f"{chart.kind}{across}{told}", group
@@ -151,8 +161,6 @@ def _sorted_figure(results: Results, chart: Chart) -> Figure:
 
 
 def _draw_sorted(panel: Axes, shown: Results, lines: str, values: Sequence[Value], name: str, factor: float) -> None:
-    from matplotlib.ticker import LogFormatter
-
     column = name if name == "estimate_s" else f"{NEAREST}{name}"
     for value, style in zip(values, _styles(len(values)), strict=True):
         group = shown.where(**{lines: value})
@@ -162,11 +170,19 @@ def _draw_sorted(panel: Axes, shown: Results, lines: str, values: Sequence[Value
         share = 100.0 * (np.arange(len(errors)) + 0.5) / len(errors)
         every = max(len(errors) // MARKS_ON_A_CURVE, 1)
         panel.plot(share, errors, label=value_text(lines, value), linewidth=1.2, markevery=every, **style)
-    panel.set_yscale("log")
-    panel.yaxis.set_major_formatter("{x:g}")
-    panel.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=LABELLED_DECADES))
+    _make_logarithmic(panel, "y")
     panel.set_xlim(0.0, 100.0)
     panel.grid(alpha=0.3)
+
+
+def _make_logarithmic(panel: Axes, *names: Literal["x", "y"]) -> None:
+    from matplotlib.ticker import LogFormatter
+
+    for name in names:
+        panel.set(**{f"{name}scale": "log"})
+        axis = panel.xaxis if name == "x" else panel.yaxis
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=LABELLED_DECADES))
 
 
 def _share_limits(row: Sequence[Axes]) -> None:
@@ -214,7 +230,8 @@ def _draw_solved(panel: Axes, shown: Results, chart: Chart, values: Sequence[Val
             width = 0.8 / len(values)
             offset = (index - 0.5 * (len(values) - 1)) * width
             where = [places.index(place) + offset for place in at]
-            panel.bar(where, shares, width, label=label, color=style["color"], edgecolor="black", linewidth=0.5)
+            filling = {"color": style["color"], "hatch": HATCHES[index % len(HATCHES)]}
+            panel.bar(where, shares, width, label=label, edgecolor="black", linewidth=0.5, **filling)
         else:
             panel.plot(at, shares, label=label, linewidth=1.2, **style)  # type: ignore[arg-type]
     if bars:
@@ -243,9 +260,61 @@ def _coverage_figure(results: Results, chart: Chart) -> Figure:
     return figure
 
 
+def _cost_figure(results: Results, chart: Chart) -> Figure:
+    """Median rotation error of the nearest answers over median time, with quartiles."""
+    panels = _panels(results, chart)
+    figure, axes = _figure(1, len(panels))
+    families = _families(results.values(chart.lines))
+    for panel, (title, shown) in zip(axes[0], panels, strict=True):
+        panel.set_title(title)
+        for (name, members), style in zip(families.items(), _styles(len(families)), strict=True):
+            _draw_costs(panel, [(label, shown.where(**{chart.lines: value})) for label, value in members], name, style)
+        _make_logarithmic(panel, "x", "y")
+        panel.margins(COST_MARGIN)
+        panel.set_xlabel("time, ms")
+        panel.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("rotation error, deg")
+    _share_limits(axes[0])
+    _legend(figure, axes[0, 0], chart.lines)
+    return figure
+
+
+def _families(values: Sequence[Value]) -> dict[str, list[tuple[str, Value]]]:
+    """Solver options without their mesh's size, each with the sizes that are there and the whole options, in order."""
+    families: dict[str, list[tuple[str, Value]]] = {}
+    for value in values:
+        options = solver_options(str(value))
+        size = options.pop("mesh_size", None)
+        name = value_text("solver", solver_text(options))
+        name = name if size is None else f"{name}, by mesh_size"
+        families.setdefault(name, []).append(("" if size is None else f"{size:g}", value))
+    return families
+
+
+def _draw_costs(panel: Axes, members: Sequence[tuple[str, Results]], name: str, style: dict[str, Any]) -> None:
+    """One line through the points of a family, each with its label."""
+    found = [(label, group) for label, group in members if group.rows]
+    if not found:
+        return
+    times = [_quartiles(1000.0 * group.column("estimate_s")) for _, group in found]
+    errors = [_quartiles(group.column(f"{NEAREST}rotation_deg")) for _, group in found]
+    (left, x, right), (low, y, high) = np.transpose(times), np.transpose(errors)
+    spreads = [x - left, right - x], [y - low, high - y]
+    panel.errorbar(x, y, spreads[1], spreads[0], label=name, linewidth=1.2, elinewidth=0.6, ecolor="0.6", **style)
+    for (label, _), place in zip(found, zip(x, y, strict=True), strict=True):
+        panel.annotate(label, place, xytext=(4, 3), textcoords="offset points", fontsize=7)
+
+
+def _quartiles(values: Array) -> tuple[float, float, float]:
+    """Lower quartile, median and upper quartile."""
+    summary = summarize(values)
+    return summary.lower_quartile, summary.median, summary.upper_quartile
+
+
 FIGURES: dict[ChartKind, Callable[[Results, Chart], Figure]] = {
     "sorted": _sorted_figure,
     "solved": _solved_figure,
     "coverage": _coverage_figure,
+    "cost": _cost_figure,
 }
 """What draws each kind of chart."""

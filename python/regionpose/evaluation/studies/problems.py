@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
-from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size
+from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size, project_region
 from regionpose.evaluation.measures import overlap_error
 from regionpose.evaluation.noise import (
     SpinningLidar,
@@ -28,12 +29,16 @@ from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Value, solver_options
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
+from regionpose.outline import SparseSamplingWarning
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
 
 LIDAR_OFFSET_M = 0.3
 """A lidar stands so far from the camera along each of the camera's axes, at the most: both are on one vehicle."""
+
+OUTLINE_TOLERANCE_PX = 1e-4
+"""Precision of outlines that are given without pixels, where the camera bends their edges."""
 
 LEAST_KEPT_SHARE = 0.5
 """A region that a border cuts to less than this share of its area is left out, as nobody would mark it."""
@@ -46,10 +51,10 @@ GRAZING_VIEW_ANGLE_DEG = 90.0
 class Problem:
     """What an estimate is given, and the scene that it comes from.
 
-    `camera`: as it is believed to be. `kept`: the scene's regions that are given. `image_change`, `world_change`: area
-    of the symmetric difference between the given and the true regions over the true area, as measured; a wrong region
-    counts by its own disturbance alone. `wrong`: place of the wrong region among those given. `drawn`: fields of the
-    condition that the seed decided.
+    `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
+    halves or that a lidar hits too rarely. `image_change`, `world_change`: area of the symmetric difference between the
+    given and the true regions over the true area, as measured; a wrong region counts by its own disturbance alone.
+    `wrong`: place of the wrong region among those given. `drawn`: fields of the condition that the seed decided.
     """
 
     scene: Scene
@@ -71,18 +76,17 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     rng = problem_generator(seed, "disturbance")
     true, given = image_patches(seen, condition, rng)
     kept = [i for i, patch in enumerate(given) if patch.values.sum() > LEAST_KEPT_SHARE * true[i].values.sum()]
-    keep_masks = solver_options(condition.solver).get("integration") == "pixels"
-    worlds = [world_side(known, index, condition, rng) for index in kept]
-    changes = [_world_change(known.regions[index], world) for index, world in zip(kept, worlds, strict=True)]
+    worlds = world_sides(known, kept, condition, rng)
+    changes = [_world_change(known.regions[index], world) for index, world in worlds.items()]
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
-        [image_region(given[index], scene.camera, keep_masks) for index in kept],
-        worlds,
-        kept,
-        _image_change([true[index] for index in kept], [given[index] for index in kept]),
+        [given_region(seen, index, given[index], condition) for index in worlds],
+        list(worlds.values()),
+        list(worlds),
+        _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
         float(np.mean(changes)),
-        kept.index(wrong) if wrong in kept else None,
+        list(worlds).index(wrong) if wrong in worlds else None,
     )
 
 
@@ -164,12 +168,42 @@ def truncated(patches: list[Patch], share: float, rng: np.random.Generator) -> l
     ]
 
 
+def given_region(scene: Scene, index: int, patch: Patch, condition: Condition) -> ImageRegion:
+    """The image side of a region: from its mask, or its true outline."""
+    if condition.masks == "polygon":
+        pose = scene.rotation, scene.translation
+        return ImageRegion.from_polygon(project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX))
+    keep_mask = solver_options(condition.solver).get("integration") == "pixels"
+    return image_region(patch, scene.camera, keep_mask)
+
+
 def image_region(patch: Patch, camera: Camera, keep_mask: bool) -> ImageRegion:
     """The region that the mask's contour bounds; with the whole mask only where pixels are to be summed."""
     region = ImageRegion.from_mask(patch.values)
     corner = np.array([patch.window.left, patch.window.top], dtype=np.float64)
     mask = patch.whole(*image_size(camera)).astype(np.float64) if keep_mask else None
     return ImageRegion(tuple(ring + corner for ring in region.rings), mask)
+
+
+def world_sides(
+    scene: Scene, kept: Sequence[int], condition: Condition, rng: np.random.Generator
+) -> dict[int, WorldRegion]:
+    """The world side of each region, by its number.
+
+    A region that a lidar hits by one scan line is left out while there are others; ValueError says why none is left.
+    """
+    worlds: dict[int, WorldRegion] = {}
+    refused = None
+    for index in kept:
+        try:
+            worlds[index] = world_side(scene, index, condition, rng)
+        except ValueError as error:
+            if condition.lidar_beams is None:
+                raise
+            refused = error
+    if refused is not None and not worlds:
+        raise refused
+    return worlds
 
 
 def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Generator) -> WorldRegion:
@@ -184,7 +218,10 @@ def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Ge
     offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
     position = scene.rotation.T @ (offset - scene.translation)
     points = lidar_points(rings, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
-    return WorldRegion.from_points(points, sensor_origin=position)
+    with warnings.catch_warnings():
+        # What sparse samples cost is what the study measures.
+        warnings.simplefilter("ignore", SparseSamplingWarning)
+        return WorldRegion.from_points(points, sensor_origin=position)
 
 
 def world_region(rings: Sequence[Array]) -> WorldRegion:
