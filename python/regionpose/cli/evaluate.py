@@ -31,7 +31,7 @@ Name = Annotated[
     str,
     typer.Argument(
         help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion, truncation,"
-        " lidar or calibration."
+        " lidar, calibration or priors."
     ),
 ]
 Scenes = Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")]

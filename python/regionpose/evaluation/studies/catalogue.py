@@ -18,6 +18,7 @@ PAPER_START = "initial=paper up=[0,-1,0]"
 """The paper's start, right in the plane where the plane is not turned: the template's up is the world's -y."""
 
 SYMMETRIES = ("asymmetric", "symmetric")
+KNOWN = ("nothing", "up", "side", "initial", "up and side")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
 SOLVED_BY_NOISE = Chart("solved", lines="planes", across="noise")
@@ -112,6 +113,12 @@ _ALL = (
             Chart("sorted", lines="focal_error", panels="planes"),
             Chart("solved", lines="planes", panels="center_error_px", across="focal_error"),
         ],
+    ),
+    Study(
+        "priors",
+        "What an up direction, the visible sides or a rough pose beforehand do for one plane and for three.",
+        [{"planes": (1, 3), "prior": KNOWN, "noise": (0.0, 0.05, 0.2)}],
+        [Chart("solved", lines="prior", panels="planes", across="noise")],
     ),
 )
 

@@ -17,6 +17,7 @@ Value: TypeAlias = "str | int | float | bool | None"
 Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage"]
+Known = Literal["nothing", "up", "side", "initial", "up and side"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class Condition:
     `lidar_beams`: the world region is outlined from the points of a lidar of so many beams near the camera, with the
     error `range_noise_m` along them. `focal_error` (a share) and `center_error_px`: standard deviations of the
     calibration that the estimate is given. `grazing_deg`: angle between the first plane and the line of sight;
-    `turn_deg`: turn of the first plane in itself. `solver`: options of `estimate_pose`, as "integration=mesh
+    `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, in error by
+    the deviation that it is told. `solver`: options of `estimate_pose`, as "integration=mesh
     system=sphere".
     """
 
@@ -48,6 +50,7 @@ class Condition:
     center_error_px: float = 0.0
     grazing_deg: float | None = None
     turn_deg: float | None = None
+    prior: Known = "nothing"
     solver: str = ""
 
     def __post_init__(self) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size
@@ -27,6 +29,7 @@ from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, solver_options
+from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
@@ -37,6 +40,12 @@ LIDAR_OFFSET_M = 0.3
 LEAST_KEPT_SHARE = 0.5
 """A region that a border cuts to less than this share of its area is left out, as nobody would mark it."""
 
+UP_SIGMA_DEG = 5.0
+"""Standard deviation of a known up direction about each axis: a camera held upright."""
+
+INITIAL_SIGMA = (10.0, 0.5)
+"""Standard deviations, degrees and metres along each axis, of a rough pose: read off a map, or guessed."""
+
 GRAZING_VIEW_ANGLE_DEG = 90.0
 """Every angle of view is taken where the study asks for grazing ones."""
 
@@ -45,7 +54,8 @@ GRAZING_VIEW_ANGLE_DEG = 90.0
 class Problem:
     """What an estimate is given, and the scene that it comes from.
 
-    `camera`: as it is believed to be. `kept`: the scene's regions that are given. `image_change`, `world_change`: area
+    `camera`: as it is believed to be. `kept`: the scene's regions that are given. `options`: of `estimate_pose`, what is
+    known of the pose beforehand. `image_change`, `world_change`: area
     of the symmetric difference between the given and the true regions over the true area, as measured.
     """
 
@@ -56,6 +66,7 @@ class Problem:
     kept: list[int]
     image_change: float
     world_change: float
+    options: dict[str, Any] = field(default_factory=dict)
 
 
 def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
@@ -67,6 +78,8 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     keep_masks = solver_options(condition.solver).get("integration") == "pixels"
     worlds = [world_side(scene, index, condition, rng) for index in kept]
     changes = [_world_change(scene.regions[index], world) for index, world in zip(kept, worlds, strict=True)]
+    if "side" in condition.prior:
+        worlds = [world.seen_from(Pose.from_parts(scene.rotation, scene.translation).camera_center) for world in worlds]
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
@@ -75,7 +88,22 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
         kept,
         _image_change([true[index] for index in kept], [given[index] for index in kept]),
         float(np.mean(changes)),
+        known_options(scene, condition, problem_generator(seed, "prior")),
     )
+
+
+def known_options(scene: Scene, condition: Condition, rng: np.random.Generator) -> dict[str, Any]:
+    """Options of `estimate_pose` that say what the condition lets be known of the pose beforehand, with its errors."""
+    if condition.prior == "initial":
+        degrees, metres = INITIAL_SIGMA
+        turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
+        true = Pose.from_parts(scene.rotation, scene.translation)
+        rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
+        return {"initial": rough, "initial_sigma": INITIAL_SIGMA}
+    if "up" in condition.prior:
+        turn = Rotation.from_rotvec(rng.normal(0.0, UP_SIGMA_DEG, size=3), degrees=True)
+        return {"up": scene.rotation.T @ turn.apply([0.0, -1.0, 0.0]), "up_sigma": UP_SIGMA_DEG}
+    return {}
 
 
 def pose_source(setup: Setup, condition: Condition) -> PoseSource:

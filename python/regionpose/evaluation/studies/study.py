@@ -110,7 +110,7 @@ class Study:
             started = perf_counter()
             problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
-            options = solver_options(condition.solver)
+            options = {**problem.options, **solver_options(condition.solver)}
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
             return solved_row(problem, estimate, prepared - started, ended - prepared)
