@@ -9,7 +9,7 @@ use crate::least_squares::Minimum;
 use crate::overlap::OverlapAreas;
 use crate::places::Place;
 use crate::pose::Pose;
-use crate::prior::{BELIEVED, FromInitial, FromUp, Prior};
+use crate::prior::{FromInitial, FromUp, Prior};
 use crate::solve::{AMBIGUITY_COST, Problem, Search, Start};
 use crate::warning::{Warning, Way};
 
@@ -113,13 +113,13 @@ impl Problem {
         scored.into_iter().map(|(_, place)| place).collect()
     }
 
-    /// What counts against a place, in variances: how it fits, the prior, and the sides that regions show.
+    /// What counts against a place, in variances: how it fits, and the prior.
     fn score(&self, place: &Place, prior: &Prior, noise: f64) -> f64 {
-        let mut score = place.misfit + BELIEVED * self.seen_from_behind(&place.pose).len() as f64;
-        if prior.weighs() {
-            score += prior.penalty(&place.pose, &self.covariance(&place.pose, place.contour.as_ref(), noise));
-        }
-        score
+        let covariance = match prior.weighs() {
+            true => self.covariance(&place.pose, place.contour.as_ref(), noise),
+            false => Matrix6::zeros(),
+        };
+        place.misfit + self.penalty(&place.pose, &covariance, prior)
     }
 
     /// Of a pose on the contours theirs, else `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a

@@ -1,5 +1,7 @@
 //! From minima to the poses that fit alike: by their moments, or led onto the contours where those speak for it.
 
+use nalgebra::Matrix6;
+
 use crate::contour::{Contour, ContourFit, contour_fit, refined};
 use crate::equations::Weighting;
 use crate::least_squares::Minimum;
@@ -86,7 +88,7 @@ impl Problem {
         }
         let start = contour_fit(&contours, &first)?.mixture.likelihood;
         let known = prior.initial.map(|pose| self.given(pose));
-        let mut places = self.led_onto(&contours, minima.iter().take(MOST_REFINED).cloned().chain(known));
+        let mut places = self.led_onto(&contours, self.likeliest_minima(minima, prior).into_iter().chain(known));
         let lost =
             |fit: &ContourFit| fit.mixture.sigma > LOOSE || fit.clean_shares.iter().any(|&share| share < LOST_SHARE);
         if self.regions().len() > 1 && places.iter().all(|place| place.contour.as_ref().is_none_or(lost)) {
@@ -108,6 +110,16 @@ impl Problem {
             }
         }
         Some(kept)
+    }
+
+    /// The minima of the least cost, the prior weighed in.
+    fn likeliest_minima(&self, minima: &[Minimum], prior: &Prior) -> Vec<Minimum> {
+        let variance = self.boundary_noise(minima.first().map_or(0.0, |minimum| minimum.cost)).powi(2);
+        let known = Matrix6::zeros();
+        let score = |minimum: &Minimum| minimum.cost / variance + self.penalty(&minimum.pose, &known, prior);
+        let mut scored: Vec<(f64, &Minimum)> = minima.iter().map(|minimum| (score(minimum), minimum)).collect();
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        scored.into_iter().take(MOST_REFINED).map(|(_, minimum)| minimum.clone()).collect()
     }
 
     fn led_onto(&self, contours: &[Contour], minima: impl Iterator<Item = Minimum>) -> Vec<Place> {

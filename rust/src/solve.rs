@@ -1,6 +1,6 @@
 //! From region pairs to the minima of their equations.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 
 use crate::contour::{Contour, contour_distances};
 use crate::equations::{System, Weighting};
@@ -239,6 +239,11 @@ impl Problem {
         let camera = pose.inverse().translation;
         let behind = |(index, world): (usize, &WorldRegion)| world.is_behind(&camera).then_some(index);
         self.worlds.iter().enumerate().filter_map(behind).collect()
+    }
+
+    /// What a prior and the regions' visible sides count against a pose with this covariance, in variances.
+    pub(crate) fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>, prior: &Prior) -> f64 {
+        prior.penalty(pose, covariance) + BELIEVED * self.seen_from_behind(pose).len() as f64
     }
 
     /// The most that a prior and the regions' visible sides count against a pose, in variances.
