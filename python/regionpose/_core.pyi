@@ -230,7 +230,8 @@ class Estimate:
 @type_check_only
 class Prior(TypedDict, total=False):
     """What is known of a pose beforehand: `initial` (rotation (3, 3), translation (3,)) and its deviation (degrees,
-    metres); `up` (3,), the world direction that is up in the image, and its deviation in degrees."""
+    metres); `up` (3,), the world direction that is up in the image, and its deviation in degrees.
+    """
 
     initial: tuple[ArrayLike, ArrayLike] | None
     initial_sigma: ArrayLike | None

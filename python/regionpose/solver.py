@@ -79,8 +79,8 @@ class PoseEstimate:
     observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
     `boundary_noise`: standard deviation of the contour that the fit shows, pixels, of its clean part where the pose was
     refined on it; `disturbed_share`: the rest of the contour, a fraction, then. `alternatives`: other minima that
-    fit as well and that the priors leave, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's
-    iteration ended.
+    fit as well and that the priors leave, best first. `evaluations`: of the equations, over all minima.
+    `termination`: why the best minimum's iteration ended.
     """
 
     pose: Pose

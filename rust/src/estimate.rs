@@ -181,10 +181,9 @@ impl Problem {
 
 /// From a pose to another: the turn in the camera's axes, and how far the camera goes.
 fn way(from: &Pose, to: &Pose) -> Way {
-    let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
-    let shift = (to.inverse().translation - from.inverse().translation).norm();
-    let axis = turn.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-    Way { degrees: turn.norm().to_degrees(), axis, shift }
+    let increment = from.increment_to(to);
+    let (turn, shift) = (increment.fixed_rows::<3>(0).into_owned(), increment.fixed_rows::<3>(3).norm());
+    Way { degrees: turn.norm().to_degrees(), axis: turn.try_normalize(0.0).unwrap_or_else(Vector3::zeros), shift }
 }
 
 /// The warning of a region that the pose projects elsewhere, if any.

@@ -94,7 +94,8 @@ impl Prior {
 
     /// How far a pose is from the initial one; `None` without one.
     pub fn from_initial(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromInitial> {
-        let increment = increment_to(pose, self.initial.as_ref()?);
+        // Its translation is as long as the camera's way.
+        let increment = pose.increment_to(self.initial.as_ref()?);
         let (turn, shift) = (increment.fixed_rows::<3>(0).norm(), increment.fixed_rows::<3>(3).norm());
         let sigmas = self.initial_sigma.map(|sigma| {
             let [r, t] = [sigma.rotation, sigma.place].map(|deviation| deviation * deviation);
@@ -114,14 +115,6 @@ impl Prior {
         let variance = deviation * deviation + axis.dot(&(rotation * axis));
         Some(FromUp { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
     }
-}
-
-/// The left increment, `[omega (rad), tau (metres)]`, that takes one pose to another: `tau` is as long as the camera's
-/// way (`docs/math.md`, eq. 10.5).
-fn increment_to(from: &Pose, to: &Pose) -> Tangent {
-    let turn = to.rotation * from.rotation.inverse();
-    let (omega, tau) = (turn.scaled_axis(), to.translation - turn * from.translation);
-    Tangent::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z)
 }
 
 /// Length of an increment in standard deviations; 0 where a direction is left free.

@@ -22,8 +22,9 @@ const FLAT: f64 = 0.02;
 /// image with a tilt goes with the sine.
 const FRONTAL: f64 = std::f64::consts::PI / 12.0;
 
-/// Side, in pixels, of a square of a region's area below which it is tiny: a contour good to 0.3 px then leaves 0.5 % of it.
-const TINY: f64 = 60.0;
+/// Side, in pixels, of a square of a region's area below which it is tiny: a contour good to 0.3 px then gives the rotation
+/// of a plane that is tilted by 50 degrees to half a degree.
+const TINY: f64 = 20.0;
 
 impl Problem {
     /// The warning of a pose with this covariance of its left increment, where the regions hold it only weakly.

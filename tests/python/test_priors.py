@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import regionpose as rp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 from regionpose.cameras import PinholeCamera
 from regionpose.evaluation import setups
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import INITIAL_SIGMA, Problem, draw_problem
 from regionpose.evaluation.studies.rows import displacement, judged
 from scipy.spatial.transform import Rotation
-
-Array = NDArray[np.float64]
 
 HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, 1188, 792), setups.perspective_setup().poses)
 """The benchmark's camera at half its resolution, for the time it takes to draw masks."""
@@ -173,8 +171,8 @@ def test_a_viewpoint_of_a_mesh_is_kept_by_pickling() -> None:
 
 @dataclass
 class _Mesh:
-    vertices: Array
-    faces: NDArray[np.int64]
+    vertices: ArrayLike
+    faces: ArrayLike
 
 
 def test_the_studys_priors_err_by_what_they_say() -> None:

@@ -178,14 +178,15 @@ fn an_ambiguous_pose_says_how_far_the_others_are() {
     let Some(Warning::Ambiguous { others }) = estimate.warnings.first() else { panic!("{:?}", estimate.warnings) };
     assert_eq!(others.len(), 3);
     let best = estimate.best.minimum.pose;
-    for (way, other) in others.iter().zip(&estimate.alternatives) {
+    for way in others {
         assert!((way.degrees - 180.0).abs() < 1e-5 && (way.axis.norm() - 1.0).abs() < 1e-9);
-        let pose = other.minimum.pose;
         let turned = Rotation3::new(way.axis * way.degrees.to_radians()) * best.rotation;
-        let shift = (pose.inverse().translation - best.inverse().translation).norm();
         // Half turns lie within round-off of one another: each way is some alternative's.
-        assert!(estimate.alternatives.iter().any(|other| turned.angle_to(&other.minimum.pose.rotation) < 1e-6));
-        assert!(others.iter().any(|way| (way.shift - shift).abs() < 1e-6));
+        let leads_to = |pose: &Pose| {
+            let shift = (pose.inverse().translation - best.inverse().translation).norm();
+            (turned.matrix() - pose.rotation.matrix()).amax() < 1e-6 && (way.shift - shift).abs() < 1e-6
+        };
+        assert!(estimate.alternatives.iter().any(|other| leads_to(&other.minimum.pose)), "{way}");
     }
     let message = estimate.warnings[0].to_string();
     assert!(message.starts_with("3 other pose(s) fit as well") && message.matches("180.0 deg about").count() == 3);
@@ -201,11 +202,11 @@ fn weakness(scene: &Scene) -> Option<(f64, f64, Vec<Cause>, String)> {
     })
 }
 
-/// A shape of 60 px seen frontally is weak; tilted by 50 degrees it is not.
+/// A shape of 28 px seen frontally is weak; tilted by 50 degrees it is not.
 #[test]
 fn a_small_plane_that_faces_the_camera_is_weak_for_that() {
     let mut random = Random::new(67);
-    let seen = |random: &mut Random, tilt: f64| view_of(random, &[angle_piece(1.0)], 12.0, tilt);
+    let seen = |random: &mut Random, tilt: f64| view_of(random, &[angle_piece(1.0)], 30.0, tilt);
     let (degrees, shift, causes, message) = weakness(&seen(&mut random, 0.02)).unwrap();
     assert!(degrees > 1.0 && shift > 0.0);
     assert!(matches!(causes[..], [Cause::Frontal { degrees }] if (degrees - 1.1).abs() < 0.1), "{causes:?}");
@@ -217,20 +218,21 @@ fn a_small_plane_that_faces_the_camera_is_weak_for_that() {
 #[test]
 fn a_region_of_few_pixels_is_weak_for_that() {
     let mut random = Random::new(68);
-    let (_, _, causes, message) = weakness(&view_of(&mut random, &[angle_piece(1.0)], 60.0, 0.9)).unwrap();
-    assert!(matches!(causes[..], [Cause::Tiny { pixels }] if pixels > 5.0 && pixels < 15.0), "{causes:?}");
+    let (_, _, causes, message) = weakness(&view_of(&mut random, &[angle_piece(1.0)], 250.0, 0.9)).unwrap();
+    assert!(matches!(causes[..], [Cause::Tiny { pixels }] if pixels > 1.0 && pixels < 5.0), "{causes:?}");
     assert!(message.contains("no region is more than"), "{message}");
 }
 
-/// Two small plates side by side on one wall, and the same with one of them turned.
+/// Two plates side by side on a wall that faces the camera; the wall tilted, or two planes.
 #[test]
 fn regions_of_one_plane_are_weak_for_that() {
     let mut random = Random::new(69);
     let aside = |ring: Ring, by: f64| ring.into_iter().map(|p| p + nalgebra::Vector2::new(by, 0.0)).collect::<Ring>();
     let plates = [aside(angle_piece(1.0), -0.7), aside(angle_piece(1.0), 0.7)];
-    let (_, _, causes, message) = weakness(&view_of(&mut random, &plates, 40.0, 0.1)).unwrap();
-    assert!(causes.contains(&Cause::Coplanar) && message.contains("all regions lie in one plane"), "{message}");
-    assert!(causes.iter().any(|cause| matches!(cause, Cause::Frontal { .. })), "{message}");
+    let (_, _, causes, message) = weakness(&view_of(&mut random, &plates, 40.0, 0.02)).unwrap();
+    assert!(matches!(causes[..], [Cause::Coplanar, Cause::Frontal { .. }]), "{causes:?}");
+    assert!(message.contains("(1 sigma): all regions lie in one plane, and the plane is seen frontally"), "{message}");
+    assert!(weakness(&view_of(&mut random, &plates, 40.0, 0.9)).is_none());
     let corner = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
     assert!(weakness(&corner).is_none());
 }

@@ -10,8 +10,8 @@ import numpy as np
 from regionpose.scene.estimate import SceneEstimate
 
 ADVICE = {
-    "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.initial with its initial_sigma, or"
-    " seen_from beside a region's world side.",
+    "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.initial and its initial_sigma,"
+    " seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
     "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",

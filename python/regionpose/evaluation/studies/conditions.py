@@ -30,9 +30,8 @@ class Condition:
     `lidar_beams`: the world region is outlined from the points of a lidar of so many beams near the camera, with the
     error `range_noise_m` along them. `focal_error` (a share) and `center_error_px`: standard deviations of the
     calibration that the estimate is given. `grazing_deg`: angle between the first plane and the line of sight;
-    `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, in error by
-    the deviation that it is told. `solver`: options of `estimate_pose`, as "integration=mesh
-    system=sphere".
+    `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, off
+    by the deviations that it is told. `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"

@@ -54,9 +54,9 @@ GRAZING_VIEW_ANGLE_DEG = 90.0
 class Problem:
     """What an estimate is given, and the scene that it comes from.
 
-    `camera`: as it is believed to be. `kept`: the scene's regions that are given. `options`: of `estimate_pose`, what is
-    known of the pose beforehand. `image_change`, `world_change`: area
-    of the symmetric difference between the given and the true regions over the true area, as measured.
+    `camera`: as it is believed to be. `kept`: the scene's regions that are given. `options`: what is known of the pose
+    beforehand, as `estimate_pose` takes it. `image_change`, `world_change`: area of the symmetric difference between
+    the given and the true regions over the true area, as measured.
     """
 
     scene: Scene
