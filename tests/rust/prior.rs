@@ -40,7 +40,7 @@ fn view_of(random: &mut Random, rings: &[Ring], distance: f64, tilt: f64) -> Sce
     let world_from_plane = random.pose(5.0);
     let direction = random.direction();
     let camera_from_plane = seen_plane(random, &direction, distance, tilt, true);
-    let regions: Vec<_> = rings.iter().map(|ring| placed(&[ring.clone()], &world_from_plane)).collect();
+    let regions: Vec<_> = rings.iter().map(|ring| placed(std::slice::from_ref(ring), &world_from_plane)).collect();
     Scene::of_rings(camera_from_plane.after(&world_from_plane.inverse()), &regions)
 }
 
