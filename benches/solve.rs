@@ -12,8 +12,9 @@ use regionpose::estimate::Refinement;
 use regionpose::facet::Integration;
 use regionpose::initial::{Turns, closed_form};
 use regionpose::pose::Pose;
+use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::solve::{Prior, Problem, Start};
+use regionpose::solve::{Problem, Start};
 
 /// Vertices of each region.
 const VERTICES: usize = 100;

@@ -1,7 +1,7 @@
 """The core's kernels: rings, meshes, moments, and problems and what comes of them."""
 
 from collections.abc import Iterable, Sequence
-from typing import Final, Literal, final
+from typing import Final, Literal, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,6 +107,13 @@ class WorldRegion:
     def from_mesh(vertices: ArrayLike, triangles: ArrayLike) -> WorldRegion:
         """The region covered by an open surface of triangles (k, 3) between vertices (v, 3)."""
 
+    def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
+        """The same region of which a viewpoint (3,) lies on the side that the camera sees."""
+
+    @property
+    def viewpoint(self) -> NDArray[np.float64] | None:
+        """The viewpoint, (3,), or None."""
+
     @property
     def rings(self) -> list[NDArray[np.float64]]:
         """Boundary rings, each (n, 3)."""
@@ -210,7 +217,7 @@ class Estimate:
 
     @property
     def alternatives(self) -> list[Solution]:
-        """The other minima that fit as well, best first."""
+        """The other minima that fit as well and that the prior leaves, best first."""
 
     @property
     def warnings(self) -> list[tuple[str, str]]:
@@ -219,6 +226,17 @@ class Estimate:
     @property
     def evaluations(self) -> int:
         """Evaluations of the equations over all minima."""
+
+@type_check_only
+class Prior(TypedDict, total=False):
+    """What is known of a pose beforehand: `initial` (rotation (3, 3), translation (3,)) and its deviation (degrees,
+    metres); `up` (3,), the world direction that is up in the image, and its deviation in degrees.
+    """
+
+    initial: tuple[ArrayLike, ArrayLike] | None
+    initial_sigma: ArrayLike | None
+    up: ArrayLike | None
+    up_sigma: float | None
 
 @final
 class Problem:
@@ -237,8 +255,7 @@ class Problem:
         self,
         *,
         start: Literal["global", "paper"] = "global",
-        initial: tuple[ArrayLike, ArrayLike] | None = None,
-        up: ArrayLike | None = None,
+        prior: Prior | None = None,
     ) -> tuple[Problem, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
         """The problem whitened for its boundary noise, and poses (rotation, translation) to solve from, best first."""
 
@@ -259,8 +276,7 @@ class Problem:
         self,
         *,
         start: Literal["global", "paper"] = "global",
-        initial: tuple[ArrayLike, ArrayLike] | None = None,
-        up: ArrayLike | None = None,
+        prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
     ) -> Estimate | None:
         """The estimate by the native driver; None without a pose in view."""
@@ -269,8 +285,7 @@ class Problem:
         self,
         minima: Sequence[Minimum],
         *,
-        initial: tuple[ArrayLike, ArrayLike] | None = None,
-        up: ArrayLike | None = None,
+        prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
     ) -> Estimate | None:
         """The verdict on minima found by any driver; None without one."""

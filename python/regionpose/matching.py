@@ -160,7 +160,7 @@ class _Sides:
             except ValueError as error:
                 raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
         # Without a minimum there is no verdict: only the prior is read.
-        problem.judged([], up=up)
+        problem.judged([], prior={"up": up})
 
     def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
         """The problem of these pairs."""
@@ -188,7 +188,7 @@ class _Sides:
         """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
         ordered = tuple(sorted(pairs))
         initial = (start.rotation, start.translation)
-        estimate = self.problem(ordered).estimate(start="paper", initial=initial, refine=refine)
+        estimate = self.problem(ordered).estimate(start="paper", prior={"initial": initial}, refine=refine)
         if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
             return None
         return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)

@@ -186,6 +186,19 @@ class WorldRegion:
         vertices = _real_array(mesh.vertices, "mesh.vertices", "(n, 3)").astype(np.float64)
         return cls(_core.WorldRegion.from_mesh(vertices, _real_array(mesh.faces, "mesh.faces", "(k, 3)")))
 
+    def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
+        """The same region of which `viewpoint` (3,), metres, lies on the side that the camera sees.
+
+        Such as the place of the scanner that saw the region, if it stood on the camera's side. Of a surface that is not
+        planar the mean plane's side counts. ValueError for a point that is on no side, within 0.06 deg of the plane.
+        """
+        return WorldRegion(self.core.seen_from(viewpoint))
+
+    @property
+    def viewpoint(self) -> Array | None:
+        """A point (3,) on the side that the camera sees; None where it may be either."""
+        return self.core.viewpoint
+
     @property
     def rings(self) -> list[Array]:
         """Boundary rings, (n, 3) each."""
@@ -207,18 +220,20 @@ class WorldRegion:
         return self.core.is_planar
 
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
-        """What pickling keeps: the plane and the outline, or the surface."""
+        """What pickling keeps: the plane and the outline, or the surface, and the viewpoint."""
         if self.core.surface is not None:
-            return _surface_region, self.core.surface
-        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline)
+            return _surface_region, (*self.core.surface, self.viewpoint)
+        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline, self.viewpoint)
 
 
-def _planar_region(origin: Array, axes: Array, outline: list[Array]) -> WorldRegion:
-    return WorldRegion(_core.WorldRegion.from_outline(origin, axes, outline))
+def _planar_region(origin: Array, axes: Array, outline: list[Array], viewpoint: Array | None) -> WorldRegion:
+    region = WorldRegion(_core.WorldRegion.from_outline(origin, axes, outline))
+    return region if viewpoint is None else region.seen_from(viewpoint)
 
 
-def _surface_region(vertices: Array, triangles: NDArray[np.int64]) -> WorldRegion:
-    return WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
+def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Array | None) -> WorldRegion:
+    region = WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
+    return region if viewpoint is None else region.seen_from(viewpoint)
 
 
 def _polygon_list(polygons: object) -> list[list[Array]]:

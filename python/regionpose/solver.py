@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,9 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
+
+if TYPE_CHECKING:
+    from regionpose._core import Prior
 
 Array = NDArray[np.float64]
 System = Literal["plane", "sphere"]
@@ -37,13 +40,6 @@ MOST_EVALUATIONS = 140
 
 OUT_OF_VIEW = 1e6
 """Residual where a region leaves the view, so that the step there is refused."""
-
-
-class Prior(TypedDict):
-    """What is known of the pose beforehand, as the core takes it."""
-
-    initial: tuple[Array, Array] | None
-    up: ArrayLike | None
 
 
 class PoseError(ValueError):
@@ -84,8 +80,8 @@ class PoseEstimate:
     observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
     `boundary_noise`: standard deviation of the contour that the fit shows, pixels, of its clean part where the pose was
     refined on it; `disturbed_share`: the rest of the contour, a fraction, then. `alternatives`: other minima that
-    fit as well, best first. `evaluations`: of the equations, over all minima. `termination`: why the best minimum's
-    iteration ended.
+    fit as well and that the priors leave, best first. `evaluations`: of the equations, over all minima.
+    `termination`: why the best minimum's iteration ended.
     """
 
     pose: Pose
@@ -117,7 +113,9 @@ def estimate_pose(
     world_regions: Sequence[WorldRegion],
     *,
     initial: Pose | Literal["paper"] | None = None,
+    initial_sigma: tuple[float, float] | None = None,
     up: ArrayLike | None = None,
+    up_sigma: float | None = None,
     system: System = "plane",
     integration: Integration = "boundary",
     mesh_size: float | None = None,
@@ -126,8 +124,11 @@ def estimate_pose(
 ) -> PoseEstimate:
     """The pose `camera_from_world` from which each world region looks like the image region of its place in the list.
 
-    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, and `up`, the world direction (3,) that is up
-    in the image, add starts and decide between poses that fit alike; `initial="paper"` searches from the paper's own
+    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, is a start and chooses between poses that fit
+    alike; with `initial_sigma`, standard deviations (degrees, metres) of the camera's rotation and place along each
+    axis, it also rules out what lies elsewhere. So does `up`, the world direction (3,) that is up in the image, known
+    to `up_sigma` degrees (15 without it), and the viewpoint of a region (`WorldRegion.seen_from`). A prior that no
+    fitting pose agrees with is warned of (docs/math.md, section 10). `initial="paper"` searches from the paper's own
     start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
     `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `mesh_size`: edge
     length of the mesh's triangles over the square root of the region's area; None is 1/8 on the sphere and, on the
@@ -148,13 +149,14 @@ def estimate_pose(
         integration=integration,
         mesh_size=mesh_size,
     )
-    start, prior = _start_and_prior(initial, up)
+    start, prior = _start_and_prior(initial, initial_sigma)
+    prior |= {"up": up, "up_sigma": up_sigma}
     if driver == "native":
-        found = _estimate_or_error(problem.estimate(start=start, refine=refine, **prior))
+        found = _estimate_or_error(problem.estimate(start=start, refine=refine, prior=prior))
     else:
-        problem, candidates = problem.search(start=start, **prior)
+        problem, candidates = problem.search(start=start, prior=prior)
         minima = [scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
-        found = _estimate_or_error(problem.judged(minima, refine=refine, **prior))
+        found = _estimate_or_error(problem.judged(minima, refine=refine, prior=prior))
     if isinstance(found, PoseError):
         raise found
     return found
@@ -166,6 +168,7 @@ def estimate_poses(
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
     Where no pose shows every region of a problem, the PoseError that `estimate_pose` would raise stands in its place.
+    Viewpoints of their regions count; a pose or direction known beforehand is for `estimate_pose` alone.
     They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
     any number of them. ValueError, its message led by the problem's number, for a problem whose input is bad.
     """
@@ -236,14 +239,15 @@ def observed_regions(
     return observed
 
 
-def _start_and_prior(initial: Pose | str | None, up: ArrayLike | None) -> tuple[Start, Prior]:
+def _start_and_prior(initial: Pose | str | None, initial_sigma: tuple[float, float] | None) -> tuple[Start, Prior]:
     if isinstance(initial, Pose):
-        return "global", {"initial": (initial.rotation.as_matrix(), initial.translation), "up": up}
-    if initial is None:
-        return "global", {"initial": None, "up": up}
-    if isinstance(initial, str) and initial == "paper":
-        return "paper", {"initial": None, "up": up}
-    raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
+        parts = (initial.rotation.as_matrix(), initial.translation)
+        return "global", {"initial": parts, "initial_sigma": initial_sigma}
+    if initial is not None and not (isinstance(initial, str) and initial == "paper"):
+        raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
+    if initial_sigma is not None:
+        raise ValueError(f"initial_sigma is given and initial is {initial!r}; needed a Pose")
+    return ("global" if initial is None else "paper"), {}
 
 
 def scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:

@@ -1,6 +1,6 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix6, Vector3};
 
 use crate::contour::ContourFit;
 use crate::equations::Weighting;
@@ -9,8 +9,9 @@ use crate::least_squares::Minimum;
 use crate::overlap::OverlapAreas;
 use crate::places::Place;
 use crate::pose::Pose;
-use crate::solve::{Prior, Problem, Search, Start};
-use crate::warning::Warning;
+use crate::prior::{FromInitial, FromUp, Prior};
+use crate::solve::{AMBIGUITY_COST, Problem, Search, Start};
+use crate::warning::{Warning, Way};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -24,14 +25,6 @@ const FIRM_ALONE: f64 = 0.5;
 /// Share of a region's contour on its projection below which it counts as an outlier where others are found: a wrong contour
 /// crosses the projection here and there.
 const OUTLIER_SHARE: f64 = 0.2;
-
-/// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
-/// paper's bound for solved).
-const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
-
-/// Standard deviation of the translation along its weakest axis above which the geometry is called weak, as a share of the
-/// distance to the regions.
-const WEAK_TRANSLATION: f64 = 0.02;
 
 /// What follows the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -66,7 +59,7 @@ pub struct Estimate {
     pub best: Solution,
     /// Noise of the boundary that the fit shows, in pixels along the normal.
     pub boundary_noise: f64,
-    /// The other minima that fit as well, best first.
+    /// The other minima that fit as well and that the prior leaves, best first.
     pub alternatives: Vec<Solution>,
     /// What to be warned of.
     pub warnings: Vec<Warning>,
@@ -92,15 +85,31 @@ impl Problem {
             Refinement::Contour => self.on_contours(&minima, prior),
             Refinement::Off => None,
         };
-        let mut fitting = led.unwrap_or_else(|| self.by_moments(minima));
-        // A stable sort: what the prior does not decide, the fit does.
-        fitting.sort_by(|a, b| disagreement(&a.pose, prior).total_cmp(&disagreement(&b.pose, prior)));
-        let mut solutions = fitting.into_iter().map(|place| self.solution(place));
+        let places = led.unwrap_or_else(|| self.by_moments(minima, prior));
+        let mut solutions = self.likely(places, prior).into_iter().map(|place| self.solution(place));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let noise = best.contour.as_ref().map_or(noise, |fit| fit.mixture.sigma);
-        let warnings = self.warnings(&best, &alternatives);
+        let mut warnings = self.warnings(&best, &alternatives);
+        warnings.extend(self.weak_geometry(&best.minimum.pose, &best.covariance));
+        warnings.extend(self.contradictions(&best.minimum.pose, &best.covariance, prior));
         Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evaluations })
+    }
+
+    /// The places that fit about as well as the best once the prior is weighed in, best first (`docs/math.md`, eq. 10.7).
+    ///
+    /// An initial pose without an uncertainty chooses the first among them.
+    fn likely(&self, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
+        let score = |place: &Place| place.misfit + self.penalty(&place.pose, &place.covariance, prior);
+        let mut scored: Vec<(f64, Place)> = places.into_iter().map(|place| (score(&place), place)).collect();
+        let least = scored.iter().map(|(score, _)| *score).fold(f64::INFINITY, f64::min);
+        scored.retain(|(score, _)| *score <= least + AMBIGUITY_COST);
+        // Both sorts are stable: what the prior does not decide, the fit does.
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
+            scored.sort_by(|(_, a), (_, b)| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
+        }
+        scored.into_iter().map(|(_, place)| place).collect()
     }
 
     /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
@@ -112,7 +121,7 @@ impl Problem {
         information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
     }
 
-    fn solution(&self, Place { pose, minimum, contour, covariance }: Place) -> Solution {
+    fn solution(&self, Place { pose, minimum, contour, covariance, .. }: Place) -> Solution {
         let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
             pairs.map(|(region, world)| region_overlap(region, world, &pose)).collect();
@@ -130,23 +139,38 @@ impl Problem {
         if best.contour.is_none() && !best.minimum.converged {
             warnings.push(Warning::NotConverged { termination: best.minimum.termination.clone() });
         }
-        let angles = alternatives.iter().map(|other| best.minimum.pose.angle_to(&other.minimum.pose).to_degrees());
-        if let Some(degrees) = angles.reduce(f64::min) {
-            warnings.push(Warning::Ambiguous { count: alternatives.len(), degrees });
+        let mut others: Vec<Way> =
+            alternatives.iter().map(|other| way(&best.minimum.pose, &other.minimum.pose)).collect();
+        others.sort_by(|a, b| a.degrees.total_cmp(&b.degrees));
+        if !others.is_empty() {
+            warnings.push(Warning::Ambiguous { others });
         }
         for (region, &error) in best.region_overlap_errors.iter().enumerate() {
             warnings.extend(poor_region(region, error, best.contour.as_ref()));
         }
-        warnings.extend(weak_geometry(&best.covariance, self.distance(&best.minimum.pose)));
         warnings
+    }
+
+    /// What was known beforehand and is not so at the pose.
+    fn contradictions(&self, pose: &Pose, covariance: &Matrix6<f64>, prior: &Prior) -> Vec<Warning> {
+        let initial = prior.from_initial(pose, covariance).filter(FromInitial::is_contradiction);
+        let initial = initial.map(|from| Warning::InitialContradicted {
+            degrees: from.rotation.to_degrees(),
+            shift: from.place,
+            sigmas: from.sigmas,
+        });
+        let up = prior.from_up(pose, covariance).filter(FromUp::is_contradiction);
+        let up = up.map(|from| Warning::UpContradicted { degrees: from.angle.to_degrees(), sigmas: from.sigmas });
+        let sides = self.seen_from_behind(pose).into_iter().map(|region| Warning::SideContradicted { region });
+        initial.into_iter().chain(up).chain(sides).collect()
     }
 }
 
-/// How far a pose is from what was known beforehand, in radians; 0 without a prior.
-fn disagreement(pose: &Pose, prior: &Prior) -> f64 {
-    let from_initial = prior.initial.map_or(0.0, |initial| initial.angle_to(pose));
-    let from_up = prior.up.map_or(0.0, |up| (pose.rotation * up).angle(&-Vector3::y()));
-    from_initial + from_up
+/// From a pose to another: the turn in the camera's axes, and how far the camera goes.
+fn way(from: &Pose, to: &Pose) -> Way {
+    let increment = from.increment_to(to);
+    let (turn, shift) = (increment.fixed_rows::<3>(0).into_owned(), increment.fixed_rows::<3>(3).norm());
+    Way { degrees: turn.norm().to_degrees(), axis: turn.try_normalize(0.0).unwrap_or_else(Vector3::zeros), shift }
 }
 
 /// The warning of a region that the pose projects elsewhere, if any.
@@ -164,25 +188,4 @@ fn poor_region(region: usize, error: f64, contour: Option<&ContourFit>) -> Optio
     }
     let outlier = others > FIRM_SHARE && share < OUTLIER_SHARE;
     Some(if outlier { Warning::OutlierRegion { region, percent: 100.0 * share, others: 100.0 * others } } else { poor })
-}
-
-fn weak_geometry(covariance: &Matrix6<f64>, distance: f64) -> Option<Warning> {
-    let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
-    let (translation, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
-    let weak = !(rotation < WEAK_ROTATION && translation < WEAK_TRANSLATION * distance);
-    weak.then(|| Warning::WeakGeometry {
-        degrees: rotation.to_degrees(),
-        axis,
-        share: 100.0 * translation / distance,
-        along,
-    })
-}
-
-/// Largest standard deviation and its direction.
-fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let Some(eigen) = covariance.try_symmetric_eigen(f64::EPSILON, 1000) else {
-        return (f64::INFINITY, Vector3::zeros());
-    };
-    let largest = eigen.eigenvalues.imax();
-    (eigen.eigenvalues[largest].max(0.0).sqrt(), eigen.eigenvectors.column(largest).into_owned())
 }

@@ -45,11 +45,13 @@ pub mod overlap;
 pub mod pieces;
 pub mod places;
 pub mod pose;
+pub mod prior;
 pub mod region;
 pub mod residual;
 pub mod rings;
 pub mod solve;
 pub mod warning;
+pub mod weakness;
 pub mod whitening;
 
 pub use batch::in_parallel;
@@ -58,8 +60,9 @@ pub use error::{Error, Result};
 pub use estimate::{Estimate, Refinement, Solution};
 pub use facet::Integration;
 pub use pose::Pose;
+pub use prior::{PoseSigma, Prior};
 pub use region::{ObservedRegion, WorldRegion};
-pub use solve::{Prior, Problem, Start};
+pub use solve::{Problem, Start};
 pub use warning::Warning;
 
 /// The README's Rust blocks, run as tests.

@@ -7,16 +7,14 @@ use crate::contour_noise::covariance;
 use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
-use crate::solve::{Prior, Problem};
+use crate::prior::Prior;
+use crate::solve::{AMBIGUITY_COST, Problem};
 
 /// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
 const TIE_COST: f64 = 1e-3;
 
 /// Step, in radians, in which poses of equal cost are put in order.
 const TIE_STEP: f64 = 1e-3;
-
-/// Difference of log likelihood over independent parts of the contour below which poses fit alike: five standard deviations.
-const AMBIGUITY_LIKELIHOOD: f64 = 12.5;
 
 /// Gain of log likelihood over independent parts of the contour below which a refined pose isn't preferred to the moments':
 /// six parameters gain 3 by chance, and 7 more stand for odds of a thousand to one.
@@ -53,6 +51,8 @@ pub struct Place {
     pub contour: Option<ContourFit>,
     /// Covariance of the left increment `[omega (rad), tau (metres)]`, by the contours where the pose lies on them.
     pub covariance: Matrix6<f64>,
+    /// How much worse than the best it fits, in variances of the noise.
+    pub misfit: f64,
 }
 
 impl Place {
@@ -62,19 +62,23 @@ impl Place {
 }
 
 impl Problem {
-    /// The minima whose moments fit as well as the best one's, best first, those of equal cost by their rotations.
-    pub fn by_moments(&self, minima: Vec<Minimum>) -> Vec<Place> {
+    /// The minima whose moments fit as well as the best one's, or could with the prior, best first, those of equal cost by
+    /// their rotations.
+    pub fn by_moments(&self, minima: Vec<Minimum>, prior: &Prior) -> Vec<Place> {
         let least = minima.first().map_or(0.0, |minimum| minimum.cost);
-        let limit = self.ambiguity_limit(least);
-        let mut fitting: Vec<Minimum> = minima.into_iter().take_while(|minimum| minimum.cost <= limit).collect();
-        let tie = least + TIE_COST * self.boundary_noise(least).powi(2);
-        fitting.sort_by_key(|minimum| if minimum.cost <= tie { order(&minimum.pose) } else { [i64::MAX; 3] });
+        let limit = self.ambiguity_limit(least, self.most_penalty(prior));
+        let fitting = minima.into_iter().take_while(|minimum| minimum.cost <= limit);
         let noise = self.boundary_noise(least);
+        let misfit = |minimum: &Minimum| (minimum.cost - least) / noise.powi(2);
+        let tied = |misfit: f64| if misfit <= TIE_COST { 0.0 } else { misfit };
         let place = |minimum: Minimum| {
+            let misfit = tied(misfit(&minimum));
             let covariance = self.covariance(&minimum.pose, noise);
-            Place { pose: minimum.pose, minimum, contour: None, covariance }
+            Place { pose: minimum.pose, minimum, contour: None, covariance, misfit }
         };
-        fitting.into_iter().map(place).collect()
+        let mut places: Vec<Place> = fitting.map(place).collect();
+        places.sort_by_key(|place| if place.misfit == 0.0 { order(&place.pose) } else { [i64::MAX; 3] });
+        places
     }
 
     /// The minima led onto the observed contours, those that fit as well as the best; `None` where the contours are clean or
@@ -88,7 +92,7 @@ impl Problem {
         }
         let start = contour_fit(&contours, &first)?.mixture.likelihood;
         let known = prior.initial.map(|pose| self.given(pose));
-        let mut places = self.led_onto(&contours, minima.iter().take(MOST_REFINED).cloned().chain(known));
+        let mut places = self.led_onto(&contours, self.likeliest_minima(minima, prior).into_iter().chain(known));
         let lost =
             |fit: &ContourFit| fit.mixture.sigma > LOOSE || fit.clean_shares.iter().any(|&share| share < LOST_SHARE);
         if self.regions().len() > 1 && places.iter().all(|place| place.contour.as_ref().is_none_or(lost)) {
@@ -100,22 +104,33 @@ impl Problem {
         if independent * (greatest - start) < DECISIVE_LIKELIHOOD {
             return None;
         }
-        let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
+        let worst = AMBIGUITY_COST + self.most_penalty(prior);
         let mut kept: Vec<Place> = Vec::new();
         for place in places {
             let new = kept.iter().all(|other| self.apart(&other.pose, &place.pose, SAME_PLACE));
-            if place.likelihood() >= least && new {
-                kept.push(place);
+            let misfit = 2.0 * independent * (greatest - place.likelihood());
+            if misfit <= worst && new {
+                kept.push(Place { misfit, ..place });
             }
         }
         Some(kept)
+    }
+
+    /// The minima of the least cost, the prior weighed in.
+    fn likeliest_minima(&self, minima: &[Minimum], prior: &Prior) -> Vec<Minimum> {
+        let variance = self.boundary_noise(minima.first().map_or(0.0, |minimum| minimum.cost)).powi(2);
+        let known = Matrix6::zeros();
+        let score = |minimum: &Minimum| minimum.cost / variance + self.penalty(&minimum.pose, &known, prior);
+        let mut scored: Vec<(f64, &Minimum)> = minima.iter().map(|minimum| (score(minimum), minimum)).collect();
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        scored.into_iter().take(MOST_REFINED).map(|(_, minimum)| minimum.clone()).collect()
     }
 
     fn led_onto(&self, contours: &[Contour], minima: impl Iterator<Item = Minimum>) -> Vec<Place> {
         let led = |minimum: Minimum| {
             let fit = refined(contours, &self.centred(&minimum.pose))?;
             let covariance = covariance(contours, &fit);
-            Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit), covariance })
+            Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit), covariance, misfit: 0.0 })
         };
         minima.filter_map(led).collect()
     }

@@ -1,6 +1,6 @@
 //! Rigid poses and their increments.
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use crate::error::{Error, Result};
 
@@ -76,6 +76,15 @@ impl Pose {
         let turn = Rotation3::new(increment.fixed_rows::<3>(0).into_owned());
         let rotation = orthonormalized((turn * self.rotation).matrix());
         Self { rotation, translation: turn * self.translation + increment.fixed_rows::<3>(3) }
+    }
+
+    /// The left increment that takes this pose to another, its turn up to half a turn (`docs/math.md`, eq. 1.2).
+    pub fn increment_to(&self, other: &Self) -> Tangent {
+        let turn = other.rotation * self.rotation.inverse();
+        // A matrix's skew part vanishes at half a turn, where the quaternion still knows the axis.
+        let omega = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
+        let tau = other.translation - turn * self.translation;
+        Tangent::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z)
     }
 
     /// Angle of the rotation between two poses, in radians.

@@ -14,6 +14,9 @@ const PLANARITY_TOLERANCE: f64 = 0.01;
 /// Smallest share of the extent that a region must have across, below which no plane can be told.
 const MIN_WIDTH: f64 = 1e-6;
 
+/// Height above the plane, as a share of the distance, below which a point is on no side of it: a twentieth of a degree.
+const ON_EDGE: f64 = 1e-3;
+
 /// A region as the camera sees it: closed rings of bearings, joined by great-circle arcs.
 #[derive(Debug, Clone)]
 pub struct ObservedRegion {
@@ -117,6 +120,7 @@ pub struct WorldRegion {
     frame: PlaneFrame,
     outline: PlaneRings,
     surface: Option<Surface>,
+    viewpoint: Option<Vector3<f64>>,
 }
 
 /// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
@@ -151,12 +155,12 @@ impl WorldRegion {
         let frame = PlaneFrame::fit(&rings.concat())?;
         check_planar(rings, &frame)?;
         let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
-        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None })
+        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None, viewpoint: None })
     }
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None }
+        Self { frame, outline, surface: None, viewpoint: None }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -174,7 +178,36 @@ impl WorldRegion {
         let outline = PlaneRings::polygon(largest_first(flat))?;
         let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
         let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
-        Ok(Self { frame, outline, surface })
+        Ok(Self { frame, outline, surface, viewpoint: None })
+    }
+
+    /// The same region of which a viewpoint, such as the scanner's place, lies on the side that the camera sees.
+    ///
+    /// # Errors
+    /// A viewpoint that is not finite, or so near to the plane that it is on no side.
+    pub fn seen_from(self, viewpoint: Vector3<f64>) -> Result<Self> {
+        check_finite("viewpoint", &[viewpoint])?;
+        let (height, distance) = (self.frame.height(&viewpoint).abs(), (viewpoint - self.frame.origin).norm());
+        if height > ON_EDGE * distance {
+            return Ok(Self { viewpoint: Some(viewpoint), ..self });
+        }
+        Err(Error::OutOfRange {
+            item: "the viewpoint",
+            found: format!("{height:.3e} off the region's plane at a distance of {distance:.3e}"),
+            needed: "a point clearly on one side of it".into(),
+        })
+    }
+
+    /// A point on the side that the camera sees, where that is known.
+    pub fn viewpoint(&self) -> Option<&Vector3<f64>> {
+        self.viewpoint.as_ref()
+    }
+
+    /// Whether a camera at this point of the world sees the side away from the viewpoint; `false` without a viewpoint.
+    ///
+    /// Of a surface that is not planar, the mean plane's side counts.
+    pub fn is_behind(&self, camera: &Vector3<f64>) -> bool {
+        self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
     }
 
     /// The plane's coordinates in which [`WorldRegion::outline`] is given.

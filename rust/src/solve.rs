@@ -1,6 +1,6 @@
 //! From region pairs to the minima of their equations.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 
 use crate::contour::{Contour, contour_distances};
 use crate::equations::{System, Weighting};
@@ -10,6 +10,7 @@ use crate::fit::Fit;
 use crate::initial::{Turns, closed_form, conjugate, facing};
 use crate::least_squares::{Minimum, Stopping, minimize};
 use crate::pose::{Pose, Tangent, increment_derivative};
+use crate::prior::{BELIEVED, Prior};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::residual::{Evaluation, RegionEquations, evaluate};
 use crate::whitening::Orders;
@@ -69,7 +70,7 @@ const NOISE_FLOOR: f64 = 0.1;
 
 /// Another pose fits as well when its cost is above the best by less than this many variances of the noise: five standard
 /// deviations.
-const AMBIGUITY_COST: f64 = 25.0;
+pub(crate) const AMBIGUITY_COST: f64 = 25.0;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -79,15 +80,6 @@ pub enum Start {
     Global,
     /// From the paper's start for the first region, solved alone, then all together (paper section 2.1.1 and 2.2.1).
     Paper,
-}
-
-/// What is known of the pose beforehand: it adds starts, and decides between poses that fit alike.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Prior {
-    /// A rough pose, `camera_from_world`.
-    pub initial: Option<Pose>,
-    /// The direction, in the world, that is up in the image.
-    pub up: Option<Vector3<f64>>,
 }
 
 /// What a search found: where to solve from, best first, and the problem on the scale of the noise that was found.
@@ -176,12 +168,12 @@ impl Problem {
             poses = self.solved_together(self.global_starts(prior, Turns::All));
             fit = self.fit_of_best(&poses);
         }
-        let noise = fit.map_or(0.0, |fit| fit.boundary_noise);
-        let all = self.clone().whitened(noise, Orders::All).searched(&poses);
+        let (noise, penalty) = (fit.map_or(0.0, |fit| fit.boundary_noise), self.most_penalty(prior));
+        let all = self.clone().whitened(noise, Orders::All).searched(&poses, penalty);
         if fit.is_none_or(|fit| fit.boundary_noise < CLEAN) {
             return all;
         }
-        let low = self.whitened(noise, Orders::Low).searched(&poses);
+        let low = self.whitened(noise, Orders::Low).searched(&poses, penalty);
         if all.overlap_error() < MUCH_BETTER * low.overlap_error() { all } else { low }
     }
 
@@ -190,8 +182,8 @@ impl Problem {
         Self { regions, ..self }
     }
 
-    fn searched(self, poses: &[Pose]) -> Search {
-        Search { candidates: self.fitting(poses), problem: self }
+    fn searched(self, poses: &[Pose], penalty: f64) -> Search {
+        Search { candidates: self.fitting(poses, penalty), problem: self }
     }
 
     /// Minima of all regions' unweighted equations near the starts, best first.
@@ -208,12 +200,13 @@ impl Problem {
         Fit::of(&self.regions, &self.worlds, &self.uncentred(poses.first()?))
     }
 
-    /// The candidates that could fit as well as the best once the whitened equations are solved, best first.
-    fn fitting(&self, poses: &[Pose]) -> Vec<Pose> {
+    /// The candidates that could fit as well as the best once the whitened equations are solved, best first; with a prior
+    /// that may count for so many variances.
+    fn fitting(&self, poses: &[Pose], penalty: f64) -> Vec<Pose> {
         let minima = poses.iter().map(|pose| minimize(&self.regions, pose, Weighting::Whitened, COARSE)).collect();
         let minima = distinct(minima, SAME_CANDIDATE);
         let least = minima.first().map_or(0.0, |minimum| minimum.cost);
-        let limit = COARSE_AMBIGUITY * self.ambiguity_limit(least);
+        let limit = COARSE_AMBIGUITY * self.ambiguity_limit(least, penalty);
         minima.into_iter().filter(|m| m.cost <= limit).map(|m| self.uncentred(&m.pose)).collect()
     }
 
@@ -235,9 +228,28 @@ impl Problem {
         kept.into_iter().map(|m| Minimum { pose: self.uncentred(&m.pose), ..m }).collect()
     }
 
-    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`.
-    pub fn ambiguity_limit(&self, least: f64) -> f64 {
-        least + AMBIGUITY_COST * self.boundary_noise(least).powi(2)
+    /// The whitened cost up to which a pose fits as well as the best, whose cost is `least`, or could with a prior that
+    /// counts for at most `prior` variances.
+    pub fn ambiguity_limit(&self, least: f64, prior: f64) -> f64 {
+        least + (AMBIGUITY_COST + prior) * self.boundary_noise(least).powi(2)
+    }
+
+    /// The regions that a pose sees from the side away from their viewpoint.
+    pub fn seen_from_behind(&self, pose: &Pose) -> Vec<usize> {
+        let camera = pose.inverse().translation;
+        let behind = |(index, world): (usize, &WorldRegion)| world.is_behind(&camera).then_some(index);
+        self.worlds.iter().enumerate().filter_map(behind).collect()
+    }
+
+    /// What a prior and the regions' visible sides count against a pose with this covariance, in variances.
+    pub(crate) fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>, prior: &Prior) -> f64 {
+        prior.penalty(pose, covariance) + BELIEVED * self.seen_from_behind(pose).len() as f64
+    }
+
+    /// The most that a prior and the regions' visible sides count against a pose, in variances.
+    pub(crate) fn most_penalty(&self, prior: &Prior) -> f64 {
+        let sides = self.worlds.iter().filter(|world| world.viewpoint().is_some()).count();
+        prior.most() + BELIEVED * sides as f64
     }
 
     /// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.

@@ -3,19 +3,20 @@
 use nalgebra::Vector3;
 use thiserror::Error as Message;
 
-/// What a user has to know before trusting a pose.
+/// Poses that a warning spells out; of more, it says how many are left.
+const SPELT_OUT: usize = 3;
+
+const MM: f64 = 1e3;
+
+/// What a user has to know before trusting a pose. Lengths are metres, axes the camera's.
 #[derive(Debug, Clone, PartialEq, Message)]
 #[non_exhaustive]
 pub enum Warning {
     /// Other poses fit as well.
-    #[error(
-        "{count} other pose(s) fit as well, the nearest {degrees:.1} deg away: the regions are symmetric or too few"
-    )]
+    #[error("{} other pose(s) fit as well, the regions are symmetric or too few: {}", .others.len(), listed(.others))]
     Ambiguous {
-        /// How many.
-        count: usize,
-        /// Rotation to the nearest of them.
-        degrees: f64,
+        /// From the best pose to each of the others, the nearest first.
+        others: Vec<Way>,
     },
     /// The least squares did not end at a minimum.
     #[error("the least squares did not converge: {termination}")]
@@ -45,17 +46,43 @@ pub enum Warning {
     },
     /// The regions hold the pose only weakly.
     #[error(
-        "weak geometry: {degrees:.2} deg about camera axis [{}] and {share:.1} % of the distance along [{}] (1 sigma)", shown(.axis), shown(.along)
+        "the pose is held weakly: {degrees:.2} deg about camera axis [{}] and {:.1} mm along [{}] (1 sigma){}", shown(.axis), MM * .shift, shown(.along), because(.causes)
     )]
     WeakGeometry {
         /// Largest standard deviation of the rotation, degrees.
         degrees: f64,
-        /// The camera axis it is about.
+        /// The axis it is about.
         axis: Vector3<f64>,
-        /// Largest standard deviation of the translation, percent of the distance.
-        share: f64,
-        /// The camera direction it is along.
+        /// Largest standard deviation of the translation.
+        shift: f64,
+        /// The direction it is along.
         along: Vector3<f64>,
+        /// What makes it weak, as far as can be told.
+        causes: Vec<Cause>,
+    },
+    /// The pose is not where the initial one says.
+    #[error("the pose lies {degrees:.2} deg and {:.1} mm from the initial one{}", MM * .shift, beyond(.sigmas))]
+    InitialContradicted {
+        /// Rotation from the initial pose, degrees.
+        degrees: f64,
+        /// Distance between the camera's places.
+        shift: f64,
+        /// Both in standard deviations of the initial pose and the pose together, where the initial one has any.
+        sigmas: Option<f64>,
+    },
+    /// Up is not where the prior says.
+    #[error("the up direction lies {degrees:.1} deg off the image's, {sigmas:.1} times what is known of it (1 sigma)")]
+    UpContradicted {
+        /// Angle, degrees.
+        degrees: f64,
+        /// The same in standard deviations.
+        sigmas: f64,
+    },
+    /// A region is seen from the side away from its viewpoint.
+    #[error("region {region} is seen from behind: this pose shows the side away from the viewpoint it was given")]
+    SideContradicted {
+        /// The region.
+        region: usize,
     },
 }
 
@@ -68,8 +95,61 @@ impl Warning {
             Self::PoorOverlap { .. } => "poor-overlap",
             Self::OutlierRegion { .. } => "outlier-region",
             Self::WeakGeometry { .. } => "weak-geometry",
+            Self::InitialContradicted { .. } => "initial-contradicted",
+            Self::UpContradicted { .. } => "up-contradicted",
+            Self::SideContradicted { .. } => "side-contradicted",
         }
     }
+}
+
+/// From one pose to another.
+#[derive(Debug, Clone, PartialEq, Message)]
+#[error("{degrees:.1} deg about camera axis [{}] with the camera {:.1} mm away", shown(.axis), MM * .shift)]
+pub struct Way {
+    /// Turn, degrees.
+    pub degrees: f64,
+    /// The axis it is about.
+    pub axis: Vector3<f64>,
+    /// Distance between the camera's places.
+    pub shift: f64,
+}
+
+/// What makes a geometry weak.
+#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[non_exhaustive]
+pub enum Cause {
+    /// A plane that faces the camera looks the same, to first order, after a small tilt either way.
+    #[error("the plane is seen frontally, {degrees:.0} deg off the line of sight")]
+    Frontal {
+        /// Angle between its normal and the ray.
+        degrees: f64,
+    },
+    /// Regions of few pixels.
+    #[error("no region is more than {pixels:.0} px across")]
+    Tiny {
+        /// Side of a square of the largest one's area.
+        pixels: f64,
+    },
+    /// Several regions that are one plane.
+    #[error("all regions lie in one plane")]
+    Coplanar,
+}
+
+fn listed(others: &[Way]) -> String {
+    let mut parts: Vec<String> = others.iter().take(SPELT_OUT).map(|way| way.to_string()).collect();
+    if others.len() > SPELT_OUT {
+        parts.push(format!("and {} more", others.len() - SPELT_OUT));
+    }
+    parts.join("; ")
+}
+
+fn because(causes: &[Cause]) -> String {
+    let named: Vec<String> = causes.iter().map(|cause| cause.to_string()).collect();
+    if named.is_empty() { String::new() } else { format!(": {}", named.join(", and ")) }
+}
+
+fn beyond(sigmas: &Option<f64>) -> String {
+    sigmas.map_or_else(String::new, |sigmas| format!(", {sigmas:.1} times the uncertainty of both (1 sigma)"))
 }
 
 fn shown(direction: &Vector3<f64>) -> String {

@@ -20,7 +20,7 @@ Uses = dict[str, set[str]]
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
     ("batch", "mixture", "moments", "pose", "rings"),
-    ("derivatives", "mesh", "overlap", "region"),
+    ("derivatives", "mesh", "overlap", "prior", "region"),
     ("bearing_rings",),
     ("chart",),
     ("equations", "initial"),
@@ -28,7 +28,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("residual",),
     ("contour", "fit", "least_squares"),
     ("solve", "warning"),
-    ("places",),
+    ("places", "weakness"),
     ("estimate",),
 )
 """Modules of the crate; each uses those of the layers before its own only."""

@@ -23,6 +23,8 @@ BOW_TIE = SQUARE[[0, 2, 1, 3]]
 CAMERA = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0, 640, 480)
 IMAGE = rp.ImageRegion.from_polygon(SQUARE * 100.0 + 200.0)
 WORLD = rp.WorldRegion.from_polygon(LIFTED)
+POSE = rp.Pose.from_matrix(np.eye(4))
+UP = (0.0, -1.0, 0.0)
 MASK = np.zeros((480, 640), dtype=bool)
 MASK[100:200, 150:300] = True
 
@@ -178,6 +180,18 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
     (lambda: solve(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
     (lambda: solve(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
+    (lambda: solve(up=UP, up_sigma=0.0), "up_sigma holds 0; it needs positive numbers"),
+    (lambda: solve(up=UP, up_sigma="few"), "up_sigma is a str; it needs to be a positive number of degrees"),
+    (
+        lambda: solve(initial=POSE, initial_sigma=(5.0,)),
+        r"initial_sigma has 1 entries; it needs to be \(degrees, metres\)",
+    ),
+    (lambda: solve(initial=POSE, initial_sigma=(5.0, -1.0)), "initial_sigma holds -1; it needs positive numbers"),
+    (lambda: solve(initial=POSE, initial_sigma="5 deg"), "initial_sigma is an array of type <U5; it needs"),
+    (lambda: solve(initial_sigma=(5.0, 1.0)), "initial_sigma is given and initial is None; needed a Pose"),
+    (lambda: solve(initial="paper", initial_sigma=(5.0, 1.0)), "initial_sigma is given and initial is 'paper'"),
+    (lambda: WORLD.seen_from([0.0, np.nan, 1.0]), r"viewpoint is \[0.0, NaN, 1.0\]; it needs to be 3 finite numbers"),
+    (lambda: WORLD.seen_from(LIFTED[0] + 3.0 * (LIFTED[1] - LIFTED[0])), "off the region's plane at a distance of"),
     (lambda: rp.estimate_pose(CAMERA, [], []), "there are 0 observed and 0 world regions; there need to be as many"),
     (lambda: rp.estimate_pose(CAMERA, [IMAGE], [WORLD, WORLD]), "there are 1 observed and 2 world regions"),
     (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), "region 0 is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
@@ -300,6 +314,9 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: rp.estimate_poses([value]),
     lambda value: solve(initial=value),
     lambda value: solve(up=value),
+    lambda value: solve(up=UP, up_sigma=value),
+    lambda value: solve(initial=POSE, initial_sigma=value),
+    lambda value: WORLD.seen_from(value),
     lambda value: solve(system=value),
     lambda value: solve(integration=value),
     lambda value: solve(driver=value),

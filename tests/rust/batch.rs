@@ -6,7 +6,8 @@ use regionpose::batch::in_parallel;
 use regionpose::equations::System;
 use regionpose::estimate::{Estimate, Refinement};
 use regionpose::facet::Integration;
-use regionpose::solve::{Prior, Start};
+use regionpose::prior::Prior;
+use regionpose::solve::Start;
 use support::random::Random;
 use support::scene::{Layout, Scene};
 

@@ -11,9 +11,10 @@ use regionpose::facet::Integration;
 use regionpose::initial::{Turns, closed_form, conjugate, facing};
 use regionpose::least_squares::{Stopping, minimize};
 use regionpose::pose::Pose;
+use regionpose::prior::Prior;
 use regionpose::region::WorldRegion;
 use regionpose::rings::PlaneRings;
-use regionpose::solve::{Prior, Start};
+use regionpose::solve::Start;
 use support::random::Random;
 use support::scene::{
     Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,
@@ -218,7 +219,7 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
 
 /// Whether the native solver finds the truth from the paper's start.
 fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
-    let prior = Prior { initial: None, up: Some(*up) };
+    let prior = Prior { up: Some(*up), ..Prior::default() };
     let estimate = scene.problem(system, Integration::Boundary).estimate(Start::Paper, &prior, Refinement::Contour);
     estimate.is_some_and(|estimate| scene.errors(&estimate.best.minimum.pose).0 < SOLVED)
 }

@@ -126,6 +126,26 @@ proptest! {
     }
 }
 
+/// Any two poses, and half a turn about any axis, where a matrix's skew part is no guide.
+#[test]
+fn the_increment_to_a_pose_leads_there() {
+    let mut random = Random::new(5);
+    for trial in 0..200 {
+        let from = random.pose(10.0);
+        let half = Pose::new(Rotation3::new(random.direction() * PI), Vector3::new(1.0, -2.0, 0.5));
+        let to = if trial % 2 == 0 { random.pose(10.0) } else { half.after(&from) };
+        let increment = from.increment_to(&to);
+        assert!(apart(&from.moved(&increment), &to) < 1e-12);
+        let turn = increment.fixed_rows::<3>(0).norm();
+        assert!(turn <= PI + 1e-12 && (turn - from.angle_to(&to)).abs() < 1e-7);
+        assert!(
+            (increment.fixed_rows::<3>(3).norm() - (from.inverse().translation - to.inverse().translation).norm())
+                .abs()
+                < 1e-12
+        );
+    }
+}
+
 #[test]
 fn at_zero_the_increment_derivative_is_the_identity() {
     assert_eq!(increment_derivative(&Tangent::zeros()), Matrix6::identity());

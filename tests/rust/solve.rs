@@ -13,9 +13,10 @@ use regionpose::estimate::{Estimate, Refinement};
 use regionpose::facet::Integration;
 use regionpose::least_squares::{Stopping, minimize};
 use regionpose::pose::Pose;
+use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, Pixels, WorldRegion};
 use regionpose::rings::PlaneRings;
-use regionpose::solve::{Prior, Problem, Start};
+use regionpose::solve::{Problem, Start};
 use regionpose::warning::Warning;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
@@ -23,7 +24,7 @@ use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rect
 /// Error allowed of poses from exact images: rad, and a share of the distance.
 const EXACT: f64 = 1e-9;
 
-const NO_PRIOR: Prior = Prior { initial: None, up: None };
+const NO_PRIOR: Prior = Prior { initial: None, initial_sigma: None, up: None, up_sigma: None };
 
 /// Error allowed of the sphere's equations, which are nearly dependent on a region of half a radian: whitening multiplies
 /// their rounding by 1e6 (measured: 1.2e-9).
@@ -176,7 +177,7 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
         for expected in poses {
             let initial = Some(expected.moved(&random.tangent(0.2, 0.3)));
             let problem = scene.problem(System::Plane, Integration::Boundary);
-            let estimate = problem.estimate(start, &Prior { initial, up: None }, Refinement::Contour).unwrap();
+            let estimate = problem.estimate(start, &Prior { initial, ..NO_PRIOR }, Refinement::Contour).unwrap();
             assert!(estimate.best.minimum.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
         }
     }
@@ -188,7 +189,7 @@ fn the_up_direction_chooses_among_symmetric_poses() {
     let (scene, poses) = symmetric_view(&mut random, rectangle(1.6, 1.0), 2, 0.7);
     for expected in poses {
         let up = Some(expected.rotation.inverse() * Vector3::new(0.1, -1.0, 0.1));
-        let estimate = estimated(&scene, &Prior { initial: None, up });
+        let estimate = estimated(&scene, &Prior { up, ..NO_PRIOR });
         assert!(estimate.best.minimum.pose.angle_to(&expected) < SYMMETRIC);
     }
 }
@@ -369,11 +370,11 @@ proptest! {
         let up = Some(Vector3::from_column_slice(&wild[..3]));
         let initial = Some(Pose::new(scene.pose.rotation, Vector3::from_column_slice(&wild[3..])));
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let estimate = problem.estimate(Start::Global, &Prior { initial, up }, Refinement::Contour).unwrap();
+        let estimate = problem.estimate(Start::Global, &Prior { initial, up, ..NO_PRIOR }, Refinement::Contour).unwrap();
         prop_assert!(scene.errors(&estimate.best.minimum.pose).0 < EXACT);
         for start in [Start::Global, Start::Paper] {
             let initial = None;
-            let _ = scene.problem(System::Plane, Integration::Boundary).estimate(start, &Prior { initial, up }, Refinement::Contour);
+            let _ = scene.problem(System::Plane, Integration::Boundary).estimate(start, &Prior { initial, up, ..NO_PRIOR }, Refinement::Contour);
         }
     }
 }

@@ -132,12 +132,15 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
 
 def _estimate(sides: SceneSides) -> PoseEstimate:
     model, prior = sides.scene.model.solver, sides.scene.model.prior
+    sigma = prior.initial_sigma
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
         initial=_initial(sides.scene, sides.origin),
+        initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
         up=prior.up,
+        up_sigma=prior.up_sigma_deg,
         system=model.system,
         integration=model.integration,
         refine=None if model.refine == "none" else model.refine,

@@ -221,7 +221,16 @@ ImageSide = Annotated[
 ]
 
 
-class WorldSeed(Item):
+class _WorldItem(Item):
+    seen_from: Annotated[
+        Point | None,
+        Field(
+            description="a point on the side that the camera sees, such as the scanner's place; either side without it"
+        ),
+    ] = None
+
+
+class WorldSeed(_WorldItem):
     """A point on the region's plane, which is grown from there in the cloud."""
 
     seed: Point
@@ -240,7 +249,7 @@ class WorldSeed(Item):
 Indices = Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3)]
 
 
-class WorldPoints(Item):
+class WorldPoints(_WorldItem):
     """The region's points: indices into the cloud, or a file of indices, of a mask, of labels, or of coordinates."""
 
     points: Annotated[
@@ -251,13 +260,13 @@ class WorldPoints(Item):
     radius: Positive | None = Field(None, description="metres, of the outline's alpha shape")
 
 
-class WorldPolygonSide(Item):
+class WorldPolygonSide(_WorldItem):
     """The region's outline: one ring, or an outer ring and its holes."""
 
     polygon: WorldPolygon
 
 
-class WorldMesh(Item):
+class WorldMesh(_WorldItem):
     """A mesh file of an open surface."""
 
     mesh: FileName
@@ -315,10 +324,20 @@ def _initial_kind(value: object) -> str | None:
     return "<word>" if isinstance(value, str) else _key_among("camera_from_world", "world_from_camera")(value)
 
 
+class InitialSigma(Item):
+    """Standard deviations of a rough pose, along each of the camera's axes."""
+
+    rotation_deg: Positive
+    camera_center_m: Positive
+
+
 class PriorItem(Item):
     """What is known of the pose beforehand."""
 
     up: Annotated[Point | None, Field(description="the world direction that is up in the image")] = None
+    up_sigma_deg: Annotated[
+        Positive | None, Field(description="standard deviation of its angle from the image's up; 15 when left out")
+    ] = None
     initial: (
         Annotated[
             Annotated[Literal["paper"], Tag("<word>")]
@@ -328,6 +347,9 @@ class PriorItem(Item):
         ]
         | None
     ) = None
+    initial_sigma: Annotated[
+        InitialSigma | None, Field(description="how rough the initial pose is; without it, it is but a start")
+    ] = None
 
 
 class SolverItem(Item):

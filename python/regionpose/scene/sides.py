@@ -72,8 +72,21 @@ def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> 
     """The world side of region `index` about `origin`; SceneError that names its line when it gives no region."""
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always", SparseSamplingWarning)
-        side = _unremarked_side(scene, index, cloud, origin)
+        side = _sided(scene, index, _unremarked_side(scene, index, cloud, origin), origin)
     return replace(side, remarks=tuple(str(warning.message) for warning in raised))
+
+
+def _sided(scene: Scene, index: int, side: WorldSide, origin: Array) -> WorldSide:
+    """The side whose region knows the viewpoint that the scene gives it, if any."""
+    given = scene.model.regions[index].world.seen_from
+    if given is None:
+        return side
+    viewpoint = np.asarray(given) - origin
+    return named(
+        scene,
+        ("regions", index, "world", "seen_from"),
+        lambda: replace(side, region=side.region.seen_from(viewpoint)),
+    )
 
 
 def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:

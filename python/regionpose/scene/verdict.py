@@ -10,18 +10,22 @@ import numpy as np
 from regionpose.scene.estimate import SceneEstimate
 
 ADVICE = {
-    "ambiguous": "Add a region without symmetry, or give prior.up or prior.initial in the scene file.",
+    "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.initial and its initial_sigma,"
+    " seen_from of a region's world side.",
+    "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
     "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
+    "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
+    "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
     "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
 }
 """What to do about each warning."""
 
 TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
 
-DOUBTS = {"not-converged", "ambiguous"}
+DOUBTS = {"not-converged", "ambiguous", "initial-contradicted", "side-contradicted", "up-contradicted"}
 """Warnings after which the pose may be another one altogether."""
 
 

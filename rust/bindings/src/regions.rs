@@ -77,6 +77,18 @@ impl WorldRegion {
         py.detach(|| region::WorldRegion::from_mesh(&vertices, &triangles)).map(Self).map_err(value_error)
     }
 
+    /// The same region of which a viewpoint lies on the side that the camera sees.
+    fn seen_from(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let viewpoint = crate::arrays::vector("viewpoint", viewpoint)?;
+        self.0.clone().seen_from(viewpoint).map(Self).map_err(value_error)
+    }
+
+    /// The viewpoint, (3,), or None.
+    #[getter]
+    fn viewpoint<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.0.viewpoint().map(|viewpoint| PyArray1::from_slice(py, viewpoint.as_slice()))
+    }
+
     /// Boundary rings, each (n, 3).
     #[getter]
     fn rings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {

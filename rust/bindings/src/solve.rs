@@ -4,13 +4,15 @@ use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use regionpose::batch::in_parallel;
 use regionpose::equations::{System, Weighting};
 use regionpose::estimate::{self, Refinement};
 use regionpose::facet::Integration;
 use regionpose::least_squares;
 use regionpose::pose::Tangent;
-use regionpose::solve::{self, Prior, Start};
+use regionpose::prior::{PoseSigma, Prior};
+use regionpose::solve::{self, Start};
 
 use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
@@ -61,13 +63,47 @@ type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<
 
 type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-fn parsed_prior(initial: Option<PoseArrays<'_>>, up: Option<Bound<'_, PyAny>>) -> PyResult<Prior> {
+/// The prior of a dictionary that may hold `initial`, `initial_sigma`, `up` and `up_sigma`, deviations in degrees and metres.
+fn parsed_prior(given: Option<&Bound<'_, PyDict>>) -> PyResult<Prior> {
+    let part = |name: &str| -> PyResult<Option<Bound<'_, PyAny>>> {
+        let value = given.map_or(Ok(None), |given| given.get_item(name))?;
+        Ok(value.filter(|value| !value.is_none()))
+    };
+    let initial: Option<PoseArrays<'_>> = part("initial")?.map(|value| value.extract()).transpose()?;
     let initial = initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?;
-    let up: Option<Vector3<f64>> = up.map(|up| vector("up", &up)).transpose()?;
+    let up: Option<Vector3<f64>> = part("up")?.map(|up| vector("up", &up)).transpose()?;
     if up.is_some_and(|up| up.norm() == 0.0) {
         return Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"));
     }
-    Ok(Prior { initial, up })
+    let initial_sigma = part("initial_sigma")?.map(|sigma| pose_sigma(&sigma)).transpose()?;
+    let up_sigma = part("up_sigma")?.map(|sigma| deviation("up_sigma", &sigma).map(f64::to_radians)).transpose()?;
+    Ok(Prior { initial, initial_sigma, up, up_sigma })
+}
+
+fn pose_sigma(given: &Bound<'_, PyAny>) -> PyResult<PoseSigma> {
+    let values = numbers("initial_sigma", given)?;
+    let [degrees, place] = values[..] else {
+        let found = values.len();
+        let needed = "(degrees, metres)";
+        return Err(PyValueError::new_err(format!("initial_sigma has {found} entries; it needs to be {needed}")));
+    };
+    for value in [degrees, place] {
+        check_deviation("initial_sigma", value)?;
+    }
+    Ok(PoseSigma { rotation: degrees.to_radians(), place })
+}
+
+fn deviation(item: &str, given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let value = scalar(item, given, "a positive number of degrees")?;
+    check_deviation(item, value)?;
+    Ok(value)
+}
+
+fn check_deviation(item: &str, value: f64) -> PyResult<()> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{item} holds {value}; it needs positive numbers")))
 }
 
 /// Where a least squares ended.
@@ -215,15 +251,14 @@ impl Problem {
 
     /// This problem whitened for the boundary noise that it shows, and poses (rotation (3, 3), translation (3,)) from which
     /// to solve it, best first.
-    #[pyo3(signature = (*, start = "global", initial = None, up = None))]
+    #[pyo3(signature = (*, start = "global", prior = None))]
     fn search<'py>(
         &self,
         py: Python<'py>,
         start: &str,
-        initial: Option<PoseArrays<'py>>,
-        up: Option<Bound<'py, PyAny>>,
+        prior: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(Problem, Vec<RotationTranslation<'py>>)> {
-        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        let (start, prior) = (parsed_start(start)?, parsed_prior(prior)?);
         let search = py.detach(|| self.0.clone().search(start, &prior));
         let poses = search.candidates.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose))));
         Ok((Problem(search.problem), poses.collect::<PyResult<_>>()?))
@@ -257,31 +292,29 @@ impl Problem {
     }
 
     /// The estimate by the native driver; None without a pose in view.
-    #[pyo3(signature = (*, start = "global", initial = None, up = None, refine = "contour"))]
+    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
     fn estimate<'py>(
         &self,
         py: Python<'py>,
         start: &str,
-        initial: Option<PoseArrays<'py>>,
-        up: Option<Bound<'py, PyAny>>,
+        prior: Option<&Bound<'py, PyDict>>,
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
-        let (start, prior) = (parsed_start(start)?, parsed_prior(initial, up)?);
+        let (start, prior) = (parsed_start(start)?, parsed_prior(prior)?);
         let refinement = parsed_refinement(refine)?;
         Ok(py.detach(|| self.0.clone().estimate(start, &prior, refinement)).map(Estimate))
     }
 
     /// The verdict on minima found by any driver; None without one.
-    #[pyo3(signature = (minima, *, initial = None, up = None, refine = "contour"))]
+    #[pyo3(signature = (minima, *, prior = None, refine = "contour"))]
     fn judged(
         &self,
         py: Python<'_>,
         minima: Vec<PyRef<'_, Minimum>>,
-        initial: Option<PoseArrays<'_>>,
-        up: Option<Bound<'_, PyAny>>,
+        prior: Option<&Bound<'_, PyDict>>,
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
-        let (prior, refinement) = (parsed_prior(initial, up)?, parsed_refinement(refine)?);
+        let (prior, refinement) = (parsed_prior(prior)?, parsed_refinement(refine)?);
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
         Ok(py.detach(|| self.0.judged(minima, &prior, refinement)).map(Estimate))
     }

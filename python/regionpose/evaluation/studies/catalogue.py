@@ -28,6 +28,7 @@ MESHES = (
 """Meshes by the length of their edges, a share of the region's size."""
 
 SYMMETRIES = ("asymmetric", "symmetric")
+KNOWN = ("nothing", "up", "side", "initial", "up and side")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
 SOLVED_BY_NOISE = Chart("solved", lines="planes", across="noise")
@@ -137,6 +138,12 @@ _ALL = (
         [Chart("sorted", lines="model", panels="camera"), Chart("coverage", lines="model", panels="camera")],
         problem=draw_mixed_problem,
         drawn=DRAWN,
+    ),
+    Study(
+        "priors",
+        "What an up direction, the visible sides or a rough pose beforehand do for one plane and for three.",
+        [{"planes": (1, 3), "prior": KNOWN, "noise": (0.0, 0.05, 0.2)}],
+        [Chart("solved", lines="prior", panels="planes", across="noise")],
     ),
 )
 

@@ -18,6 +18,7 @@ Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage", "polygon"]
 Wrong = Literal["none", "shape", "place"]
+Known = Literal["nothing", "up", "side", "initial", "up and side"]
 NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
 ]
@@ -36,7 +37,8 @@ class Condition:
     calibration that the estimate is given. `wrong`: one region, drawn by the seed, is another template's ("shape") or
     lies elsewhere ("place"), on `side`. `model`: what is disturbed where the seed draws how much (`mixes.py`).
     `grazing_deg`: angle between the first plane and the line of sight; `turn_deg`: turn of the first plane in itself.
-    `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
+    `prior`: what the estimate is told of the pose beforehand, off by the deviations that it is told. `solver`: options
+    of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"
@@ -56,6 +58,7 @@ class Condition:
     model: NoiseModel = "exact"
     grazing_deg: float | None = None
     turn_deg: float | None = None
+    prior: Known = "nothing"
     solver: str = ""
 
     def __post_init__(self) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size, project_region
@@ -30,6 +32,7 @@ from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, Turned
 from regionpose.evaluation.studies.conditions import Condition, Value, solver_options
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.outline import SparseSamplingWarning
+from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
@@ -43,6 +46,12 @@ OUTLINE_TOLERANCE_PX = 1e-4
 LEAST_KEPT_SHARE = 0.5
 """A region that a border cuts to less than this share of its area is left out, as nobody would mark it."""
 
+UP_SIGMA_DEG = 5.0
+"""Standard deviation of a known up direction about each axis: a camera held upright."""
+
+INITIAL_SIGMA = (10.0, 0.5)
+"""Standard deviations, degrees and metres along each axis, of a rough pose: read off a map, or guessed."""
+
 GRAZING_VIEW_ANGLE_DEG = 90.0
 """Every angle of view is taken where the study asks for grazing ones."""
 
@@ -54,7 +63,8 @@ class Problem:
     `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
     halves or that a lidar hits too rarely. `image_change`, `world_change`: area of the symmetric difference between the
     given and the true regions over the true area, as measured; a wrong region counts by its own disturbance alone.
-    `wrong`: place of the wrong region among those given. `drawn`: fields of the condition that the seed decided.
+    `wrong`: place of the wrong region among those given. `options`: what is known of the pose beforehand, as
+    `estimate_pose` takes it. `drawn`: fields of the condition that the seed decided.
     """
 
     scene: Scene
@@ -65,6 +75,7 @@ class Problem:
     image_change: float
     world_change: float
     wrong: int | None = None
+    options: dict[str, Any] = field(default_factory=dict)
     drawn: Mapping[str, Value] = field(default_factory=dict)
 
 
@@ -78,6 +89,9 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     kept = [i for i, patch in enumerate(given) if patch.values.sum() > LEAST_KEPT_SHARE * true[i].values.sum()]
     worlds = world_sides(known, kept, condition, rng)
     changes = [_world_change(known.regions[index], world) for index, world in worlds.items()]
+    if "side" in condition.prior:
+        viewpoint = Pose.from_parts(scene.rotation, scene.translation).camera_center
+        worlds = {index: world.seen_from(viewpoint) for index, world in worlds.items()}
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
@@ -87,7 +101,22 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
         float(np.mean(changes)),
         list(worlds).index(wrong) if wrong in worlds else None,
+        known_options(scene, condition, problem_generator(seed, "prior")),
     )
+
+
+def known_options(scene: Scene, condition: Condition, rng: np.random.Generator) -> dict[str, Any]:
+    """Options of `estimate_pose` that say what the condition lets be known of the pose beforehand, with its errors."""
+    if condition.prior == "initial":
+        degrees, metres = INITIAL_SIGMA
+        turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
+        true = Pose.from_parts(scene.rotation, scene.translation)
+        rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
+        return {"initial": rough, "initial_sigma": INITIAL_SIGMA}
+    if "up" in condition.prior:
+        turn = Rotation.from_rotvec(rng.normal(0.0, UP_SIGMA_DEG, size=3), degrees=True)
+        return {"up": scene.rotation.T @ turn.apply([0.0, -1.0, 0.0]), "up_sigma": UP_SIGMA_DEG}
+    return {}
 
 
 def pose_source(setup: Setup, condition: Condition) -> PoseSource:

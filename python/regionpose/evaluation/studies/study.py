@@ -137,7 +137,7 @@ class Study:
                 warnings.simplefilter("always")
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
-            options = solver_options(condition.solver)
+            options = {**problem.options, **solver_options(condition.solver)}
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
             bound = pose_bound(problem) if self.bounds else None

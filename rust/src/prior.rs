@@ -1,0 +1,214 @@
+//! What is known of a pose beforehand, and how far a pose is from it (`docs/math.md`, section 10).
+
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+use crate::pose::{Pose, Tangent};
+
+/// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
+pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
+
+/// Squared distance, in variances, that counts at most against a pose (ten standard deviations): a prior may itself be
+/// wrong, and what fits better by more stands in spite of it.
+pub const BELIEVED: f64 = 100.0;
+
+/// Squared distance, in variances, beyond which a pose contradicts what was known: five standard deviations.
+const CONTRADICTED: f64 = 25.0;
+
+/// Rotation, rad, beyond which a pose contradicts an initial one without an uncertainty: no rough pose is this rough.
+const FAR: f64 = std::f64::consts::FRAC_PI_4;
+
+/// Uncertainty of an initial pose, standard deviations along each of the camera's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseSigma {
+    /// Of the camera's rotation, rad.
+    pub rotation: f64,
+    /// Of the camera's place, metres.
+    pub place: f64,
+}
+
+/// What is known of the pose beforehand: it adds starts, and decides between poses that fit about alike.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Prior {
+    /// A rough pose, `camera_from_world`.
+    pub initial: Option<Pose>,
+    /// How rough; without it the initial pose is a start, and chooses among poses that fit alike.
+    pub initial_sigma: Option<PoseSigma>,
+    /// The direction, in the world, that is up in the image.
+    pub up: Option<Vector3<f64>>,
+    /// Standard deviation of its angle from the image's up, rad; [`UP_SIGMA`] where there is none.
+    pub up_sigma: Option<f64>,
+}
+
+/// How far a pose is from the initial one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FromInitial {
+    /// Rotation, rad.
+    pub rotation: f64,
+    /// Distance between the two places of the camera, metres.
+    pub place: f64,
+    /// Both in standard deviations of prior and pose together; `None` where the prior has none.
+    pub sigmas: Option<f64>,
+}
+
+impl FromInitial {
+    /// Whether the pose is not where the initial one says.
+    pub fn is_contradiction(&self) -> bool {
+        self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > CONTRADICTED)
+    }
+}
+
+/// How far the up direction is from the image's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FromUp {
+    /// Angle, rad.
+    pub angle: f64,
+    /// The same in standard deviations of prior and pose together.
+    pub sigmas: f64,
+}
+
+impl FromUp {
+    /// Whether up is not where the prior says.
+    pub fn is_contradiction(&self) -> bool {
+        self.sigmas * self.sigmas > CONTRADICTED
+    }
+}
+
+impl Prior {
+    /// Whether it tells how likely a pose is, and not only where to start.
+    pub fn weighs(&self) -> bool {
+        self.up.is_some() || (self.initial.is_some() && self.initial_sigma.is_some())
+    }
+
+    /// The most that it counts against a pose, in variances.
+    pub fn most(&self) -> f64 {
+        let terms = [self.up.is_some(), self.initial.is_some() && self.initial_sigma.is_some()];
+        terms.into_iter().filter(|given| *given).count() as f64 * BELIEVED
+    }
+
+    /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.6).
+    pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
+        let initial = self.from_initial(pose, covariance).and_then(|from| from.sigmas);
+        let up = self.from_up(pose, covariance).map(|from| from.sigmas);
+        [initial, up].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(BELIEVED)).sum()
+    }
+
+    /// How far a pose is from the initial one; `None` without one.
+    pub fn from_initial(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromInitial> {
+        // Its translation is as long as the camera's way.
+        let increment = pose.increment_to(self.initial.as_ref()?);
+        let (turn, shift) = (increment.fixed_rows::<3>(0).norm(), increment.fixed_rows::<3>(3).norm());
+        let sigmas = self.initial_sigma.map(|sigma| {
+            let [r, t] = [sigma.rotation, sigma.place].map(|deviation| deviation * deviation);
+            mahalanobis(&increment, &(Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t)) + covariance))
+        });
+        Some(FromInitial { rotation: turn, place: shift, sigmas })
+    }
+
+    /// How far the up direction is from the image's; `None` without one.
+    pub fn from_up(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromUp> {
+        let seen = pose.rotation * self.up?;
+        let angle = seen.angle(&-Vector3::y());
+        let deviation = self.up_sigma.unwrap_or(UP_SIGMA);
+        // The pose's own uncertainty of the angle: about the axis that turns one direction into the other.
+        let axis = seen.cross(&Vector3::y()).try_normalize(0.0).unwrap_or_else(Vector3::x);
+        let rotation = covariance.fixed_view::<3, 3>(0, 0);
+        let variance = deviation * deviation + axis.dot(&(rotation * axis));
+        Some(FromUp { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
+    }
+}
+
+/// Length of an increment in standard deviations; 0 where a direction is left free.
+fn mahalanobis(increment: &Tangent, covariance: &Matrix6<f64>) -> f64 {
+    if !covariance.iter().all(|entry| entry.is_finite()) {
+        return 0.0;
+    }
+    covariance.cholesky().map_or(0.0, |root| increment.dot(&root.solve(increment)).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    fn pose() -> Pose {
+        Pose::new(Rotation3::new(Vector3::new(0.3, -0.5, 1.1)), Vector3::new(0.4, -2.0, 5.0))
+    }
+
+    fn rough(rotation: f64, place: f64) -> Prior {
+        Prior { initial: Some(pose()), initial_sigma: Some(PoseSigma { rotation, place }), ..Prior::default() }
+    }
+
+    /// A camera turned by 0.2 rad where it stands, then carried by 0.6 m without a turn.
+    #[test]
+    fn a_turn_and_a_way_count_in_their_own_deviations() {
+        let known = Matrix6::zeros();
+        let turned = Pose::new(Rotation3::new(Vector3::new(0.0, 0.2, 0.0)), Vector3::zeros()).after(&pose());
+        let from = rough(0.1, 0.3).from_initial(&turned, &known).unwrap();
+        assert!((from.rotation - 0.2).abs() < 1e-12 && from.place < 1e-12);
+        assert!((from.sigmas.unwrap() - 2.0).abs() < 1e-9);
+        let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.0, 0.0, 0.6));
+        let from = rough(0.1, 0.3).from_initial(&carried, &known).unwrap();
+        assert!(from.rotation < 1e-7 && (from.place - 0.6).abs() < 1e-12);
+        let centres = carried.inverse().translation - pose().inverse().translation;
+        assert!((from.place - centres.norm()).abs() < 1e-12);
+        assert!((from.sigmas.unwrap() - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_poses_own_uncertainty_adds_to_the_priors() {
+        let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.5, 0.0, 0.0));
+        let sigmas = |own: f64| {
+            let covariance = Matrix6::identity() * (own * own);
+            rough(0.3, 0.3).from_initial(&carried, &covariance).unwrap().sigmas.unwrap()
+        };
+        assert!((sigmas(0.4) - 1.0).abs() < 1e-6, "0.3 and 0.4 make 0.5");
+        assert!(sigmas(0.0) > sigmas(0.4) && sigmas(f64::INFINITY) == 0.0);
+    }
+
+    #[test]
+    fn a_contradiction_is_beyond_five_deviations_or_half_a_right_angle() {
+        let known = Matrix6::zeros();
+        let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
+        let contradicted = |prior: Prior, at: &Pose| prior.from_initial(at, &known).unwrap().is_contradiction();
+        assert!(!contradicted(rough(0.1, 0.1), &carried(0.49)) && contradicted(rough(0.1, 0.1), &carried(0.51)));
+        let start = Prior { initial_sigma: None, ..rough(0.1, 0.1) };
+        let turned = |by: f64| Pose::new(Rotation3::new(Vector3::z() * by) * pose().rotation, pose().translation);
+        assert!(!contradicted(start, &turned(0.78)) && contradicted(start, &turned(0.79)));
+        assert!(!contradicted(start, &carried(50.0)));
+    }
+
+    /// The world's +z is up; the camera is rolled by 30 degrees.
+    #[test]
+    fn up_is_as_far_off_as_the_camera_is_rolled() {
+        let level = Rotation3::from_axis_angle(&Vector3::x_axis(), PI / 2.0);
+        assert!((level * Vector3::z() + Vector3::y()).norm() < 1e-12);
+        let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), PI / 6.0);
+        let rolled = Pose::new(roll * level, Vector3::zeros());
+        let known = Matrix6::zeros();
+        let prior = Prior { up: Some(Vector3::z() * 9.81), ..Prior::default() };
+        let from = prior.from_up(&rolled, &known).unwrap();
+        assert!((from.angle - PI / 6.0).abs() < 1e-9 && (from.sigmas - 2.0).abs() < 1e-9);
+        let strict = Prior { up_sigma: Some(PI / 36.0), ..prior };
+        assert!((strict.from_up(&rolled, &known).unwrap().sigmas - 6.0).abs() < 1e-9);
+        assert!(strict.from_up(&rolled, &known).unwrap().is_contradiction() && !from.is_contradiction());
+        // Uncertain about the roll by as much again, and about another axis.
+        let own = |axis: usize| Matrix6::from_diagonal(&Vector6::ith(axis, (PI / 36.0).powi(2) * 3.0));
+        assert!((strict.from_up(&rolled, &own(2)).unwrap().sigmas - 3.0).abs() < 1e-9);
+        assert!((strict.from_up(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_penalty_is_the_sum_of_squares_each_up_to_what_is_believed() {
+        let known = Matrix6::zeros();
+        let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
+        let up = pose().rotation.inverse() * Rotation3::from_axis_angle(&Vector3::z_axis(), UP_SIGMA) * -Vector3::y();
+        let both = Prior { up: Some(up), ..rough(0.1, 0.1) };
+        assert!((both.penalty(&carried(0.3), &known) - 10.0).abs() < 1e-6);
+        assert!((both.penalty(&carried(70.0), &known) - (BELIEVED + 1.0)).abs() < 1e-6);
+        assert!(both.most() == 2.0 * BELIEVED && rough(0.1, 0.1).most() == BELIEVED && Prior::default().most() == 0.0);
+        assert!(Prior::default().penalty(&pose(), &known) == 0.0);
+    }
+}

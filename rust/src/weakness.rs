@@ -1,0 +1,73 @@
+//! Directions in which the regions hold a pose only weakly, and what makes them so.
+
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+use crate::pose::Pose;
+use crate::region::PlaneFrame;
+use crate::solve::Problem;
+use crate::warning::{Cause, Warning};
+
+/// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
+/// paper's bound for solved).
+const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
+
+/// Standard deviation of the translation along its weakest axis above which the geometry is called weak, as a share of the
+/// distance to the regions.
+const WEAK_TRANSLATION: f64 = 0.02;
+
+/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one plane.
+const FLAT: f64 = 0.02;
+
+/// Angle between a plane's normal and the ray to it, rad, below which it is seen frontally (15 degrees): the change of its
+/// image with a tilt goes with the sine.
+const FRONTAL: f64 = std::f64::consts::PI / 12.0;
+
+/// Side, in pixels, of a square of a region's area below which it is tiny: a contour good to 0.3 px then gives the rotation
+/// of a plane that is tilted by 50 degrees to half a degree.
+const TINY: f64 = 20.0;
+
+impl Problem {
+    /// The warning of a pose with this covariance of its left increment, where the regions hold it only weakly.
+    pub fn weak_geometry(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<Warning> {
+        let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
+        let (shift, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
+        let weak = !(rotation < WEAK_ROTATION && shift < WEAK_TRANSLATION * self.distance(pose));
+        let degrees = rotation.to_degrees();
+        weak.then(|| Warning::WeakGeometry { degrees, axis, shift, along, causes: self.causes(pose) })
+    }
+
+    fn causes(&self, pose: &Pose) -> Vec<Cause> {
+        let mut causes = Vec::new();
+        let plane = self.common_plane();
+        if plane.is_some() && self.regions().len() > 1 {
+            causes.push(Cause::Coplanar);
+        }
+        let tilt = plane.map(|plane| {
+            let angle = (pose.rotation * plane.axes[2]).angle(&pose.transform(&plane.origin));
+            angle.min(std::f64::consts::PI - angle)
+        });
+        causes.extend(tilt.filter(|&tilt| tilt < FRONTAL).map(|tilt| Cause::Frontal { degrees: tilt.to_degrees() }));
+        let pixels = self.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
+        if pixels < TINY {
+            causes.push(Cause::Tiny { pixels });
+        }
+        causes
+    }
+
+    /// The plane that all regions lie in, if they lie in one.
+    fn common_plane(&self) -> Option<PlaneFrame> {
+        let vertices = self.worlds().iter().flat_map(|world| world.rings()).collect::<Vec<_>>().concat();
+        let plane = PlaneFrame::fit(&vertices).ok()?;
+        let farthest = vertices.iter().map(|x| (x - plane.origin).norm()).fold(0.0, f64::max);
+        vertices.iter().all(|x| plane.height(x).abs() <= FLAT * farthest).then_some(plane)
+    }
+}
+
+/// Largest standard deviation and its direction.
+fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
+    let Some(eigen) = covariance.try_symmetric_eigen(f64::EPSILON, 1000) else {
+        return (f64::INFINITY, Vector3::zeros());
+    };
+    let largest = eigen.eigenvalues.imax();
+    (eigen.eigenvalues[largest].max(0.0).sqrt(), eigen.eigenvectors.column(largest).into_owned())
+}

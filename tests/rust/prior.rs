@@ -1,0 +1,260 @@
+//! What is known beforehand settles what the regions leave open, never more, and each warning is raised where it should be
+//! and nowhere else.
+
+mod support;
+
+use nalgebra::{Rotation3, Vector3};
+use regionpose::equations::System;
+use regionpose::estimate::{Estimate, Refinement};
+use regionpose::facet::Integration;
+use regionpose::least_squares::Minimum;
+use regionpose::pose::Pose;
+use regionpose::prior::{PoseSigma, Prior};
+use regionpose::region::WorldRegion;
+use regionpose::solve::Start;
+use regionpose::warning::{Cause, Warning};
+use support::random::Random;
+use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
+
+/// Error allowed of the poses of a symmetric shape: rad, and a share of the distance.
+const SYMMETRIC: f64 = 1e-8;
+
+/// A few degrees and a few decimetres.
+const ROUGH: PoseSigma = PoseSigma { rotation: 0.1, place: 0.2 };
+
+fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
+    scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, prior, Refinement::Contour).unwrap()
+}
+
+fn codes(estimate: &Estimate) -> Vec<&'static str> {
+    estimate.warnings.iter().map(Warning::code).collect()
+}
+
+/// One shape 2.5 m away, its normal `tilt` off the ray, in a world of its own.
+fn view(random: &mut Random, ring: Ring, tilt: f64) -> Scene {
+    view_of(random, &[ring], 2.5, tilt)
+}
+
+/// Shapes of one plane that is seen at a distance.
+fn view_of(random: &mut Random, rings: &[Ring], distance: f64, tilt: f64) -> Scene {
+    let world_from_plane = random.pose(5.0);
+    let direction = random.direction();
+    let camera_from_plane = seen_plane(random, &direction, distance, tilt, true);
+    let regions: Vec<_> = rings.iter().map(|ring| placed(std::slice::from_ref(ring), &world_from_plane)).collect();
+    Scene::of_rings(camera_from_plane.after(&world_from_plane.inverse()), &regions)
+}
+
+/// A prior around the truth, in error by what it says.
+fn rough(random: &mut Random, truth: &Pose) -> Prior {
+    let [a, b, c, x, y, z] = [0; 6].map(|_| random.normal());
+    let turn = Rotation3::new(Vector3::new(a, b, c) * ROUGH.rotation);
+    let translation = turn * truth.translation + Vector3::new(x, y, z) * ROUGH.place;
+    Prior {
+        initial: Some(Pose::new(turn * truth.rotation, translation)),
+        initial_sigma: Some(ROUGH),
+        ..Prior::default()
+    }
+}
+
+/// The world direction that is up in the image of a camera.
+fn up_of(truth: &Pose) -> Prior {
+    Prior { up: Some(truth.rotation.inverse() * -Vector3::y()), ..Prior::default() }
+}
+
+fn seen_from_the_camera(scene: &mut Scene) {
+    let camera = scene.pose.inverse().translation;
+    scene.worlds = scene.worlds.drain(..).map(|world| world.seen_from(camera).unwrap()).collect();
+}
+
+#[test]
+fn a_rough_pose_with_its_uncertainty_leaves_one_pose_of_a_symmetric_shape() {
+    let mut random = Random::new(61);
+    for ring in [rectangle(1.6, 1.0), regular(4, 0.8), regular(6, 0.8)] {
+        for _ in 0..5 {
+            let scene = view(&mut random, ring.clone(), 0.7);
+            let prior = rough(&mut random, &scene.pose);
+            let start = Prior { initial_sigma: None, ..prior };
+            assert_eq!(codes(&estimated(&scene, &start)), ["ambiguous"]);
+            let estimate = estimated(&scene, &prior);
+            assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
+            let (angle, place) = scene.errors(&estimate.best.minimum.pose);
+            assert!(angle.max(place) < SYMMETRIC, "{angle:.1e} rad, {place:.1e}");
+        }
+    }
+}
+
+/// A poster on a wall, seen a little from above: of its four poses two are upright, one of them from behind.
+#[test]
+fn up_and_the_visible_side_together_leave_one_pose_of_a_rectangle() {
+    let mut random = Random::new(62);
+    for _ in 0..10 {
+        let mut scene = view(&mut random, rectangle(1.6, 1.0), 0.5);
+        let up = up_of(&scene.pose);
+        let upright = estimated(&scene, &up);
+        assert!(upright.alternatives.len() <= 1, "{} upright alternatives", upright.alternatives.len());
+        seen_from_the_camera(&mut scene);
+        assert_eq!(estimated(&scene, &Prior::default()).alternatives.len(), 1, "half of four see its front");
+        let estimate = estimated(&scene, &up);
+        assert!(estimate.warnings.is_empty(), "{:?}", estimate.warnings);
+        assert!(scene.errors(&estimate.best.minimum.pose).0 < SYMMETRIC);
+    }
+}
+
+/// The pose is that of the regions to the last digit: a prior of a few degrees weighs nothing against them.
+#[test]
+fn a_rough_prior_does_not_move_a_pose_that_is_held() {
+    let mut random = Random::new(63);
+    for regions in [1, 2] {
+        let scene = Scene::random(&mut random, Layout { regions, ..Layout::default() });
+        let free = estimated(&scene, &Prior::default());
+        for prior in [rough(&mut random, &scene.pose), up_of(&scene.pose)] {
+            let told = estimated(&scene, &prior);
+            assert!(told.best.minimum.pose.angle_to(&free.best.minimum.pose) < 1e-9);
+            assert_eq!(told.warnings, free.warnings);
+        }
+    }
+}
+
+#[test]
+fn a_pose_elsewhere_than_the_initial_one_is_warned_of_and_stands() {
+    let mut random = Random::new(64);
+    let scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
+    let true_centre = scene.pose.inverse().translation;
+    let away = Pose::new(scene.pose.rotation, -(scene.pose.rotation * (true_centre + Vector3::new(3.0, 0.0, 0.0))));
+    let prior = Prior { initial: Some(away), initial_sigma: Some(ROUGH), ..Prior::default() };
+    let estimate = estimated(&scene, &prior);
+    assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+    assert_eq!(codes(&estimate), ["initial-contradicted"]);
+    let message = estimate.warnings[0].to_string();
+    assert!(message.starts_with("the pose lies 0.00 deg and 3000.0 mm from the initial one, 15.0 times"), "{message}");
+    // Without an uncertainty a metre is as good as any, half a turn is not.
+    assert!(codes(&estimated(&scene, &Prior { initial_sigma: None, ..prior })).is_empty());
+    let turned = Pose::new(Rotation3::new(Vector3::y() * 1.5), Vector3::zeros()).after(&scene.pose);
+    let turned = estimated(&scene, &Prior { initial: Some(turned), ..Prior::default() });
+    assert_eq!(codes(&turned), ["initial-contradicted"]);
+    assert!(turned.warnings[0].to_string().starts_with("the pose lies 85.94 deg"), "{}", turned.warnings[0]);
+}
+
+#[test]
+fn an_up_direction_or_a_side_that_no_pose_shows_is_warned_of() {
+    let mut random = Random::new(65);
+    let mut scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
+    let down = Prior { up: up_of(&scene.pose).up.map(|up| -up), ..Prior::default() };
+    let estimate = estimated(&scene, &down);
+    assert_eq!(codes(&estimate), ["up-contradicted"]);
+    assert!(estimate.warnings[0].to_string().contains("180.0 deg off the image's, 12.0 times"));
+    assert!(codes(&estimated(&scene, &up_of(&scene.pose))).is_empty());
+
+    let camera = scene.pose.inverse().translation;
+    let mirrored = |world: &WorldRegion| {
+        let frame = world.frame();
+        camera - frame.axes[2] * (2.0 * frame.height(&camera))
+    };
+    scene.worlds[1] = scene.worlds[1].clone().seen_from(mirrored(&scene.worlds[1])).unwrap();
+    let estimate = estimated(&scene, &Prior::default());
+    assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+    assert_eq!(codes(&estimate), ["side-contradicted"]);
+    assert!(estimate.warnings[0].to_string().starts_with("region 1 is seen from behind"));
+    seen_from_the_camera(&mut scene);
+    assert!(codes(&estimated(&scene, &Prior::default())).is_empty());
+}
+
+#[test]
+fn a_viewpoint_in_the_plane_is_refused() {
+    let world = WorldRegion::from_rings(&placed(&[rectangle(1.0, 1.0)], &Pose::identity())).unwrap();
+    let message = world.clone().seen_from(Vector3::new(5.0, 0.0, 0.004)).unwrap_err().to_string();
+    assert!(message.contains("4.000e-3 off the region's plane"), "{message}");
+    assert!(world.clone().seen_from(Vector3::new(f64::NAN, 0.0, 1.0)).is_err());
+    let seen = world.clone().seen_from(Vector3::new(5.0, 0.0, 0.01)).unwrap();
+    assert!(seen.is_behind(&Vector3::new(0.0, 0.0, -1.0)) && !seen.is_behind(&Vector3::new(9.0, 0.0, 1e-6)));
+    assert!(!world.is_behind(&Vector3::new(0.0, 0.0, -1.0)) && world.viewpoint().is_none());
+}
+
+/// Half a turn about the normal, and about each side: 180 degrees all three, the camera across the poster and behind it.
+#[test]
+fn an_ambiguous_pose_says_how_far_the_others_are() {
+    let scene = view(&mut Random::new(66), rectangle(1.6, 1.0), 0.5);
+    let estimate = estimated(&scene, &Prior::default());
+    let Some(Warning::Ambiguous { others }) = estimate.warnings.first() else { panic!("{:?}", estimate.warnings) };
+    assert_eq!(others.len(), 3);
+    let best = estimate.best.minimum.pose;
+    for way in others {
+        assert!((way.degrees - 180.0).abs() < 1e-5 && (way.axis.norm() - 1.0).abs() < 1e-9);
+        let turned = Rotation3::new(way.axis * way.degrees.to_radians()) * best.rotation;
+        // Half turns lie within round-off of one another: each way is some alternative's.
+        let leads_to = |pose: &Pose| {
+            let shift = (pose.inverse().translation - best.inverse().translation).norm();
+            (turned.matrix() - pose.rotation.matrix()).amax() < 1e-6 && (way.shift - shift).abs() < 1e-6
+        };
+        assert!(estimate.alternatives.iter().any(|other| leads_to(&other.minimum.pose)), "{way}");
+    }
+    let message = estimate.warnings[0].to_string();
+    assert!(message.starts_with("3 other pose(s) fit as well") && message.matches("180.0 deg about").count() == 3);
+    let hexagon = view(&mut Random::new(66), regular(6, 0.8), 0.5);
+    assert!(estimated(&hexagon, &Prior::default()).warnings[0].to_string().ends_with("; and 8 more"));
+}
+
+fn weakness(scene: &Scene) -> Option<(f64, f64, Vec<Cause>, String)> {
+    estimated(scene, &Prior::default()).warnings.into_iter().find_map(|warning| {
+        let message = warning.to_string();
+        let Warning::WeakGeometry { degrees, shift, causes, .. } = warning else { return None };
+        Some((degrees, shift, causes, message))
+    })
+}
+
+/// A shape of 28 px seen frontally is weak; tilted by 50 degrees it is not.
+#[test]
+fn a_small_plane_that_faces_the_camera_is_weak_for_that() {
+    let mut random = Random::new(67);
+    let seen = |random: &mut Random, tilt: f64| view_of(random, &[angle_piece(1.0)], 30.0, tilt);
+    let (degrees, shift, causes, message) = weakness(&seen(&mut random, 0.02)).unwrap();
+    assert!(degrees > 1.0 && shift > 0.0);
+    assert!(matches!(causes[..], [Cause::Frontal { degrees }] if degrees < 3.0), "{causes:?}");
+    assert!(message.contains("deg about camera axis [") && message.contains(" mm along ["), "{message}");
+    assert!(message.ends_with("(1 sigma): the plane is seen frontally, 1 deg off the line of sight"), "{message}");
+    assert!(weakness(&seen(&mut random, 0.9)).is_none());
+}
+
+#[test]
+fn a_region_of_few_pixels_is_weak_for_that() {
+    let mut random = Random::new(68);
+    let (_, _, causes, message) = weakness(&view_of(&mut random, &[angle_piece(1.0)], 250.0, 0.9)).unwrap();
+    assert!(matches!(causes[..], [Cause::Tiny { pixels }] if pixels > 1.0 && pixels < 5.0), "{causes:?}");
+    assert!(message.contains("no region is more than"), "{message}");
+}
+
+/// Two plates side by side on a wall that faces the camera; the wall tilted, or two planes.
+#[test]
+fn regions_of_one_plane_are_weak_for_that() {
+    let mut random = Random::new(69);
+    let aside = |ring: Ring, by: f64| ring.into_iter().map(|p| p + nalgebra::Vector2::new(by, 0.0)).collect::<Ring>();
+    let plates = [aside(angle_piece(1.0), -0.7), aside(angle_piece(1.0), 0.7)];
+    let (_, _, causes, message) = weakness(&view_of(&mut random, &plates, 40.0, 0.02)).unwrap();
+    assert!(matches!(causes[..], [Cause::Coplanar, Cause::Frontal { .. }]), "{causes:?}");
+    assert!(message.contains("(1 sigma): all regions lie in one plane, and the plane is seen frontally"), "{message}");
+    assert!(weakness(&view_of(&mut random, &plates, 40.0, 0.9)).is_none());
+    let corner = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
+    assert!(weakness(&corner).is_none());
+}
+
+#[test]
+fn a_least_squares_that_did_not_converge_is_warned_of() {
+    let scene = Scene::random(&mut Random::new(70), Layout { regions: 2, ..Layout::default() });
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let ended = |converged: bool| Minimum {
+        pose: scene.pose,
+        cost: 0.0,
+        converged,
+        termination: "the limit of evaluations was reached".into(),
+        evaluations: 140,
+    };
+    let judged = |converged: bool| {
+        problem.judged(vec![ended(converged)], &Prior::default(), Refinement::Contour).unwrap().warnings
+    };
+    assert!(judged(true).is_empty());
+    assert_eq!(
+        judged(false)[0].to_string(),
+        "the least squares did not converge: the limit of evaluations was reached"
+    );
+    assert_eq!(judged(false)[0].code(), "not-converged");
+}
