@@ -41,6 +41,7 @@ pub mod mesh;
 pub mod mixture;
 pub mod moments;
 pub mod overlap;
+pub mod p3p;
 pub mod places;
 pub mod pose;
 pub mod region;
