@@ -29,6 +29,7 @@ pub mod batch;
 pub mod bearing_rings;
 pub mod chart;
 pub mod contour;
+pub mod corners;
 pub mod derivatives;
 pub mod equations;
 pub mod error;

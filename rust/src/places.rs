@@ -1,10 +1,12 @@
 //! From minima to the poses that fit alike: by their moments, or led onto the contours where those speak for it.
 
-use crate::contour::{Contour, ContourFit, contour_fit, refined};
+use crate::contour::{Contour, ContourFit, contour_fit, misfit, refined};
+use crate::corners::corner_poses;
 use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
-use crate::solve::{Prior, Problem};
+use crate::region::WorldRegion;
+use crate::solve::{Prior, Problem, apart};
 
 /// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
 const TIE_COST: f64 = 1e-3;
@@ -25,14 +27,43 @@ const MOST_REFINED: usize = 12;
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 const SAME_PLACE: f64 = 1e-3;
 
-/// Poses of single regions that are led onto a few pieces of the contours at most, the likeliest ones, and those of them that
-/// are led onto all.
-const MOST_SINGLE: usize = 16;
-const BEST_SINGLE: usize = 3;
+/// Poses nearer than this, rad and share of the distance, are one start for all pieces.
+const SAME_START: f64 = 0.01;
 
-/// Share of a region's contour on its projection below which the poses of single regions are tried as well: one region that
-/// is wrong spoils the moments of all.
+/// Places that are led from few pieces onto all: the likeliest ones, and others that could be as likely.
+const FEWEST_LED: usize = 3;
+const MOST_LED: usize = 16;
+
+/// Share of a region's contour on its projection below which further starts are tried.
 const LOST_SHARE: f64 = 0.25;
+
+/// The same of a region alone.
+const LOST_ALONE: f64 = 0.9;
+
+/// Share of each contour on its projection from which a pose is found where its start is not.
+const FIRM_SHARE: f64 = 0.5;
+
+/// Pairs of triples of corners at most, over all regions.
+const MOST_PAIRS: usize = 4000;
+
+/// Pieces of all contours, and of one at least, on which further poses are compared.
+const SKETCHED: usize = 80;
+const FEWEST_SKETCHED: usize = 40;
+
+/// Distance of a boundary's vertex from its neighbours' line, as a share of the square root of the area, that a comparison
+/// leaves out.
+const SKETCH_TOLERANCE: f64 = 0.005;
+
+/// Distance, pixels, at which a piece no longer speaks for a pose: that of corners' noise.
+const MISFIT_SCALE: f64 = 3.0;
+
+/// Further poses of the first comparison, of a part of the pieces, that go into the second.
+const FIRST_LOOK: usize = 250;
+
+/// Further poses of a kind that are led onto the contours, and how far they are apart at least, rad and share of the
+/// distance.
+const MOST_FURTHER: usize = 16;
+const SAME_FURTHER: f64 = 0.05;
 
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet.
 const LOOSE: f64 = 2.0;
@@ -76,45 +107,89 @@ impl Problem {
         if contour_fit(&few, &first)?.is_clean {
             return None;
         }
-        let start = contour_fit(&contours, &first)?.mixture.likelihood;
-        let known = prior.initial.map(|pose| self.given(pose));
-        let mut places = self.led_onto(&contours, minima.iter().take(MOST_REFINED).cloned().chain(known));
-        let lost =
-            |fit: &ContourFit| fit.mixture.sigma > LOOSE || fit.clean_shares.iter().any(|&share| share < LOST_SHARE);
-        if self.regions().len() > 1 && places.iter().all(|place| place.contour.as_ref().is_none_or(lost)) {
-            places.extend(self.led_onto(&contours, self.of_single_regions(&few).into_iter()));
-        }
-        places.sort_by(|a, b| b.likelihood().total_cmp(&a.likelihood()));
-        let greatest = places.first()?.likelihood();
-        let independent = places.first()?.contour.as_ref()?.independent;
-        if independent * (greatest - start) < DECISIVE_LIKELIHOOD {
+        let start = contour_fit(&contours, &first)?;
+        let places = by_likelihood(self.led_onto(&contours, self.likeliest_starts(&contours, &few, minima, prior)));
+        let best = places.first()?.contour.as_ref()?;
+        let gain = best.independent * (best.mixture.likelihood - start.mixture.likelihood);
+        // Parts hidden as one leave few that are independent, however well the others are found.
+        let found = gain > 0.0 && is_firm(best) && !is_firm(&start);
+        if gain < DECISIVE_LIKELIHOOD && !found {
             return None;
         }
-        let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
+        let least = best.mixture.likelihood - AMBIGUITY_LIKELIHOOD / best.independent;
+        Some(self.each_once(places, SAME_PLACE, |place, _| place.likelihood() >= least))
+    }
+
+    /// Where to lead poses onto all pieces from: the minima, and further starts where none of these is found, each led onto
+    /// few pieces and kept if it could be as likely as the best.
+    fn likeliest_starts(
+        &self,
+        contours: &[Contour],
+        few: &[Contour],
+        minima: &[Minimum],
+        prior: &Prior,
+    ) -> Vec<Minimum> {
+        let known = prior.initial.map(|pose| self.given(pose));
+        let mut places = self.led_onto(few, minima.iter().take(MOST_REFINED).cloned().chain(known));
+        if places.iter().all(|place| place.contour.as_ref().is_none_or(is_lost)) {
+            let further = self.further_poses(contours);
+            places.extend(self.led_onto(few, further.iter().map(|pose| self.given(self.uncentred(pose)))));
+        }
+        let places = by_likelihood(places);
+        let best = places.first().and_then(|place| place.contour.as_ref());
+        let least = best.map_or(0.0, |fit| fit.mixture.likelihood - AMBIGUITY_LIKELIHOOD / fit.independent);
+        let wanted = |place: &Place, kept: usize| kept < FEWEST_LED || (kept < MOST_LED && place.likelihood() >= least);
+        let kept = self.each_once(places, SAME_START, wanted);
+        kept.into_iter().map(|place| Minimum { pose: place.pose, ..place.minimum }).collect()
+    }
+
+    /// Places in their order that are wanted, beside how many are kept already, each pose once.
+    fn each_once(&self, places: Vec<Place>, limit: f64, wanted: impl Fn(&Place, usize) -> bool) -> Vec<Place> {
         let mut kept: Vec<Place> = Vec::new();
         for place in places {
-            let new = kept.iter().all(|other| self.apart(&other.pose, &place.pose, SAME_PLACE));
-            if place.likelihood() >= least && new {
+            let new = kept.iter().all(|other| self.apart(&other.pose, &place.pose, limit));
+            if new && wanted(&place, kept.len()) {
                 kept.push(place);
             }
         }
-        Some(kept)
+        kept
     }
 
-    fn led_onto(&self, contours: &[Contour], minima: impl Iterator<Item = Minimum>) -> Vec<Place> {
+    fn led_onto(&self, contours: &[Contour], minima: impl IntoIterator<Item = Minimum>) -> Vec<Place> {
         let led = |minimum: Minimum| {
             let fit = refined(contours, &self.centred(&minimum.pose))?;
             Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit) })
         };
-        minima.filter_map(led).collect()
+        minima.into_iter().filter_map(led).collect()
     }
 
-    /// The poses of single regions that the contours of all find likeliest once they are led onto those.
-    fn of_single_regions(&self, contours: &[Contour]) -> Vec<Minimum> {
-        let single = self.single_region_poses().into_iter();
-        let starts = likeliest(single.filter_map(|pose| contour_fit(contours, &pose)).collect(), MOST_SINGLE);
-        let poses = likeliest(starts.iter().filter_map(|fit| refined(contours, &fit.pose)).collect(), BEST_SINGLE);
-        poses.into_iter().map(|fit| self.given(self.uncentred(&fit.pose))).collect()
+    /// Poses from corners and, of several regions, from each by itself, that lie nearest to the contours of all, led onto few
+    /// pieces of them; about the problem's origin.
+    fn further_poses(&self, contours: &[Contour]) -> Vec<Pose> {
+        let pieces = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
+        let tolerance = |world: &WorldRegion| SKETCH_TOLERANCE * world.outline().area().sqrt();
+        let pairs = contours.iter().zip(self.worlds());
+        let sketch: Vec<Contour> = pairs.map(|(contour, world)| contour.sketched(pieces, tolerance(world))).collect();
+        let rough: Vec<Contour> = sketch.iter().map(|contour| contour.thinned(CHECKED)).collect();
+        let corners = nearest(&rough, self.poses_of_corners(), FIRST_LOOK, 0.0);
+        let mut poses = nearest(&sketch, corners, MOST_FURTHER, SAME_FURTHER);
+        if contours.len() > 1 {
+            poses.extend(nearest(&sketch, self.single_region_poses(), MOST_FURTHER, SAME_FURTHER));
+        }
+        let mut fits: Vec<ContourFit> = poses.iter().filter_map(|pose| refined(&sketch, pose)).collect();
+        fits.sort_by(|a, b| b.mixture.likelihood.total_cmp(&a.mixture.likelihood));
+        distinct_poses(fits.into_iter().map(|fit| fit.pose), MOST_REFINED, SAME_START)
+    }
+
+    /// The poses of every region's corners, about the problem's origin.
+    fn poses_of_corners(&self) -> Vec<Pose> {
+        let most = MOST_PAIRS / self.regions().len();
+        let pairs = self.regions().iter().zip(self.worlds());
+        let poses = pairs.flat_map(|(region, world)| {
+            let pixel = region.pixel_area().sqrt().recip();
+            corner_poses(region.chart(), region.outline(), world, self.origin(), pixel, most)
+        });
+        poses.collect()
     }
 
     /// A pose that no least squares of the moments led to, as if it had.
@@ -130,11 +205,40 @@ impl Problem {
     }
 }
 
-/// The likeliest fits, at most so many, the best first.
-fn likeliest(mut fits: Vec<ContourFit>, most: usize) -> Vec<ContourFit> {
-    fits.sort_by(|a, b| b.mixture.likelihood.total_cmp(&a.mixture.likelihood));
-    fits.truncate(most);
-    fits
+fn by_likelihood(mut places: Vec<Place>) -> Vec<Place> {
+    places.sort_by(|a, b| b.likelihood().total_cmp(&a.likelihood()));
+    places
+}
+
+/// Whether too little of the contours is clean to take a place for the true one: of one region that is lost the moments of
+/// all are spoilt, and three sides of a region alone can be led onto any three lines.
+fn is_lost(fit: &ContourFit) -> bool {
+    let least = if fit.clean_shares.len() > 1 { LOST_SHARE } else { LOST_ALONE };
+    fit.mixture.sigma > LOOSE || fit.clean_shares.iter().any(|&share| share < least)
+}
+
+/// Whether at least half of every contour is clean.
+fn is_firm(fit: &ContourFit) -> bool {
+    fit.mixture.sigma < LOOSE && fit.clean_shares.iter().all(|&share| share >= FIRM_SHARE)
+}
+
+/// The poses nearest to the contours, the best first.
+fn nearest(contours: &[Contour], poses: Vec<Pose>, most: usize, limit: f64) -> Vec<Pose> {
+    let scored = |pose: Pose| Some((misfit(contours, &pose, MISFIT_SCALE)?, pose));
+    let mut scores: Vec<(f64, Pose)> = poses.into_iter().filter_map(scored).collect();
+    scores.sort_by(|a, b| a.0.total_cmp(&b.0));
+    distinct_poses(scores.into_iter().map(|(_, pose)| pose), most, limit)
+}
+
+/// The first poses, at most so many, that are farther apart than a limit.
+fn distinct_poses(poses: impl Iterator<Item = Pose>, most: usize, limit: f64) -> Vec<Pose> {
+    let mut kept: Vec<Pose> = Vec::new();
+    for pose in poses {
+        if kept.len() < most && kept.iter().all(|other| apart(other, &pose, limit)) {
+            kept.push(pose);
+        }
+    }
+    kept
 }
 
 /// Where a pose comes among those of equal cost: by its rotation vector, in steps that round-off does not cross but by chance.

@@ -1,0 +1,151 @@
+//! Poses to start from where a part of a region is hidden: three corners of its outline seen at three of its corners
+//! (`docs/math.md`, section 13).
+
+use nalgebra::{SVector, Vector2, Vector3};
+
+use crate::chart::Chart;
+use crate::p3p::three_point_poses;
+use crate::pose::Pose;
+use crate::region::WorldRegion;
+use crate::rings::PlaneRings;
+
+/// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves keep
+/// corners every 20 degrees, masks lose their staircase.
+const TOLERANCE: f64 = 0.015;
+
+/// The same in pixels at least.
+const TOLERANCE_PIXELS: f64 = 1.5;
+
+/// Corners between the three of a triple are all passed over alike: none, one or two.
+const STRIDES: [usize; 3] = [1, 2, 3];
+
+/// Share of the sum of a triangle's squared sides that noise of its corners may change.
+const CORNER_NOISE: f64 = 0.02;
+
+/// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
+pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
+    let farthest = |from: &SVector<f64, D>| {
+        let square = |k: &usize| (ring[*k] - from).norm_squared();
+        (0..ring.len()).max_by(|a, b| square(a).total_cmp(&square(b)))
+    };
+    let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
+    let Some(first) = farthest(&middle) else { return Vec::new() };
+    let Some(second) = farthest(&ring[first]) else { return Vec::new() };
+    // Both ends of the longest chord are corners; each side between them is a line of its own.
+    let side = |from: usize, to: usize| {
+        let count = (to + ring.len() - from) % ring.len();
+        (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
+    };
+    let mut kept = Vec::new();
+    for line in [side(first, second), side(second, first)] {
+        kept.push(line[0]);
+        keep_between(&line, tolerance * tolerance, &mut kept);
+    }
+    kept
+}
+
+/// Adds the vertices that a line needs between its ends.
+fn keep_between<const D: usize>(line: &[SVector<f64, D>], limit: f64, kept: &mut Vec<SVector<f64, D>>) {
+    let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
+    let step = last - first;
+    let square = |point: &SVector<f64, D>| {
+        let offset = point - first;
+        let share = (offset.dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (offset - step * share).norm_squared()
+    };
+    let farthest = (1..line.len().saturating_sub(1)).max_by(|&a, &b| square(&line[a]).total_cmp(&square(&line[b])));
+    if let Some(k) = farthest.filter(|&k| square(&line[k]) > limit) {
+        keep_between(&line[..=k], limit, kept);
+        kept.push(line[k]);
+        keep_between(&line[k..], limit, kept);
+    }
+}
+
+/// A corner of a ring: where it is, and whether the ring turns left there.
+#[derive(Debug, Clone, Copy)]
+struct Corner<T> {
+    place: T,
+    left: bool,
+}
+
+/// The corners of rings given by their images in a plane.
+fn turning<T: Copy>(places: Vec<T>, flat: impl Fn(&T) -> Vector2<f64>) -> Vec<Corner<T>> {
+    let count = places.len();
+    let at = |k: usize| flat(&places[k % count]);
+    let left = |k: usize| (at(k) - at(k + count - 1)).perp(&(at(k + 1) - at(k))) > 0.0;
+    (0..count).map(|k| Corner { place: places[k], left: left(k) }).collect()
+}
+
+/// Three corners of a ring, as many apart.
+type Triple<T> = [Corner<T>; 3];
+
+/// The triples of a ring with one stride that do not wrap onto themselves, in the ring's own order or backwards.
+fn triples<T: Copy>(corners: &[Corner<T>], stride: usize, backwards: bool) -> Vec<Triple<T>> {
+    let count = corners.len();
+    if count < 2 * stride + 1 {
+        return Vec::new();
+    }
+    let at = |k: usize| if backwards { corners[(2 * count - k - 1) % count] } else { corners[k % count] };
+    (0..count).map(|k| [0, 1, 2].map(|m| at((k + m * stride) % count))).collect()
+}
+
+/// Poses at which three corners of a world region are seen at three of its observed outline, in the same order along a ring
+/// or, of a region seen from behind, in the opposite one, and turning alike; about `origin`.
+///
+/// `pixel`: chart units per pixel. Of more pairs of triples than `most`, every so many is taken. Nothing is said of the rest
+/// of the outline, which may be hidden: most of these poses are wrong.
+pub fn corner_poses(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    pixel: f64,
+    most: usize,
+) -> Vec<Pose> {
+    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
+    let mut pairs = Vec::new();
+    for (stride, backwards) in STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]) {
+        let models: Vec<_> = known.iter().flat_map(|ring| triples(ring, stride, backwards)).collect();
+        for one in seen.iter().flat_map(|ring| triples(ring, stride, false)) {
+            let alike = |other: &&Triple<Vector3<f64>>| (0..3).all(|k| one[k].left == other[k].left);
+            pairs.extend(models.iter().filter(alike).map(|other| (one, *other)));
+        }
+    }
+    let step = pairs.len().div_ceil(most.max(1)).max(1);
+    pairs.iter().step_by(step).flat_map(|(seen, known)| posed(chart, origin, seen, known)).collect()
+}
+
+/// All poses at which a triangle looks like its observed outline, up to four for each of the six ways to pair the corners;
+/// none for other regions.
+pub fn triangle_poses(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    pixel: f64,
+) -> Vec<Pose> {
+    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
+    let ([seen], [known]) = (seen.as_slice(), known.as_slice()) else { return Vec::new() };
+    let ([a, b, c], 3) = (seen.as_slice(), known.len()) else { return Vec::new() };
+    let pairings = [false, true].into_iter().flat_map(|backwards| triples(known, 1, backwards));
+    pairings.flat_map(|known| posed(chart, origin, &[*a, *b, *c], &known)).collect()
+}
+
+/// The poses of one pair of triples.
+fn posed(chart: &Chart, origin: &Vector3<f64>, seen: &Triple<Vector2<f64>>, known: &Triple<Vector3<f64>>) -> Vec<Pose> {
+    let bearings = seen.map(|corner| Vector3::new(corner.place.x, corner.place.y, chart.scale).normalize());
+    let poses = three_point_poses(&known.map(|corner| corner.place - origin), &bearings, CORNER_NOISE);
+    let back = chart.rotation.inverse();
+    poses.into_iter().map(|pose| Pose::new(back * pose.rotation, back * pose.translation)).collect()
+}
+
+fn observed_corners(outline: &PlaneRings, pixel: f64) -> Vec<Vec<Corner<Vector2<f64>>>> {
+    let tolerance = (TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
+    outline.rings().iter().map(|ring| turning(simplified(ring, tolerance), |p| *p)).collect()
+}
+
+fn world_corners(world: &WorldRegion) -> Vec<Vec<Corner<Vector3<f64>>>> {
+    let tolerance = TOLERANCE * world.outline().area().sqrt();
+    let corners = |ring: &Vec<Vector3<f64>>| turning(simplified(ring, tolerance), |x| world.frame().flat(x));
+    world.rings().iter().map(corners).collect()
+}
