@@ -19,8 +19,8 @@ const TOLERANCE_PIXELS: f64 = 1.5;
 /// Corners between the three of a triple are all passed over alike: none, one or two.
 const STRIDES: [usize; 3] = [1, 2, 3];
 
-/// Share of the sum of a triangle's squared sides that noise of its corners may change.
-const CORNER_NOISE: f64 = 0.02;
+/// Share of a region that is seen at least: more than half may be hidden.
+const LEAST_SHOWN: f64 = 0.4;
 
 /// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
 pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
@@ -31,7 +31,7 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
     let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
     let Some(first) = farthest(&middle) else { return Vec::new() };
     let Some(second) = farthest(&ring[first]) else { return Vec::new() };
-    // Both ends of the longest chord are corners; each side between them is a line of its own.
+    // Each side of a long chord is a line of its own.
     let side = |from: usize, to: usize| {
         let count = (to + ring.len() - from) % ring.len();
         (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
@@ -41,24 +41,40 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
         kept.push(line[0]);
         keep_between(&line, tolerance * tolerance, &mut kept);
     }
-    kept
+    without_needless(kept, tolerance * tolerance)
 }
 
 /// Adds the vertices that a line needs between its ends.
 fn keep_between<const D: usize>(line: &[SVector<f64, D>], limit: f64, kept: &mut Vec<SVector<f64, D>>) {
     let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
-    let step = last - first;
-    let square = |point: &SVector<f64, D>| {
-        let offset = point - first;
-        let share = (offset.dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (offset - step * share).norm_squared()
-    };
-    let farthest = (1..line.len().saturating_sub(1)).max_by(|&a, &b| square(&line[a]).total_cmp(&square(&line[b])));
-    if let Some(k) = farthest.filter(|&k| square(&line[k]) > limit) {
+    let square = |k: usize| square_off(&line[k], first, last);
+    let farthest = (1..line.len().saturating_sub(1)).max_by(|&a, &b| square(a).total_cmp(&square(b)));
+    if let Some(k) = farthest.filter(|&k| square(k) > limit) {
         keep_between(&line[..=k], limit, kept);
         kept.push(line[k]);
         keep_between(&line[k..], limit, kept);
     }
+}
+
+/// The corners but those between which others, found later, have drawn the ring straight, the straightest first.
+fn without_needless<const D: usize>(mut ring: Vec<SVector<f64, D>>, limit: f64) -> Vec<SVector<f64, D>> {
+    while ring.len() > 3 {
+        let count = ring.len();
+        let square = |k: usize| square_off(&ring[k], &ring[(k + count - 1) % count], &ring[(k + 1) % count]);
+        let straightest = (0..count).map(|k| (square(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        match straightest {
+            Some((least, k)) if least <= limit => ring.remove(k),
+            _ => break,
+        };
+    }
+    ring
+}
+
+/// Squared distance of a point from the line between two others.
+fn square_off<const D: usize>(point: &SVector<f64, D>, from: &SVector<f64, D>, to: &SVector<f64, D>) -> f64 {
+    let (step, offset) = (to - from, point - from);
+    let share = (offset.dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (offset - step * share).norm_squared()
 }
 
 /// A corner of a ring: where it is, and whether the ring turns left there.
@@ -112,7 +128,26 @@ pub fn corner_poses(
         }
     }
     let step = pairs.len().div_ceil(most.max(1)).max(1);
-    pairs.iter().step_by(step).flat_map(|(seen, known)| posed(chart, origin, seen, known)).collect()
+    let poses = pairs.iter().step_by(step).flat_map(|(seen, known)| posed(chart, origin, seen, known));
+    let shape: Vec<Vec<_>> =
+        known.iter().map(|ring| ring.iter().map(|corner| corner.place - origin).collect()).collect();
+    poses.filter(|pose| projected_area(chart, &shape, pose).is_some_and(is_plausible)).collect()
+}
+
+/// Whether a region whose projection has this area, in observed ones, may be the observed one with a part of either hidden.
+pub fn is_plausible(area: f64) -> bool {
+    area > LEAST_SHOWN && area * LEAST_SHOWN < 1.0
+}
+
+/// Area of projected rings in a chart; `None` where they are out of view.
+pub fn projected_area(chart: &Chart, rings: &[Vec<Vector3<f64>>], pose: &Pose) -> Option<f64> {
+    let mut area = 0.0;
+    for ring in rings {
+        let seen: Vec<_> = ring.iter().map(|x| chart.project(&pose.transform(x))).collect::<Option<_>>()?;
+        let next = seen.iter().cycle().skip(1);
+        area += seen.iter().zip(next).map(|(a, b)| a.perp(b)).sum::<f64>() / 2.0;
+    }
+    Some(area.abs())
 }
 
 /// All poses at which a triangle looks like its observed outline, up to four for each of the six ways to pair the corners;
@@ -134,7 +169,7 @@ pub fn triangle_poses(
 /// The poses of one pair of triples.
 fn posed(chart: &Chart, origin: &Vector3<f64>, seen: &Triple<Vector2<f64>>, known: &Triple<Vector3<f64>>) -> Vec<Pose> {
     let bearings = seen.map(|corner| Vector3::new(corner.place.x, corner.place.y, chart.scale).normalize());
-    let poses = three_point_poses(&known.map(|corner| corner.place - origin), &bearings, CORNER_NOISE);
+    let poses = three_point_poses(&known.map(|corner| corner.place - origin), &bearings);
     let back = chart.rotation.inverse();
     poses.into_iter().map(|pose| Pose::new(back * pose.rotation, back * pose.translation)).collect()
 }

@@ -8,7 +8,7 @@ use crate::pose::Pose;
 const POLISHES: usize = 4;
 
 /// Share of the sum of the squared sides by which depths may miss one: those of a double root are good to half the digits.
-pub const EXACT: f64 = 1e-9;
+const MISS: f64 = 1e-9;
 
 /// Depths nearer than this, as a share of them, are one solution.
 const SAME: f64 = 1e-8;
@@ -20,10 +20,7 @@ const SMALLEST_SINE: f64 = 1e-9;
 ///
 /// The depths are the common points of two conics. A member of their pencil that is a pair of lines meets either of them
 /// in those points (Persson and Nordberg 2018; Ding et al. 2023). None for points on one line.
-///
-/// Two solutions that meet, as of a triangle that faces the camera, turn complex with a little noise; their real part then
-/// stands for both if it misses no squared side by more than `slack` of their sum, [`EXACT`] for none.
-pub fn three_point_poses(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3], slack: f64) -> Vec<Pose> {
+pub fn three_point_poses(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3]) -> Vec<Pose> {
     let Some(world) = axes(points) else { return Vec::new() };
     let posed = |depths: Vector3<f64>| {
         let seen = [0, 1, 2].map(|k| bearings[k] * depths[k]);
@@ -31,7 +28,7 @@ pub fn three_point_poses(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3
         let middle = |x: &[Vector3<f64>; 3]| (x[0] + x[1] + x[2]) / 3.0;
         Some(Pose::new(rotation, middle(&seen) - rotation * middle(points)))
     };
-    depths(points, bearings, slack).into_iter().filter_map(posed).collect()
+    depths(points, bearings).into_iter().filter_map(posed).collect()
 }
 
 /// Right-handed orthonormal axes of a triangle, the first along its first side, the third normal to it.
@@ -46,7 +43,7 @@ fn axes([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
 const SIDES: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
 /// Distances of the points along their bearings, `|d_i y_i - d_j y_j| = |x_i - x_j|` for each side (`docs/math.md`, eq. 13.1).
-fn depths(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3], slack: f64) -> Vec<Vector3<f64>> {
+fn depths(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3]) -> Vec<Vector3<f64>> {
     let squares = SIDES.map(|(i, j)| (points[i] - points[j]).norm_squared());
     let unit = squares.iter().sum::<f64>();
     let squares = Vector3::from(squares) / unit;
@@ -61,7 +58,7 @@ fn depths(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3], slack: f64) 
         let sign = if direction.sum() < 0.0 { -1.0 } else { 1.0 };
         let start = direction * (sign / size.max(f64::MIN_POSITIVE).sqrt());
         let depths = polished(start, &squares, &cosines);
-        let right = sides_missed(&depths, &squares, &cosines).amax() < slack && depths.min() > 0.0;
+        let right = sides_missed(&depths, &squares, &cosines).amax() < MISS && depths.min() > 0.0;
         if right && found.iter().all(|other| (other - depths).norm() > SAME * depths.norm()) {
             found.push(depths);
         }
@@ -148,7 +145,7 @@ fn on_line(line: &Vector3<f64>, conic: &Matrix3<f64>) -> Vec<Vector3<f64>> {
     let one = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
     let two = normal.cross(&one);
     let (a, b, c) = (one.dot(&(conic * one)), one.dot(&(conic * two)), two.dot(&(conic * two)));
-    // Of s one + t two, without cancellation; of complex factors the real part.
+    // Of s one + t two, without cancellation; of complex factors the real part, which the sides refuse.
     let root = (b * b - a * c).max(0.0).sqrt();
     let sum = -(b + if b < 0.0 { -root } else { root });
     vec![one * sum + two * a, one * c + two * sum]

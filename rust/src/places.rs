@@ -1,7 +1,7 @@
 //! From minima to the poses that fit alike: by their moments, or led onto the contours where those speak for it.
 
 use crate::contour::{Contour, ContourFit, contour_fit, misfit, refined};
-use crate::corners::corner_poses;
+use crate::corners::{corner_poses, is_plausible, projected_area};
 use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
@@ -60,10 +60,13 @@ const MISFIT_SCALE: f64 = 3.0;
 /// Further poses of the first comparison, of a part of the pieces, that go into the second.
 const FIRST_LOOK: usize = 250;
 
-/// Further poses of a kind that are led onto the contours, and how far they are apart at least, rad and share of the
+/// Kinds of further poses that are led onto the contours, and how far they are apart at least, rad and share of the
 /// distance.
 const MOST_FURTHER: usize = 16;
 const SAME_FURTHER: f64 = 0.05;
+
+/// Difference of the misfits of one kind: that of round-off.
+const SAME_MISFIT: f64 = 1e-7;
 
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet.
 const LOOSE: f64 = 2.0;
@@ -158,7 +161,8 @@ impl Problem {
     fn led_onto(&self, contours: &[Contour], minima: impl IntoIterator<Item = Minimum>) -> Vec<Place> {
         let led = |minimum: Minimum| {
             let fit = refined(contours, &self.centred(&minimum.pose))?;
-            Some(Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit) })
+            let plausible = self.is_plausible(&self.uncentred(&fit.pose));
+            plausible.then(|| Place { pose: self.uncentred(&fit.pose), minimum, contour: Some(fit) })
         };
         minima.into_iter().filter_map(led).collect()
     }
@@ -171,14 +175,24 @@ impl Problem {
         let pairs = contours.iter().zip(self.worlds());
         let sketch: Vec<Contour> = pairs.map(|(contour, world)| contour.sketched(pieces, tolerance(world))).collect();
         let rough: Vec<Contour> = sketch.iter().map(|contour| contour.thinned(CHECKED)).collect();
-        let corners = nearest(&rough, self.poses_of_corners(), FIRST_LOOK, 0.0);
-        let mut poses = nearest(&sketch, corners, MOST_FURTHER, SAME_FURTHER);
+        let corners = nearest(&rough, self.poses_of_corners(), FIRST_LOOK).into_iter().map(|(_, pose)| pose).collect();
+        let mut kinds = alike(nearest(&sketch, corners, FIRST_LOOK));
         if contours.len() > 1 {
-            poses.extend(nearest(&sketch, self.single_region_poses(), MOST_FURTHER, SAME_FURTHER));
+            kinds.extend(alike(nearest(&sketch, self.single_region_poses(), FIRST_LOOK)));
         }
-        let mut fits: Vec<ContourFit> = poses.iter().filter_map(|pose| refined(&sketch, pose)).collect();
-        fits.sort_by(|a, b| b.mixture.likelihood.total_cmp(&a.mixture.likelihood));
-        distinct_poses(fits.into_iter().map(|fit| fit.pose), MOST_REFINED, SAME_START)
+        let led = |kind: Vec<Pose>| Some((refined(&sketch, kind.first()?)?, kind));
+        let mut fits: Vec<(ContourFit, Vec<Pose>)> = kinds.into_iter().filter_map(led).collect();
+        fits.sort_by(|a, b| b.0.mixture.likelihood.total_cmp(&a.0.mixture.likelihood));
+        let symmetric: Vec<Pose> = fits.iter().flat_map(|(_, kind)| kind[1..].iter().copied()).collect();
+        let mut poses = distinct_poses(fits.into_iter().map(|(fit, _)| fit.pose), MOST_REFINED, SAME_START);
+        poses.extend(distinct_poses(symmetric.into_iter(), MOST_LED, SAME_FURTHER));
+        poses
+    }
+
+    /// Whether a region by itself is seen about as large as it is observed; of several, one may be wrong.
+    fn is_plausible(&self, pose: &Pose) -> bool {
+        let ([region], [world]) = (self.regions(), self.worlds()) else { return true };
+        projected_area(region.chart(), &world.rings(), pose).is_some_and(is_plausible)
     }
 
     /// The poses of every region's corners, about the problem's origin.
@@ -222,12 +236,31 @@ fn is_firm(fit: &ContourFit) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares.iter().all(|&share| share >= FIRM_SHARE)
 }
 
-/// The poses nearest to the contours, the best first.
-fn nearest(contours: &[Contour], poses: Vec<Pose>, most: usize, limit: f64) -> Vec<Pose> {
+/// The poses nearest to the contours, at most so many, and their misfits, the best first.
+fn nearest(contours: &[Contour], poses: Vec<Pose>, most: usize) -> Vec<(f64, Pose)> {
     let scored = |pose: Pose| Some((misfit(contours, &pose, MISFIT_SCALE)?, pose));
     let mut scores: Vec<(f64, Pose)> = poses.into_iter().filter_map(scored).collect();
     scores.sort_by(|a, b| a.0.total_cmp(&b.0));
-    distinct_poses(scores.into_iter().map(|(_, pose)| pose), most, limit)
+    scores.truncate(most);
+    scores
+}
+
+/// The first kinds of poses: a symmetric region looks the same from several, which are one kind.
+fn alike(scores: Vec<(f64, Pose)>) -> Vec<Vec<Pose>> {
+    let mut kinds: Vec<(f64, Vec<Pose>)> = Vec::new();
+    for (score, pose) in scores {
+        let known = |kind: &(f64, Vec<Pose>)| kind.1.iter().any(|other| !apart(other, &pose, SAME_FURTHER));
+        if kinds.iter().any(known) {
+            continue;
+        }
+        let count = kinds.len();
+        match kinds.last_mut() {
+            Some((last, kind)) if score - *last < SAME_MISFIT => kind.push(pose),
+            _ if count < MOST_FURTHER => kinds.push((score, vec![pose])),
+            _ => break,
+        }
+    }
+    kinds.into_iter().map(|(_, kind)| kind).collect()
 }
 
 /// The first poses, at most so many, that are farther apart than a limit.
