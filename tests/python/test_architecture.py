@@ -20,10 +20,10 @@ Uses = dict[str, set[str]]
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
     ("batch", "mixture", "moments", "pose", "rings"),
-    ("derivatives", "mesh", "overlap", "region"),
+    ("derivatives", "mesh", "overlap", "p3p", "region"),
     ("bearing_rings",),
     ("chart",),
-    ("equations", "initial"),
+    ("corners", "equations", "initial"),
     ("facet", "whitening"),
     ("residual",),
     ("contour", "fit", "least_squares"),

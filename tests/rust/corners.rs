@@ -183,8 +183,12 @@ fn a_region_alone_is_found_behind_an_edge() {
             let scene = Scene::random(&mut random, layout);
             let observed = hidden(&mut random, &scene.observed[0], share);
             let estimate = estimated(&scene, &[observed]);
-            let right = scene.errors(&estimate.best.minimum.pose).0 < 0.005;
-            assert!(right || !estimate.warnings.is_empty(), "{share} hidden, seed {seed}: wrong without a warning");
+            let error = scene.errors(&estimate.best.minimum.pose).0;
+            let right = error < 0.02;
+            assert!(
+                right || !estimate.warnings.is_empty(),
+                "{share} hidden, seed {seed}: {error} rad without a warning"
+            );
             found += usize::from(right);
         }
         assert!(found >= least, "{share} hidden: {found} of 20");
