@@ -19,6 +19,9 @@ const TOLERANCE_PIXELS: f64 = 1.5;
 /// Corners between the three of a triple are all passed over alike: none, one or two.
 const STRIDES: [usize; 3] = [1, 2, 3];
 
+/// Pairs of triples of one stride and order that are looked at, at most: outlines may have any number of corners.
+const MOST_COMPARED: usize = 200_000;
+
 /// Share of a region that is seen at least: more than half may be hidden.
 const LEAST_SHOWN: f64 = 0.4;
 
@@ -119,12 +122,19 @@ pub fn corner_poses(
     most: usize,
 ) -> Vec<Pose> {
     let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
-    let mut pairs = Vec::new();
-    for (stride, backwards) in STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]) {
+    let groups: Vec<_> = STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]).collect();
+    let triples_of = |&(stride, backwards): &(usize, bool)| {
+        let observed: Vec<_> = seen.iter().flat_map(|ring| triples(ring, stride, false)).collect();
         let models: Vec<_> = known.iter().flat_map(|ring| triples(ring, stride, backwards)).collect();
-        for one in seen.iter().flat_map(|ring| triples(ring, stride, false)) {
+        (observed, models)
+    };
+    let groups: Vec<_> = groups.iter().map(triples_of).collect();
+    let mut pairs = Vec::new();
+    for (observed, models) in &groups {
+        let step = (observed.len() * models.len()).div_ceil(MOST_COMPARED).max(1);
+        for one in observed.iter().step_by(step) {
             let alike = |other: &&Triple<Vector3<f64>>| (0..3).all(|k| one[k].left == other[k].left);
-            pairs.extend(models.iter().filter(alike).map(|other| (one, *other)));
+            pairs.extend(models.iter().filter(alike).map(|other| (one, other)));
         }
     }
     let step = pairs.len().div_ceil(most.max(1)).max(1);

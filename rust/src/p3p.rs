@@ -176,10 +176,11 @@ fn polished(mut depths: Vector3<f64>, squares: &Vector3<f64>, cosines: &[f64; 3]
         let missed = sides_missed(&depths, squares, cosines);
         let Some(step) = slopes.lu().solve(&missed) else { break };
         let next = depths - step;
-        if !(sides_missed(&next, squares, cosines).amax() < missed.amax()) {
+        if sides_missed(&next, squares, cosines).amax() < missed.amax() {
+            depths = next;
+        } else {
             break;
         }
-        depths = next;
     }
     depths
 }
