@@ -9,6 +9,7 @@
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
 use crate::contour_noise::{correlation, weight};
+use crate::corners::simplified;
 use crate::mixture::{Distances, Mixture};
 use crate::pieces::{Piece, edges, pieces};
 use crate::pose::{Pose, Tangent};
@@ -112,6 +113,32 @@ impl Contour {
     pub fn thinned(&self, step: usize) -> Self {
         Self { pieces: self.pieces.iter().copied().step_by(step).collect(), ..self.clone() }
     }
+}
+
+impl Contour {
+    /// The same with so many pieces at most, and without boundary vertices that stand out by less than `tolerance` (world).
+    pub fn sketched(&self, most: usize, tolerance: f64) -> Self {
+        let rings = self.rings.iter().map(|ring| simplified(ring, tolerance)).collect();
+        Self { rings, ..self.thinned(self.pieces.len().div_ceil(most)) }
+    }
+}
+
+/// Mean of `ln(1 + (d / scale)^2)` over the pieces' distances at a pose about the problem's origin, `scale` in pixels; `None`
+/// where a region is out of view.
+///
+/// What lies anywhere near counts for the pose, what lies far off hardly against it (the logarithm of Cauchy's distribution).
+pub fn misfit(contours: &[Contour], pose: &Pose, scale: f64) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0);
+    for contour in contours {
+        let (edges, _) = contour.projected(pose)?;
+        let unit = (contour.pixels / scale).powi(2);
+        for piece in &contour.pieces {
+            let square = edges.iter().map(|edge| edge.foot(&piece.mean).1.norm_squared()).fold(f64::INFINITY, f64::min);
+            sum += (unit * square).ln_1p();
+        }
+        count += contour.pieces.len();
+    }
+    Some(sum / count as f64)
 }
 
 /// An edge of the projected boundary: its ends along the chart's axes, and on the plane z = 1.

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, Vector3};
 
 use crate::contour::ContourFit;
+use crate::contour_noise;
 use crate::equations::Weighting;
 use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
@@ -86,7 +87,7 @@ impl Problem {
             Refinement::Off => None,
         };
         let places = led.unwrap_or_else(|| self.by_moments(minima, prior));
-        let mut solutions = self.likely(places, prior).into_iter().map(|place| self.solution(place));
+        let mut solutions = self.likely(places, prior, noise).into_iter().map(|place| self.solution(place, noise));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let noise = best.contour.as_ref().map_or(noise, |fit| fit.mixture.sigma);
@@ -99,9 +100,9 @@ impl Problem {
     /// The places that fit about as well as the best once the prior is weighed in, best first (`docs/math.md`, eq. 10.7).
     ///
     /// An initial pose without an uncertainty chooses the first among them.
-    fn likely(&self, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
-        let score = |place: &Place| place.misfit + self.penalty(&place.pose, &place.covariance, prior);
-        let mut scored: Vec<(f64, Place)> = places.into_iter().map(|place| (score(&place), place)).collect();
+    fn likely(&self, places: Vec<Place>, prior: &Prior, noise: f64) -> Vec<Place> {
+        let scored = places.into_iter().map(|place| (self.score(&place, prior, noise), place));
+        let mut scored: Vec<(f64, Place)> = scored.collect();
         let least = scored.iter().map(|(score, _)| *score).fold(f64::INFINITY, f64::min);
         scored.retain(|(score, _)| *score <= least + AMBIGUITY_COST);
         // Both sorts are stable: what the prior does not decide, the fit does.
@@ -112,16 +113,31 @@ impl Problem {
         scored.into_iter().map(|(_, place)| place).collect()
     }
 
-    /// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-    pub(crate) fn covariance(&self, pose: &Pose, noise: f64) -> Matrix6<f64> {
+    /// What counts against a place, in variances: how it fits, and the prior.
+    fn score(&self, place: &Place, prior: &Prior, noise: f64) -> f64 {
+        let covariance = match prior.weighs() {
+            true => self.covariance(place, noise),
+            false => Matrix6::zeros(),
+        };
+        place.misfit + self.penalty(&place.pose, &covariance, prior)
+    }
+
+    /// Of a pose on the contours theirs, else `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a
+    /// direction free.
+    fn covariance(&self, place: &Place, noise: f64) -> Matrix6<f64> {
+        if let Some(fit) = &place.contour {
+            return contour_noise::covariance(&self.contours(), fit);
+        }
         let free = Matrix6::from_element(f64::INFINITY);
-        let Some(evaluation) = self.evaluate(pose, Weighting::Whitened) else { return free };
+        let Some(evaluation) = self.evaluate(&place.pose, Weighting::Whitened) else { return free };
         let information = evaluation.jacobian.transpose() * &evaluation.jacobian;
         let information = Matrix6::from_iterator(information.iter().copied());
         information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
     }
 
-    fn solution(&self, Place { pose, minimum, contour, covariance, .. }: Place) -> Solution {
+    fn solution(&self, place: Place, noise: f64) -> Solution {
+        let covariance = self.covariance(&place, noise);
+        let Place { pose, minimum, contour, .. } = place;
         let pairs = self.regions().iter().zip(self.worlds());
         let areas: Vec<Option<OverlapAreas>> =
             pairs.map(|(region, world)| region_overlap(region, world, &pose)).collect();

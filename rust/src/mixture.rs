@@ -105,21 +105,22 @@ impl Distances {
     /// The likeliest share and wide scale for a narrow scale, by expectation and maximization.
     fn mixture_of(&self, sigma: f64, mean_square: f64) -> Mixture {
         let mut wide = (1.2 * mean_square.sqrt()).max(WIDE * sigma);
-        let (mut disturbed, mut likelihood) = (0.3, f64::NEG_INFINITY);
+        let mut disturbed = 0.3;
+        let narrow: Vec<f64> = self.bins.iter().map(|bin| density(bin.0, sigma)).collect();
+        let mut totals = vec![0.0; narrow.len()];
         for _ in 0..ITERATIONS {
             let (mut share_sum, mut square_sum) = (0.0, 0.0);
-            likelihood = 0.0;
-            for &(square, share) in &self.bins {
-                let clean = (1.0 - disturbed) * density(square, sigma);
+            for ((&(square, share), &narrow), total) in self.bins.iter().zip(&narrow).zip(&mut totals) {
                 let other = disturbed * density(square, wide);
-                let total = (clean + other).max(f64::MIN_POSITIVE);
-                likelihood += share * total.ln();
-                share_sum += share * other / total;
-                square_sum += share * square * other / total;
+                *total = ((1.0 - disturbed) * narrow + other).max(f64::MIN_POSITIVE);
+                share_sum += share * other / *total;
+                square_sum += share * square * other / *total;
             }
             disturbed = share_sum.clamp(SHARES.0, SHARES.1);
             wide = (square_sum / share_sum.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * sigma);
         }
+        // Of the densities before the last step.
+        let likelihood = self.bins.iter().zip(&totals).map(|(bin, total)| bin.1 * total.ln()).sum();
         Mixture { sigma, wide, disturbed, likelihood }
     }
 }

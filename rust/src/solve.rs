@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, Vector3};
 
 use crate::contour::{Contour, contour_distances};
+use crate::corners::triangle_poses;
 use crate::equations::{System, Weighting};
 use crate::error::{Error, Result};
 use crate::facet::Integration;
@@ -269,6 +270,8 @@ impl Problem {
         let mut starts: Vec<Pose> = prior.initial.iter().map(|pose| self.centred(pose)).collect();
         for (region, world) in self.regions.iter().zip(&self.worlds) {
             let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin, turns);
+            let pixel = region.pixel_area().sqrt().recip();
+            poses.extend(triangle_poses(region.chart(), region.outline(), world, &self.origin, pixel));
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }
@@ -341,6 +344,11 @@ impl Problem {
         self.regions.iter().zip(&self.worlds).map(|(region, world)| Contour::new(region, world, &self.origin)).collect()
     }
 
+    /// The point relative to which world coordinates are taken.
+    pub(crate) fn origin(&self) -> &Vector3<f64> {
+        &self.origin
+    }
+
     /// The pose for world points about the problem's origin.
     pub(crate) fn centred(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.transform(&self.origin))
@@ -373,7 +381,7 @@ impl Problem {
 }
 
 /// Whether two poses of the centred world differ by more than `limit`: radians, or that share of the distance.
-fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
+pub(crate) fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
     a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
 }
 

@@ -20,10 +20,10 @@ Uses = dict[str, set[str]]
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
     ("batch", "mixture", "moments", "pose", "rings"),
-    ("derivatives", "mesh", "overlap", "prior", "region"),
+    ("derivatives", "mesh", "overlap", "p3p", "prior", "region"),
     ("bearing_rings",),
     ("chart",),
-    ("equations", "initial"),
+    ("corners", "equations", "initial"),
     ("facet", "whitening"),
     ("residual",),
     ("contour", "fit", "least_squares"),

@@ -1,0 +1,196 @@
+//! Poses to start from where a part of a region is hidden: three corners of its outline seen at three of its corners
+//! (`docs/math.md`, section 13).
+
+use nalgebra::{SVector, Vector2, Vector3};
+
+use crate::chart::Chart;
+use crate::p3p::three_point_poses;
+use crate::pose::Pose;
+use crate::region::WorldRegion;
+use crate::rings::PlaneRings;
+
+/// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves keep
+/// corners every 20 degrees, masks lose their staircase.
+const TOLERANCE: f64 = 0.015;
+
+/// The same in pixels at least.
+const TOLERANCE_PIXELS: f64 = 1.5;
+
+/// Corners between the three of a triple are all passed over alike: none, one or two.
+const STRIDES: [usize; 3] = [1, 2, 3];
+
+/// Pairs of triples of one stride and order that are looked at, at most: outlines may have any number of corners.
+const MOST_COMPARED: usize = 200_000;
+
+/// Share of a region that is seen at least: more than half may be hidden.
+const LEAST_SHOWN: f64 = 0.4;
+
+/// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
+pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
+    let farthest = |from: &SVector<f64, D>| {
+        let square = |k: &usize| (ring[*k] - from).norm_squared();
+        (0..ring.len()).max_by(|a, b| square(a).total_cmp(&square(b)))
+    };
+    let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
+    let Some(first) = farthest(&middle) else { return Vec::new() };
+    let Some(second) = farthest(&ring[first]) else { return Vec::new() };
+    // Each side of a long chord is a line of its own.
+    let side = |from: usize, to: usize| {
+        let count = (to + ring.len() - from) % ring.len();
+        (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
+    };
+    let mut kept = Vec::new();
+    for line in [side(first, second), side(second, first)] {
+        kept.push(line[0]);
+        keep_between(&line, tolerance * tolerance, &mut kept);
+    }
+    without_needless(kept, tolerance * tolerance)
+}
+
+/// Adds the vertices that a line needs between its ends.
+fn keep_between<const D: usize>(line: &[SVector<f64, D>], limit: f64, kept: &mut Vec<SVector<f64, D>>) {
+    let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
+    let square = |k: usize| square_off(&line[k], first, last);
+    let farthest = (1..line.len().saturating_sub(1)).max_by(|&a, &b| square(a).total_cmp(&square(b)));
+    if let Some(k) = farthest.filter(|&k| square(k) > limit) {
+        keep_between(&line[..=k], limit, kept);
+        kept.push(line[k]);
+        keep_between(&line[k..], limit, kept);
+    }
+}
+
+/// The corners but those between which others, found later, have drawn the ring straight, the straightest first.
+fn without_needless<const D: usize>(mut ring: Vec<SVector<f64, D>>, limit: f64) -> Vec<SVector<f64, D>> {
+    while ring.len() > 3 {
+        let count = ring.len();
+        let square = |k: usize| square_off(&ring[k], &ring[(k + count - 1) % count], &ring[(k + 1) % count]);
+        let straightest = (0..count).map(|k| (square(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        match straightest {
+            Some((least, k)) if least <= limit => ring.remove(k),
+            _ => break,
+        };
+    }
+    ring
+}
+
+/// Squared distance of a point from the line between two others.
+fn square_off<const D: usize>(point: &SVector<f64, D>, from: &SVector<f64, D>, to: &SVector<f64, D>) -> f64 {
+    let (step, offset) = (to - from, point - from);
+    let share = (offset.dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (offset - step * share).norm_squared()
+}
+
+/// A corner of a ring: where it is, and whether the ring turns left there.
+#[derive(Debug, Clone, Copy)]
+struct Corner<T> {
+    place: T,
+    left: bool,
+}
+
+/// The corners of rings given by their images in a plane.
+fn turning<T: Copy>(places: Vec<T>, flat: impl Fn(&T) -> Vector2<f64>) -> Vec<Corner<T>> {
+    let count = places.len();
+    let at = |k: usize| flat(&places[k % count]);
+    let left = |k: usize| (at(k) - at(k + count - 1)).perp(&(at(k + 1) - at(k))) > 0.0;
+    (0..count).map(|k| Corner { place: places[k], left: left(k) }).collect()
+}
+
+/// Three corners of a ring, as many apart.
+type Triple<T> = [Corner<T>; 3];
+
+/// The triples of a ring with one stride that do not wrap onto themselves, in the ring's own order or backwards.
+fn triples<T: Copy>(corners: &[Corner<T>], stride: usize, backwards: bool) -> Vec<Triple<T>> {
+    let count = corners.len();
+    if count < 2 * stride + 1 {
+        return Vec::new();
+    }
+    let at = |k: usize| if backwards { corners[(2 * count - k - 1) % count] } else { corners[k % count] };
+    (0..count).map(|k| [0, 1, 2].map(|m| at((k + m * stride) % count))).collect()
+}
+
+/// Poses at which three corners of a world region are seen at three of its observed outline, in the same order along a ring
+/// or, of a region seen from behind, in the opposite one, and turning alike; about `origin`.
+///
+/// `pixel`: chart units per pixel. Of more pairs of triples than `most`, every so many is taken. Nothing is said of the rest
+/// of the outline, which may be hidden: most of these poses are wrong.
+pub fn corner_poses(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    pixel: f64,
+    most: usize,
+) -> Vec<Pose> {
+    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
+    let groups: Vec<_> = STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]).collect();
+    let triples_of = |&(stride, backwards): &(usize, bool)| {
+        let observed: Vec<_> = seen.iter().flat_map(|ring| triples(ring, stride, false)).collect();
+        let models: Vec<_> = known.iter().flat_map(|ring| triples(ring, stride, backwards)).collect();
+        (observed, models)
+    };
+    let groups: Vec<_> = groups.iter().map(triples_of).collect();
+    let mut pairs = Vec::new();
+    for (observed, models) in &groups {
+        let step = (observed.len() * models.len()).div_ceil(MOST_COMPARED).max(1);
+        for one in observed.iter().step_by(step) {
+            let alike = |other: &&Triple<Vector3<f64>>| (0..3).all(|k| one[k].left == other[k].left);
+            pairs.extend(models.iter().filter(alike).map(|other| (one, other)));
+        }
+    }
+    let step = pairs.len().div_ceil(most.max(1)).max(1);
+    let poses = pairs.iter().step_by(step).flat_map(|(seen, known)| posed(chart, origin, seen, known));
+    let shape: Vec<Vec<_>> =
+        known.iter().map(|ring| ring.iter().map(|corner| corner.place - origin).collect()).collect();
+    poses.filter(|pose| projected_area(chart, &shape, pose).is_some_and(is_plausible)).collect()
+}
+
+/// Whether a region whose projection has this area, in observed ones, may be the observed one with a part of either hidden.
+pub fn is_plausible(area: f64) -> bool {
+    area > LEAST_SHOWN && area * LEAST_SHOWN < 1.0
+}
+
+/// Area of projected rings in a chart; `None` where they are out of view.
+pub fn projected_area(chart: &Chart, rings: &[Vec<Vector3<f64>>], pose: &Pose) -> Option<f64> {
+    let mut area = 0.0;
+    for ring in rings {
+        let seen: Vec<_> = ring.iter().map(|x| chart.project(&pose.transform(x))).collect::<Option<_>>()?;
+        let next = seen.iter().cycle().skip(1);
+        area += seen.iter().zip(next).map(|(a, b)| a.perp(b)).sum::<f64>() / 2.0;
+    }
+    Some(area.abs())
+}
+
+/// All poses at which a triangle looks like its observed outline, up to four for each of the six ways to pair the corners;
+/// none for other regions.
+pub fn triangle_poses(
+    chart: &Chart,
+    outline: &PlaneRings,
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    pixel: f64,
+) -> Vec<Pose> {
+    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
+    let ([seen], [known]) = (seen.as_slice(), known.as_slice()) else { return Vec::new() };
+    let ([a, b, c], 3) = (seen.as_slice(), known.len()) else { return Vec::new() };
+    let pairings = [false, true].into_iter().flat_map(|backwards| triples(known, 1, backwards));
+    pairings.flat_map(|known| posed(chart, origin, &[*a, *b, *c], &known)).collect()
+}
+
+/// The poses of one pair of triples.
+fn posed(chart: &Chart, origin: &Vector3<f64>, seen: &Triple<Vector2<f64>>, known: &Triple<Vector3<f64>>) -> Vec<Pose> {
+    let bearings = seen.map(|corner| Vector3::new(corner.place.x, corner.place.y, chart.scale).normalize());
+    let poses = three_point_poses(&known.map(|corner| corner.place - origin), &bearings);
+    let back = chart.rotation.inverse();
+    poses.into_iter().map(|pose| Pose::new(back * pose.rotation, back * pose.translation)).collect()
+}
+
+fn observed_corners(outline: &PlaneRings, pixel: f64) -> Vec<Vec<Corner<Vector2<f64>>>> {
+    let tolerance = (TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
+    outline.rings().iter().map(|ring| turning(simplified(ring, tolerance), |p| *p)).collect()
+}
+
+fn world_corners(world: &WorldRegion) -> Vec<Vec<Corner<Vector3<f64>>>> {
+    let tolerance = TOLERANCE * world.outline().area().sqrt();
+    let corners = |ring: &Vec<Vector3<f64>>| turning(simplified(ring, tolerance), |x| world.frame().flat(x));
+    world.rings().iter().map(corners).collect()
+}
