@@ -8,6 +8,7 @@
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
+use crate::border::{edge_before, near_plane};
 use crate::mixture::{Distances, Mixture};
 use crate::pose::{Pose, Tangent};
 use crate::region::WorldRegion;
@@ -63,6 +64,9 @@ const CLEAN_SIGMA: f64 = 1.0;
 /// Edges along the ring on either side of a piece's last nearest one that are looked at within a scale.
 const NEIGHBOURS: usize = 2;
 
+/// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
+const FAR: f64 = 1e9;
+
 /// The contour of one region in the image and the boundary of its world region.
 #[derive(Debug, Clone)]
 pub struct Contour {
@@ -74,6 +78,8 @@ pub struct Contour {
     pixels: f64,
     /// Boundary rings of the world region about the problem's origin.
     rings: Vec<Vec<Vector3<f64>>>,
+    /// Whether the image's border cuts the region, so that a part of its boundary may be behind the camera.
+    cut: bool,
 }
 
 /// A pose on the contour and what the contour shows there.
@@ -108,13 +114,21 @@ impl ContourFit {
 }
 
 impl Contour {
-    /// The contour of an observed region and the boundary of its world region about `origin`.
+    /// The contour of an observed region, without what lies on the image's border, and the boundary of its world region about
+    /// `origin`.
     pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let pieces = pieces(region.outline(), pixels).into_iter().map(|p| p / scale).collect();
+        let on_border = region.border().map_or(&[][..], |border| border.on_border());
+        let pieces = pieces(region.outline(), on_border, pixels).into_iter().map(|p| p / scale).collect();
         let rings = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect();
-        Self { rotation: region.chart().rotation, pieces, pixels: pixels * scale, rings }
+        Self {
+            rotation: region.chart().rotation,
+            pieces,
+            pixels: pixels * scale,
+            rings,
+            cut: region.border().is_some(),
+        }
     }
 
     /// The same with one piece in `step`.
@@ -123,40 +137,43 @@ impl Contour {
     }
 }
 
-/// Means of the parts of a region's rings, in chart units.
-fn pieces(outline: &PlaneRings, pixels: f64) -> Vec<Vector2<f64>> {
+/// Means of the parts of a region's rings, in chart units; those that touch an edge on the image's border are left out.
+fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64) -> Vec<Vector2<f64>> {
     let length = |ring: &[Vector2<f64>]| edges(ring).map(|(a, b)| (b - a).norm()).sum::<f64>();
     let total: f64 = outline.rings().iter().map(|ring| length(ring)).sum();
     let piece = (PIECE / pixels).max(total / MOST_PIECES as f64);
     let mut means = Vec::new();
-    for ring in outline.rings() {
+    for (index, ring) in outline.rings().iter().enumerate() {
         let count = ((length(ring) / piece).round() as usize).max(FEWEST_PIECES);
-        means.extend(ring_means(ring, length(ring), count));
+        let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
+        means.extend(ring_means(ring, on_border, length(ring), count));
     }
     means
 }
 
-/// Means of `count` equally long parts of a closed ring, exact.
-fn ring_means(ring: &[Vector2<f64>], length: f64, count: usize) -> Vec<Vector2<f64>> {
+/// Means of `count` equally long parts of a closed ring, exact; without the parts that touch an edge marked in `without`.
+fn ring_means(ring: &[Vector2<f64>], without: &[bool], length: f64, count: usize) -> Vec<Vector2<f64>> {
     let part = length / count as f64;
     let mut means = Vec::with_capacity(count);
-    let (mut sum, mut filled) = (Vector2::zeros(), 0.0);
-    for (a, b) in edges(ring) {
+    let (mut sum, mut filled, mut marked, mut parts) = (Vector2::zeros(), 0.0, false, 0);
+    for (edge, (a, b)) in edges(ring).enumerate() {
         let step = (b - a).norm();
         let mut from = 0.0;
         while step > from {
-            let last = means.len() + 1 == count;
+            let last = parts + 1 == count;
+            marked |= without.get(edge) == Some(&true);
             let to = if last { step } else { step.min(from + part - filled) };
             sum += a.lerp(&b, 0.5 * (from + to) / step) * (to - from);
             filled += to - from;
             from = to;
             if !last && filled >= part * (1.0 - f64::EPSILON * count as f64) {
-                means.push(sum / filled);
-                (sum, filled) = (Vector2::zeros(), 0.0);
+                means.extend((!marked).then(|| sum / filled));
+                (sum, filled, marked) = (Vector2::zeros(), 0.0, false);
+                parts += 1;
             }
         }
     }
-    if filled > 0.0 {
+    if filled > 0.0 && !marked {
         means.push(sum / filled);
     }
     means
@@ -177,6 +194,12 @@ struct Edge {
 }
 
 impl Edge {
+    /// An edge behind the camera: far from every piece.
+    fn hidden() -> Self {
+        let far = Vector3::new(FAR, FAR, 1.0);
+        Self::new(far, far)
+    }
+
     fn new(from: Vector3<f64>, to: Vector3<f64>) -> Self {
         let (start, end) = (from.xy() / from.z, to.xy() / to.z);
         let step = end - start;
@@ -195,16 +218,22 @@ impl Edge {
 type Row = (f64, Vector6<f64>);
 
 impl Contour {
-    /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane.
+    /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane, or
+    /// for a region that the image's border cuts not at all.
     fn projected(&self, pose: &Pose) -> Option<(Vec<Edge>, Vec<usize>)> {
         let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
         let (mut projected, mut ends) = (Vec::new(), Vec::new());
         for ring in &self.rings {
             let moved: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
-            if moved.iter().any(|x| x.z <= 0.0) {
+            if moved.iter().all(|x| x.z > 0.0) {
+                projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
+            } else if self.cut && moved.iter().any(|x| x.z > 0.0) {
+                let near = near_plane(&moved);
+                let edge = |ends: Option<[Vector3<f64>; 2]>| ends.map_or_else(Edge::hidden, |[a, b]| Edge::new(a, b));
+                projected.extend(edges(&moved).map(|(from, to)| edge(edge_before(near, &from, &to))));
+            } else {
                 return None;
             }
-            projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
             ends.push(projected.len());
         }
         Some((projected, ends))
