@@ -25,20 +25,20 @@ MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
 
 BORDER_BEND_TOLERANCE_PX = 0.02
-"""The same as `BEND_TOLERANCE_PX` for the image's border beside a region, which the prediction is cut at anew for each pose."""
+"""As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are cut there anew for each pose."""
 
 BORDER_SAMPLES = 128
 """Places of each side of the border at which a camera is asked for a ray: a fisheye has none in the corners."""
 
 
-def sides_of(border: Border) -> list[tuple[int, float]]:
-    """Axis and place of the border's top, right, bottom and left, the order of a counter-clockwise ring in (x, y)."""
+def sides_of(border: Border) -> list[tuple[int, float, float]]:
+    """Axis, place and outward sign of the border's top, right, bottom and left, as a counter-clockwise ring in (x, y)."""
     left, top, right, bottom = border
-    return [(1, top), (0, right), (1, bottom), (0, left)]
+    return [(1, top, -1.0), (0, right, 1.0), (1, bottom, 1.0), (0, left, -1.0)]
 
 
 def border_lines(border: Border, vertices: Array, sides: list[bool]) -> list[Array]:
-    """Lines (m, 2) of pixels along the sides that are marked, longer than vertices (n, 2) by their size at either end."""
+    """Pixels (m, 2) of lines along the marked sides, longer at either end than vertices (n, 2) by their extent."""
     left, top, right, bottom = border
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     if all(sides):
@@ -75,12 +75,14 @@ def seen_part(camera: Camera, line: Array) -> list[Array]:
 
 
 def line_bearings(camera: Camera, line: Array) -> Array:
+    """Bearings (k, 3) along a line of pixels (m, 2) of the border; ValueError where the camera sees no ray."""
     starts, ends = line[:-1], line[1:]
     split = _split_edges(camera, starts, ends, "the image border", BORDER_BEND_TOLERANCE_PX)
     return np.vstack([split, _visible(camera, line[-1:], "the image border")])
 
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
+    """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
     return _split_edges(camera, ring, np.roll(ring, -1, axis=0), f"ring {index}", BEND_TOLERANCE_PX)
 
 

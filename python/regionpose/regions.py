@@ -33,6 +33,9 @@ POLYGON_ON_BORDER_PX = 0.5
 """A polygon's edge within this distance (pixels) of the border was drawn along it: on the outermost centres, or half a
 pixel outside of them."""
 
+ALONG_BORDER = 0.5
+"""Slope of an edge against the border up to which it runs along it; short ones that cross the border are steeper."""
+
 PLANE_SHARE = 0.01
 """Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""
 
@@ -53,12 +56,12 @@ class ImageRegion:
 
     `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
     the first.
-    `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon. `border`: left, top, right
-    and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the outermost centres; None stands
-    for the camera's.
+    `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon.
+    `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
+    outermost centres; None stands for the camera's.
 
     Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
-    compared cut at the border in the same way (docs/math.md, section 13).
+    compared cut at the border in the same way (docs/math.md, section 14).
     """
 
     rings: tuple[Array, ...]
@@ -69,9 +72,9 @@ class ImageRegion:
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> ImageRegion:
         """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
 
-        One (n, 2) array stands for one ring. An edge within half a pixel of the border of the camera's image counts as
-        on it; what lies beyond is taken at its word. ValueError for a ring with fewer than 3 vertices, values that are
-        not finite, crossing edges, no area, or a hole that is not inside the first ring.
+        One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
+        unless the region goes on beyond that side: it is then taken at its word. ValueError for a ring with fewer than
+        3 vertices, values that are not finite, crossing edges, no area, or a hole that is not inside the first ring.
         """
         return cls(tuple(_core.plane_rings(_ring_list(rings, 2), polygon=True)))
 
@@ -133,9 +136,12 @@ class ImageRegion:
             return ring, on_side
         within = POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
         moved = ring.copy()
-        for index, (axis, place) in enumerate(sides_of(border)):
+        step = np.abs(np.roll(ring, -1, axis=0) - ring)
+        for index, (axis, place, outward) in enumerate(sides_of(border)):
+            if max(float((outward * (other[:, axis] - place)).max()) for other in self.rings) > within:
+                continue
             near = np.abs(ring[:, axis] - place) <= within
-            on_side[index] = near & np.roll(near, -1)
+            on_side[index] = near & np.roll(near, -1) & (step[:, axis] <= ALONG_BORDER * step[:, 1 - axis])
             moved[on_side[index] | np.roll(on_side[index], 1), axis] = place
         return moved, on_side
 

@@ -1,4 +1,4 @@
-//! The border of the image about an observed region: what of the world it lets be seen (`docs/math.md`, section 13).
+//! The border of the image about an observed region: what of the world it lets be seen (`docs/math.md`, section 14).
 
 use nalgebra::{Vector2, Vector3};
 
@@ -69,7 +69,9 @@ impl Border {
                 needed: format!("at least {:.0} %", 100.0 * LEAST_SEEN),
             });
         }
-        let visible = vec![visible(lines, outline, REACH * chart.scale)];
+        let middles = || outline.edges().map(|(a, b)| a.lerp(&b, 0.5)).zip(flat());
+        let inside: Vec<_> = middles().filter(|(_, on_border)| !on_border).map(|(middle, _)| middle).collect();
+        let visible = vec![visible(lines, &inside, REACH * chart.scale)];
         Ok(Some(Self { visible, on_border }))
     }
 
@@ -170,12 +172,11 @@ fn lies_along(line: &[Vector2<f64>], point: &Vector2<f64>, within: f64) -> bool 
     })
 }
 
-/// The ring around what the lines leave visible within a radius, counter-clockwise.
-fn visible(mut lines: Vec<Vec<Vector2<f64>>>, outline: &PlaneRings, radius: f64) -> Vec<Vector2<f64>> {
+/// The ring around what the lines leave visible within a radius, counter-clockwise; some points inside are known.
+fn visible(mut lines: Vec<Vec<Vector2<f64>>>, inside: &[Vector2<f64>], radius: f64) -> Vec<Vector2<f64>> {
     let ring = joined(&lines, radius);
-    let vertices = || outline.rings().iter().flatten();
     let within = std::slice::from_ref(&ring);
-    if 2 * vertices().filter(|p| holds(within, **p, 1.0)).count() >= vertices().count() {
+    if 2 * inside.iter().filter(|p| holds(within, **p, 1.0)).count() >= inside.len() {
         return ring;
     }
     // A camera that mirrors the image has the visible side on the other hand.

@@ -2,7 +2,7 @@
 //!
 //! Every decision is an exact predicate on the first region moved by an infinitesimal step, along x first and then, far
 //! smaller still, along y: no vertex then lies on an edge of the other region, so that vertices that touch and edges that
-//! coincide need no case of their own. The area, as every other integral, does not feel the step (`docs/math.md`, section 13).
+//! coincide need no case of their own. The area, as every other integral, does not feel the step (`docs/math.md`, section 14).
 
 use nalgebra::Vector2;
 
@@ -134,14 +134,12 @@ impl Side<'_> {
         }
         let mut paths = Paths::default();
         for (ring, mut along) in self.rings.iter().zip(events) {
-            if along.is_empty() {
-                if ring.first().is_some_and(|&point| holds(other.rings, point, self.moved)) {
-                    paths.closed.push(ring.clone());
-                }
-                continue;
+            let begins_inside = ring.first().is_some_and(|&point| holds(other.rings, point, self.moved));
+            if begins_inside && along.is_empty() {
+                paths.closed.push(ring.clone());
             }
             along.sort_by(|a, b| a.at.0.cmp(&b.at.0).then(a.at.1.total_cmp(&b.at.1)));
-            alternate(&mut along);
+            alternate(&mut along, begins_inside);
             paths.open.extend(inside(ring, &along));
         }
         paths
@@ -158,12 +156,14 @@ pub fn holds(rings: &[Vec<Point>], point: Point, moved: f64) -> bool {
 }
 
 /// Puts crossings that rounding brought to the same place in an order in which the boundary goes in and out by turns.
-fn alternate(events: &mut [Event]) {
-    for k in 1..events.len() {
-        if events[k].enters == events[k - 1].enters {
-            let Some(next) = (k + 1..events.len()).find(|&j| events[j].enters != events[k].enters) else { return };
-            events.swap(k, next);
-        }
+fn alternate(events: &mut [Event], mut inside: bool) {
+    for k in 0..events.len() {
+        let Some(next) = (k..events.len()).find(|&j| events[j].enters != inside) else { return };
+        // The places along the ring keep their order.
+        let (at, other) = (events[k].at, events[next].at);
+        events.swap(k, next);
+        (events[k].at, events[next].at) = (at, other);
+        inside = !inside;
     }
 }
 

@@ -167,7 +167,7 @@ pub fn add_sphere_rows(moments: &SphereMoments, chart: &Chart, nu: &Vector3<f64>
 const FLUX: [Node; 12] = gauss_legendre();
 
 /// Takes off the derivatives of a region that flows what of it flows out through edges that stand still, given in chart
-/// coordinates with the region on their left (`docs/math.md`, eq. 13.2).
+/// coordinates with the region on their left (`docs/math.md`, eq. 14.2).
 pub fn subtract_flux(system: System, still: &[[Vector2<f64>; 2]], chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
     let scale = chart.scale;
     for ends in still {

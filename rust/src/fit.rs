@@ -32,7 +32,7 @@ pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Po
     Some(overlap_areas(&observed, &predicted))
 }
 
-/// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 13).
+/// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 14).
 fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
     let chart = observed.chart();
     let seen = |ring: &Vec<Vector3<f64>>| {

@@ -69,7 +69,8 @@ impl RegionEquations {
         };
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        let covariance = BoundaryCovariance::new(system, &chart, seen_edges(&outline, border.as_ref()), pixel_area);
+        // With the border's edges: moments that vanish on all the others would be trusted without end.
+        let covariance = BoundaryCovariance::new(system, &chart, &outline, pixel_area);
         let whitening = Whitening::new(&covariance, 0.0, Orders::All);
         Ok(Self { system, chart, outline, border, observed: values, facets, pixel_area, covariance, whitening })
     }
@@ -176,7 +177,7 @@ type EquationRow = [f64; 7];
 
 impl RegionEquations {
     /// Adds what the image's border leaves visible of a facet: the visible part flows, but for the edges on the border
-    /// (`docs/math.md`, eq. 13.1 and 13.2).
+    /// (`docs/math.md`, eq. 14.1 and 14.2).
     fn add_cut_facet(
         &self,
         facet: &Facet,

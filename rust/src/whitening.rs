@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use crate::chart::Chart;
 use crate::equations::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
 use crate::moments::quadrature::{Node, gauss_legendre};
+use crate::rings::PlaneRings;
 
 /// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
 const LEAST_NOISE: f64 = 0.29;
@@ -47,17 +48,12 @@ pub struct BoundaryCovariance {
 }
 
 impl BoundaryCovariance {
-    /// That of a region of `pixel_area` pixels whose outline in the chart has these edges, those that have any noise.
-    pub fn new(
-        system: System,
-        chart: &Chart,
-        edges: impl Iterator<Item = (Vector2<f64>, Vector2<f64>)>,
-        pixel_area: f64,
-    ) -> Self {
+    /// That of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
+    pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
         let count = system.count(Weighting::Whitened);
         let (mut first, mut second) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
         let mut bias = DVector::zeros(count);
-        for (a, b) in edges {
+        for (a, b) in rings.edges() {
             let length = (b - a).norm();
             let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
             let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
