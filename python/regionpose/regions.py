@@ -142,7 +142,9 @@ class ImageRegion:
                 continue
             near = np.abs(ring[:, axis] - place) <= within
             on_side[index] = near & np.roll(near, -1) & (step[:, axis] <= ALONG_BORDER * step[:, 1 - axis])
-            moved[on_side[index] | np.roll(on_side[index], 1), axis] = place
+            beyond = outward * (ring[:, axis] - place) > 0.0
+            if on_side[index].any():
+                moved[on_side[index] | np.roll(on_side[index], 1) | beyond, axis] = place
         return moved, on_side
 
     def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:

@@ -73,8 +73,7 @@ impl Problem {
         let contours = self.contours();
         let few: Vec<Contour> = contours.iter().map(|contour| contour.thinned(CHECKED)).collect();
         let first = self.centred(&minima.first()?.pose);
-        let cut = self.regions().iter().any(|region| region.border().is_some());
-        if contour_fit(&few, &first)?.is_clean && !cut {
+        if contour_fit(&few, &first)?.is_clean {
             return None;
         }
         let start = contour_fit(&contours, &first)?.mixture.likelihood;
@@ -88,7 +87,7 @@ impl Problem {
         places.sort_by(|a, b| b.likelihood().total_cmp(&a.likelihood()));
         let greatest = places.first()?.likelihood();
         let independent = places.first()?.contour.as_ref()?.independent;
-        if independent * (greatest - start) < DECISIVE_LIKELIHOOD && !cut {
+        if independent * (greatest - start) < DECISIVE_LIKELIHOOD {
             return None;
         }
         let least = greatest - AMBIGUITY_LIKELIHOOD / independent;
