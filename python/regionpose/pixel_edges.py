@@ -32,7 +32,7 @@ BORDER_SAMPLES = 128
 
 
 def sides_of(border: Border) -> list[tuple[int, float, float]]:
-    """Axis, place and outward sign of the border's top, right, bottom and left, as a counter-clockwise ring in (x, y)."""
+    """Axis, place and outward sign of the top, right, bottom and left, as a counter-clockwise ring in (x, y)."""
     left, top, right, bottom = border
     return [(1, top, -1.0), (0, right, 1.0), (1, bottom, 1.0), (0, left, -1.0)]
 
