@@ -107,7 +107,7 @@ class ImageRegion:
 
     def on_border(self, camera: Camera) -> list[NDArray[np.bool_]]:
         """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""
-        return [self._on_sides(camera, ring)[1].any(axis=0) for ring in self.rings]
+        return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
 
     def border_bearings(self, camera: Camera) -> list[Array]:
         """The sides of the border along which the region is cut, as lines of bearings (m, 3).

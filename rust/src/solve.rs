@@ -264,7 +264,8 @@ impl Problem {
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }
-            if turns == Turns::All && region.border().is_some() {
+            // A wrong view of a region alone may look right where the rest of it is cut off.
+            if region.border().is_some() && (turns == Turns::All || self.regions.len() == 1) {
                 poses.extend(self.cut_starts(region, world));
             }
             if turns == Turns::Likely && self.regions.len() > 1 {

@@ -72,7 +72,7 @@ def mask_of(polygon: shapely.Polygon) -> NDArray[np.bool_]:
 def cut_polygon(polygon: shapely.Polygon, margin: float) -> Array:
     """What the image shows of a polygon, up to `margin` outside the outermost centres."""
     image = shapely.box(-margin, -margin, WIDTH - 1 + margin, HEIGHT - 1 + margin)
-    return np.asarray(shapely.intersection(polygon, image).exterior.coords)[:-1]
+    return np.asarray(shapely.get_coordinates(shapely.intersection(polygon, image)))[:-1]
 
 
 def angle_to(estimate: rp.PoseEstimate, pose: rp.Pose) -> float:
