@@ -239,7 +239,7 @@ fn a_region_that_reaches_behind_the_camera_is_cut_before_it() {
     let floor: SpaceRing =
         [[-3.0, -5.0], [3.0, -5.0], [4.0, 20.0], [-3.5, 16.0]].map(|[x, z]| Vector3::new(x, 1.5, z)).to_vec();
     let normal = Vector3::new(0.0, -1.0, 0.5).normalize();
-    let observed = cut(&[floor.clone()], &Pose::identity(), &normal);
+    let observed = cut(std::slice::from_ref(&floor), &Pose::identity(), &normal);
     let world = WorldRegion::from_rings(&[floor]).unwrap();
     let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary).unwrap();
     let residual = problem.evaluate(&Pose::identity(), Weighting::Uniform).unwrap().residual;
