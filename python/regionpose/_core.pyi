@@ -80,13 +80,17 @@ def estimate_batch(
 
 @final
 class ObservedRegion:
-    """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over."""
+    """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over.
+
+    `borders`: the image's border beside the region, lines of bearings (m, 3), where it may have cut the region.
+    """
 
     def __new__(
         cls,
         rings: Iterable[ArrayLike],
         pixel_area: float,
         *,
+        borders: Iterable[ArrayLike] | None = None,
         pixel_bearings: ArrayLike | None = None,
         pixel_solid_angles: ArrayLike | None = None,
     ) -> ObservedRegion: ...

@@ -17,6 +17,7 @@ from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Marks = NDArray[np.bool_]
 View = Callable[[Array], tuple[Camera, Pose]]
 """Camera and pose at some variables, each of which changes the image by about a share of itself."""
 
@@ -55,7 +56,8 @@ SIGMA_OVER_MEDIAN = 1.482602218505602
 class Contours:
     """The two sides of some regions, one after the other.
 
-    `pieces`: means (m, 2) of equally long parts of the observed contours, pixels. `vertices`: (v, 3) of the world
+    `pieces`: means (m, 2) of equally long parts of the observed contours, pixels, without those that touch the image's
+    border. `vertices`: (v, 3) of the world
     regions' boundaries, split where the camera bends their edges; `following` (v,): index of the vertex after each on
     its ring. `rings`: number of pieces of each observed ring. `regions`: the slices of pieces and vertices of each
     region.
@@ -87,7 +89,7 @@ class Distances(NamedTuple):
 
 def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion]) -> Contours:
     """The contours of region pairs; edges are split for this camera at this pose."""
-    means = [_piece_means(image.rings) for image in images]
+    means = [_piece_means(image.rings, image.on_border(camera)) for image in images]
     rings = [[_split_ring(camera, pose, ring) for ring in world.rings] for world in worlds]
     all_rings = [ring for region in rings for ring in region]
     starts = np.cumsum([0, *map(len, all_rings)])[:-1]
@@ -195,17 +197,20 @@ def _slices(regions: Sequence[Sequence[Array]]) -> list[slice]:
     return [slice(start, end) for start, end in pairwise(ends)]
 
 
-def _piece_means(rings: Sequence[Array]) -> list[Array]:
+def _piece_means(rings: Sequence[Array], on_border: Sequence[Marks]) -> list[Array]:
     lengths = [float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).sum()) for ring in rings]
     piece = max(PIECE_PX, sum(lengths) / MOST_PIECES)
     return [
-        _ring_means(ring, max(round(length / piece), FEWEST_PIECES))
-        for ring, length in zip(rings, lengths, strict=True)
+        _ring_means(ring, max(round(length / piece), FEWEST_PIECES), edges)
+        for ring, length, edges in zip(rings, lengths, on_border, strict=True)
     ]
 
 
-def _ring_means(ring: Array, count: int) -> Array:
-    """Means (count, 2) of equally long parts of a closed ring: differences of the exact integral of its points."""
+def _ring_means(ring: Array, count: int, without: Marks) -> Array:
+    """Means of equally long parts of a closed ring: differences of the exact integral of its points.
+
+    (count, 2), less those of parts that touch a marked edge.
+    """
     closed = np.vstack([ring, ring[:1]])
     lengths = np.hypot(*np.diff(closed, axis=0).T)
     reached = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -216,7 +221,10 @@ def _ring_means(ring: Array, count: int) -> Array:
     direction = np.diff(closed, axis=0)[edge] / np.maximum(lengths[edge], np.finfo(float).tiny)[:, None]
     sums = integral[edge] + along * closed[edge] + 0.5 * along**2 * direction
     means: Array = np.diff(sums, axis=0) / (reached[-1] / count)
-    return means
+    kept = np.ones(count, dtype=np.bool_)
+    for start, end in zip(reached[:-1][without], reached[1:][without], strict=True):
+        kept &= (at[1:] <= start) | (at[:-1] >= end)
+    return means[kept]
 
 
 def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:

@@ -14,6 +14,7 @@ from skimage.measure import find_contours
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.outline import outline_of_points
+from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.float64]
@@ -25,18 +26,15 @@ CONTOUR_LEVEL = 0.5
 SIMPLIFY_TOLERANCE_PX = 0.01
 """Vertices of a mask's contour within this distance (pixels) of the line through their neighbours are redundant."""
 
-BEND_TOLERANCE_PX = 0.01
-"""A straight pixel edge is split until the great-circle arcs between its parts are within this distance (pixels)."""
+ON_BORDER_PX = 1e-6
+"""The contour of a mask that the border cuts runs along it, but for rounding."""
 
-BEND_MARGIN = 1.5
-"""Bends counted for each one that is seen at the probes: the edge may bend more between them."""
+POLYGON_ON_BORDER_PX = 0.5
+"""A polygon's edge within this distance (pixels) of the border was drawn along it: on the outermost centres, or half a
+pixel outside of them."""
 
-PROBES = (0.25, 0.5, 0.75)
-"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
-
-MOST_PARTS = 1000
-"""Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
-
+ALONG_BORDER = 0.5
+"""Slope of an edge against the border up to which it runs along it; short ones that cross the border are steeper."""
 
 PLANE_SHARE = 0.01
 """Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""
@@ -59,17 +57,24 @@ class ImageRegion:
     `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
     the first.
     `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon.
+    `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
+    outermost centres; None stands for the camera's.
+
+    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
+    compared cut at the border in the same way (docs/math.md, section 14).
     """
 
     rings: tuple[Array, ...]
     mask: Mask | None = None
+    border: Border | None = None
 
     @classmethod
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> ImageRegion:
         """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
 
-        One (n, 2) array stands for one ring. ValueError for a ring with fewer than 3 vertices, values that are not
-        finite, crossing edges, no area, or a hole that is not inside the first ring.
+        One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
+        unless the region goes on beyond that side: it is then taken at its word. ValueError for a ring with fewer than
+        3 vertices, values that are not finite, crossing edges, no area, or a hole that is not inside the first ring.
         """
         return cls(tuple(_core.plane_rings(_ring_list(rings, 2), polygon=True)))
 
@@ -78,12 +83,14 @@ class ImageRegion:
         """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
 
         The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
-        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the image border is
-        closed half a pixel outside the outermost centres. ValueError for another shape or type, an empty mask, or
-        values outside [0, 1].
+        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
+        is cut there by the border of the image, half a pixel outside the outermost centres. ValueError for another
+        shape or type, an empty mask, or values outside [0, 1].
         """
         coverage, window = _checked_mask(mask)
-        return cls(tuple(_core.plane_rings(_contours(coverage, window), polygon=False)), coverage)
+        height, width = coverage.shape
+        border = (-0.5, -0.5, width - 0.5, height - 0.5)
+        return cls(tuple(_core.plane_rings(_contours(coverage, window), polygon=False)), coverage, border)
 
     @property
     def area(self) -> float:
@@ -93,9 +100,52 @@ class ImageRegion:
     def bearings(self, camera: Camera) -> list[Array]:
         """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
 
-        ValueError where the camera sees no ray at a vertex.
+        Edges drawn along the border are moved onto it. ValueError where the camera sees no ray at a vertex.
         """
-        return [_bearing_ring(camera, ring, index) for index, ring in enumerate(self.rings)]
+        rings = [self._on_sides(camera, ring)[0] for ring in self.rings]
+        return [ring_bearings(camera, ring, index) for index, ring in enumerate(rings)]
+
+    def on_border(self, camera: Camera) -> list[NDArray[np.bool_]]:
+        """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""
+        return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
+
+    def border_bearings(self, camera: Camera) -> list[Array]:
+        """The sides of the border along which the region is cut, as lines of bearings (m, 3).
+
+        Sides that meet in a corner are one line, in the order of a counter-clockwise ring in (x, y). A line goes on
+        beside the region, by the size of the region, as far as the camera sees rays; around the whole image it ends in
+        its first bearing.
+        """
+        sides = np.any([self._on_sides(camera, ring)[1].any(axis=1) for ring in self.rings], axis=0)
+        border = self._border(camera)
+        if border is None or not sides.any():
+            return []
+        lines = border_lines(border, np.concatenate(self.rings), [bool(side) for side in sides])
+        return [line_bearings(camera, part) for line in lines for part in seen_part(camera, line)]
+
+    def _border(self, camera: Camera) -> Border | None:
+        if self.border is not None or camera.width is None or camera.height is None:
+            return self.border
+        return (-0.5, -0.5, camera.width - 0.5, camera.height - 0.5)
+
+    def _on_sides(self, camera: Camera, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The ring with edges along the border moved onto it, and whether each edge lies on each side, (4, n)."""
+        border = self._border(camera)
+        on_side = np.zeros((4, len(ring)), dtype=np.bool_)
+        if border is None:
+            return ring, on_side
+        within = POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
+        moved = ring.copy()
+        step = np.abs(np.roll(ring, -1, axis=0) - ring)
+        for index, (axis, place, outward) in enumerate(sides_of(border)):
+            if max(float((outward * (other[:, axis] - place)).max()) for other in self.rings) > within:
+                continue
+            near = np.abs(ring[:, axis] - place) <= within
+            on_side[index] = near & np.roll(near, -1) & (step[:, axis] <= ALONG_BORDER * step[:, 1 - axis])
+            beyond = outward * (ring[:, axis] - place) > 0.0
+            if on_side[index].any():
+                moved[on_side[index] | np.roll(on_side[index], 1) | beyond, axis] = place
+        return moved, on_side
 
     def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
         """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
@@ -347,13 +397,19 @@ def _window(mask: NDArray[np.generic]) -> Window:
 
 
 def _contours(coverage: Mask, window: Window) -> list[Array]:
-    """Closed contours in pixels, traced on the window that holds the mask with a border of zeros."""
+    """Closed contours in pixels, traced on the window that holds the mask with a border of zeros.
+
+    Beside the border of the image the mask is taken to go on for a pixel, and the contour is cut at the border.
+    """
     held = coverage[window]
     # A value exactly at the level would let the contour touch itself at a pixel's centre.
-    padded = np.pad(np.where(held == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), held), 1)
-    offset = np.array([window[1].start - 1, window[0].start - 1])
+    held = np.where(held == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), held)
+    beyond = [(int(part.start == 0), int(part.stop == size)) for part, size in zip(window, coverage.shape, strict=True)]
+    padded = np.pad(np.pad(held, beyond, mode="edge"), 1)
+    offset = np.array([part.start - 1 - before for part, (before, _) in zip(window, beyond, strict=True)][::-1])
     contours: list[Array] = find_contours(padded, CONTOUR_LEVEL)  # type: ignore[no-untyped-call]
-    return [_simplified(contour[:, ::-1] + offset) for contour in contours]
+    last = np.array(coverage.shape)[::-1] - 0.5
+    return [_simplified(np.clip(contour[:, ::-1] + offset, -0.5, last)) for contour in contours]
 
 
 def _simplified(ring: Array) -> Array:
@@ -370,41 +426,3 @@ def _signed_area(ring: Array) -> float:
 
 def _counter_clockwise(ring: Array) -> Array:
     return ring if _signed_area(ring) > 0.0 else ring[::-1]
-
-
-def _bearing_ring(camera: Camera, ring: Array, index: int) -> Array:
-    bearings = _visible(camera, ring, index)
-    if camera.straight_lines:
-        return bearings
-    parts = _parts_of_edges(camera, ring, bearings, index)
-    if parts.max() == 1:
-        return bearings
-    first = np.repeat(np.arange(len(ring)), parts)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
-    share = (within / parts[first])[:, None]
-    return _visible(camera, ring[first] * (1.0 - share) + np.roll(ring, -1, axis=0)[first] * share, index)
-
-
-def _visible(camera: Camera, pixels: Array, index: int) -> Array:
-    bearings = camera.bearings(pixels)
-    blind = np.flatnonzero(~np.isfinite(bearings).all(axis=1))
-    if len(blind):
-        x, y = pixels[blind[0]]
-        raise ValueError(f"ring {index} passes pixel ({x:.2f}, {y:.2f}), where the camera's model sees no ray")
-    return bearings
-
-
-def _parts_of_edges(camera: Camera, ring: Array, bearings: Array, index: int) -> NDArray[np.int64]:
-    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
-    following = np.roll(ring, -1, axis=0)
-    ahead = np.roll(bearings, -1, axis=0)
-    length = np.linalg.norm(following - ring, axis=1)
-    normal = np.cross(bearings, ahead)
-    sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
-    sagitta = np.zeros(len(ring))
-    for share in PROBES:
-        between = _visible(camera, ring + share * (following - ring), index)
-        off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
-        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * share * (1.0 - share)))
-    parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS)
-    return parts.astype(np.int64)

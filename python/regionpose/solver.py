@@ -229,12 +229,14 @@ def observed_regions(
     observed = []
     for index, region in enumerate(regions):
         try:
-            rings = region.bearings(camera)
+            rings, borders = region.bearings(camera), region.border_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
             raise ValueError(f"image region {index}: {error}") from error
         observed.append(
-            _core.ObservedRegion(rings, region.area, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1])
+            _core.ObservedRegion(
+                rings, region.area, borders=borders, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1]
+            )
         )
     return observed
 

@@ -8,6 +8,7 @@
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
+use crate::border::{edge_before, near_plane};
 use crate::contour_noise::{correlation, weight};
 use crate::corners::simplified;
 use crate::mixture::{Distances, Mixture};
@@ -58,6 +59,9 @@ const CLEAN_SIGMA: f64 = 1.0;
 /// Edges along the ring on either side of a piece's last nearest one that are looked at within a scale.
 const NEIGHBOURS: usize = 2;
 
+/// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
+const FAR: f64 = 1e9;
+
 /// The contour of one region in the image and the boundary of its world region.
 #[derive(Debug, Clone)]
 pub struct Contour {
@@ -69,6 +73,8 @@ pub struct Contour {
     pixels: f64,
     /// Boundary rings of the world region about the problem's origin.
     rings: Vec<Vec<Vector3<f64>>>,
+    /// Whether the image's border cuts the region, so that a part of its boundary may be behind the camera.
+    cut: bool,
 }
 
 /// A pose on the contour and what the contour shows there.
@@ -95,13 +101,21 @@ impl ContourFit {
 }
 
 impl Contour {
-    /// The contour of an observed region and the boundary of its world region about `origin`.
+    /// The contour of an observed region, without what lies on the image's border, and the boundary of its world region about
+    /// `origin`.
     pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let pieces = pieces(region.outline(), pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
+        let on_border = region.border().map_or(&[][..], |border| border.on_border());
+        let pieces = pieces(region.outline(), on_border, pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
         let rings = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect();
-        Self { rotation: region.chart().rotation, pieces, pixels: pixels * scale, rings }
+        Self {
+            rotation: region.chart().rotation,
+            pieces,
+            pixels: pixels * scale,
+            rings,
+            cut: region.border().is_some(),
+        }
     }
 
     /// The straight run of the contour that each piece wholly lies on, by number.
@@ -152,6 +166,12 @@ struct Edge {
 }
 
 impl Edge {
+    /// An edge behind the camera: far from every piece.
+    fn hidden() -> Self {
+        let far = Vector3::new(FAR, FAR, 1.0);
+        Self::new(far, far)
+    }
+
     fn new(from: Vector3<f64>, to: Vector3<f64>) -> Self {
         let (start, end) = (from.xy() / from.z, to.xy() / to.z);
         let step = end - start;
@@ -180,16 +200,22 @@ pub(crate) struct Row {
 }
 
 impl Contour {
-    /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane.
+    /// The projected boundary at a pose about the problem's origin; `None` where it isn't wholly before the chart's plane, or
+    /// for a region that the image's border cuts not at all.
     fn projected(&self, pose: &Pose) -> Option<(Vec<Edge>, Vec<usize>)> {
         let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
         let (mut projected, mut ends) = (Vec::new(), Vec::new());
         for ring in &self.rings {
             let moved: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
-            if moved.iter().any(|x| x.z <= 0.0) {
+            if moved.iter().all(|x| x.z > 0.0) {
+                projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
+            } else if self.cut && moved.iter().any(|x| x.z > 0.0) {
+                let near = near_plane(&moved);
+                let edge = |ends: Option<[Vector3<f64>; 2]>| ends.map_or_else(Edge::hidden, |[a, b]| Edge::new(a, b));
+                projected.extend(edges(&moved).map(|(from, to)| edge(edge_before(near, &from, &to))));
+            } else {
                 return None;
             }
-            projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
             ends.push(projected.len());
         }
         Some((projected, ends))

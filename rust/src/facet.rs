@@ -2,7 +2,9 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::border::{Border, projected_before};
 use crate::chart::Chart;
+use crate::clipping::Clipped;
 use crate::equations::System;
 use crate::error::{Error, Result};
 use crate::mesh::PlaneMesh;
@@ -149,6 +151,16 @@ impl Facet {
             }
         }
         Some(moments)
+    }
+
+    /// What the image's border leaves visible of the facet, in chart coordinates, and the side from which it is seen: -1 from
+    /// behind, where the rings are turned round.
+    pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border) -> (Clipped, f64) {
+        let Shape::Rings(rings) = &self.shape else { return (Clipped::default(), 1.0) };
+        let seen = |ring: &Vec<Vector3<f64>>| {
+            projected_before(&ring.iter().map(|x| chart_from_world.transform(x)).collect::<Vec<_>>(), chart)
+        };
+        border.clipped(rings.iter().map(seen).collect())
     }
 
     /// Signed moments on the sphere along the chart's axes; `None` where a vertex lies at the camera.

@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::border::{Border, projected_before};
 use crate::chart::Chart;
 use crate::overlap::{OverlapAreas, overlap_areas};
 use crate::pose::Pose;
@@ -14,6 +15,9 @@ const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
 /// Solid angles shared and not shared by an observed region and the projected one; `None` where it cannot be projected.
 pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Option<OverlapAreas> {
+    if let Some(border) = observed.border() {
+        return Some(cut_overlap(observed, border, world, pose));
+    }
     let chart = Chart { scale: 1.0, ..*observed.chart() };
     let project = |x: &Vector3<f64>| chart.project(&pose.transform(x));
     let predicted = match world.surface() {
@@ -26,6 +30,19 @@ pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Po
     };
     let observed = observed.outline().mapped(|p: &Vector2<f64>| Some(p / observed.chart().scale))?;
     Some(overlap_areas(&observed, &predicted))
+}
+
+/// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 14).
+fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
+    let chart = observed.chart();
+    let seen = |ring: &Vec<Vector3<f64>>| {
+        let turned: Vec<_> = ring.iter().map(|x| chart.rotation * pose.transform(x)).collect();
+        projected_before(&turned, chart)
+    };
+    let (predicted, _) = border.clipped(world.rings().iter().map(seen).collect());
+    let unscaled = |ring: &Vec<Vector2<f64>>| ring.iter().map(|p| p / chart.scale).collect();
+    let of = |rings: &[Vec<Vector2<f64>>]| PlaneRings::of_simple(rings.iter().map(unscaled).collect());
+    overlap_areas(&of(observed.outline().rings()), &of(&predicted.rings))
 }
 
 /// How well all regions fit.
@@ -46,8 +63,7 @@ impl Fit {
             let overlap = region_overlap(region, world, pose)?;
             areas = areas + overlap;
             pixels += overlap.error() * region.pixel_area();
-            let perimeter: f64 = region.outline().edges().map(|(a, b)| (b - a).norm()).sum();
-            length += perimeter * region.pixel_area().sqrt();
+            length += region.boundary_length() * region.pixel_area().sqrt();
         }
         Some(Self { overlap_error: areas.error(), boundary_noise: SIGMA_OVER_MEAN * pixels / length })
     }

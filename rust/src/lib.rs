@@ -27,7 +27,9 @@
 
 pub mod batch;
 pub mod bearing_rings;
+pub mod border;
 pub mod chart;
+pub mod clipping;
 pub mod contour;
 pub mod contour_noise;
 pub mod corners;

@@ -35,17 +35,18 @@ impl Piece {
     }
 }
 
-/// The pieces of a region's rings, `pixels` to the unit.
-pub fn pieces(outline: &PlaneRings, pixels: f64) -> Vec<Piece> {
+/// The pieces of a region's rings, `pixels` to the unit; those that touch an edge on the image's border are left out.
+pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64) -> Vec<Piece> {
     let length = |ring: &[Vector2<f64>]| edges(ring).map(|(a, b)| (b - a).norm()).sum::<f64>();
     let total: f64 = outline.rings().iter().map(|ring| length(ring)).sum();
     let piece = (PIECE / pixels).max(total / MOST_PIECES as f64);
     let mut pieces = Vec::new();
     let mut runs = 0;
-    for ring in outline.rings() {
+    for (index, ring) in outline.rings().iter().enumerate() {
         let numbers = straight_runs(ring, &mut runs);
         let count = ((length(ring) / piece).round() as usize).max(FEWEST_PIECES);
-        pieces.extend(ring_pieces(ring, &numbers, length(ring), count));
+        let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
+        pieces.extend(ring_pieces(ring, &numbers, on_border, length(ring), count));
     }
     pieces
 }
@@ -75,6 +76,7 @@ struct Sums {
     first: Vector2<f64>,
     second: Matrix2<f64>,
     runs: Option<(usize, usize)>,
+    left_out: bool,
 }
 
 impl Sums {
@@ -87,37 +89,41 @@ impl Sums {
             first: self.first + middle * length,
             second: self.second + (middle * middle.transpose() + about_middle) * length,
             runs: Some((self.runs.map_or(run, |runs| runs.0), run)),
+            left_out: self.left_out,
         }
     }
 
-    fn piece(&self) -> Piece {
+    /// `None` where it was marked to be left out.
+    fn piece(&self) -> Option<Piece> {
+        if self.left_out || self.length == 0.0 {
+            return None;
+        }
         let mean = self.first / self.length;
         let spread = self.second / self.length - mean * mean.transpose();
-        Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run) }
+        Some(Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run) })
     }
 }
 
-/// `count` equally long parts of a closed ring, exact.
-fn ring_pieces(ring: &[Vector2<f64>], runs: &[usize], length: f64, count: usize) -> Vec<Piece> {
+/// `count` equally long parts of a closed ring, exact; without those that touch an edge marked in `without`.
+fn ring_pieces(ring: &[Vector2<f64>], runs: &[usize], without: &[bool], length: f64, count: usize) -> Vec<Piece> {
     let part = length / count as f64;
     let mut pieces = Vec::with_capacity(count);
-    let mut sums = Sums::default();
-    for ((a, b), &run) in edges(ring).zip(runs) {
+    let (mut sums, mut parts) = (Sums::default(), 0);
+    for (edge, (a, b)) in edges(ring).enumerate() {
         let step = (b - a).norm();
         let mut from = 0.0;
         while step > from {
-            let last = pieces.len() + 1 == count;
+            let last = parts + 1 == count;
             let to = if last { step } else { step.min(from + part - sums.length) };
-            sums = sums.with(&a.lerp(&b, from / step), &a.lerp(&b, to / step), run);
+            sums = sums.with(&a.lerp(&b, from / step), &a.lerp(&b, to / step), runs[edge]);
+            sums.left_out |= without.get(edge) == Some(&true);
             from = to;
             if !last && sums.length >= part * (1.0 - f64::EPSILON * count as f64) {
-                pieces.push(sums.piece());
-                sums = Sums::default();
+                pieces.extend(sums.piece());
+                (sums, parts) = (Sums::default(), parts + 1);
             }
         }
     }
-    if sums.length > 0.0 {
-        pieces.push(sums.piece());
-    }
+    pieces.extend(sums.piece());
     pieces
 }

@@ -26,6 +26,10 @@ pub struct ObservedRegion {
     pub pixel_area: f64,
     /// The region's pixels, for sums over them.
     pub pixels: Option<Pixels>,
+    /// The image's border where it may have cut the region: lines of bearings in order around the image, all with the
+    /// image on the same hand, each going on beside the region at both ends or, around the whole image, closed by its first
+    /// bearing.
+    pub borders: Vec<Vec<Vector3<f64>>>,
 }
 
 /// The pixels of a mask: where each looks, and the solid angle of the part of it that belongs to the region.
@@ -40,7 +44,7 @@ pub struct Pixels {
 impl ObservedRegion {
     /// The region inside rings of bearings that covers `pixel_area` pixels of the image.
     pub fn new(rings: Vec<Vec<Vector3<f64>>>, pixel_area: f64) -> Self {
-        Self { rings, pixel_area, pixels: None }
+        Self { rings, pixel_area, pixels: None, borders: Vec::new() }
     }
 
     /// The area in pixels.

@@ -3,13 +3,16 @@
 
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
+use crate::border::Border;
 use crate::chart::Chart;
 use crate::derivatives::Row;
 use crate::equations::{
     MOST_EQUATIONS, System, Weighting, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
+    subtract_flux,
 };
 use crate::error::{Error, Result};
 use crate::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
+use crate::moments::SphereMoments;
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
@@ -34,6 +37,7 @@ pub struct RegionEquations {
     system: System,
     chart: Chart,
     outline: PlaneRings,
+    border: Option<Border>,
     observed: Vec<f64>,
     facets: Vec<Facet>,
     pixel_area: f64,
@@ -45,7 +49,8 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`] refuses, a pixel area that is not positive, or pixel sums asked for without pixels.
+    /// What [`Chart::of`] and [`Border::of`] refuse, a pixel area that is not positive, or pixel sums asked for without
+    /// pixels.
     pub fn new(
         observed: &ObservedRegion,
         world: &WorldRegion,
@@ -54,12 +59,19 @@ impl RegionEquations {
         integration: Integration,
     ) -> Result<Self> {
         let (chart, outline) = Chart::of(&observed.rings)?;
+        let pixel_area = observed.checked_pixel_area()?;
+        let border = Border::of(&observed.borders, &chart, &outline, pixel_area.sqrt().recip())?;
+        // What the border leaves visible changes with the pose: a mesh of it would not last.
+        let integration = match (integration, &border) {
+            (Integration::Mesh { .. }, Some(_)) => Integration::Boundary,
+            _ => integration,
+        };
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        let pixel_area = observed.checked_pixel_area()?;
+        // With the border's edges: moments that vanish on all the others would be trusted without end.
         let covariance = BoundaryCovariance::new(system, &chart, &outline, pixel_area);
         let whitening = Whitening::new(&covariance, 0.0, Orders::All);
-        Ok(Self { system, chart, outline, observed: values, facets, pixel_area, covariance, whitening })
+        Ok(Self { system, chart, outline, border, observed: values, facets, pixel_area, covariance, whitening })
     }
 
     /// The same equations, whitened for a boundary noise of `sigma` pixels.
@@ -82,6 +94,16 @@ impl RegionEquations {
         &self.outline
     }
 
+    /// The border of the image along which the region was cut.
+    pub fn border(&self) -> Option<&Border> {
+        self.border.as_ref()
+    }
+
+    /// Length in the chart of the observed boundary, without what lies on the image's border.
+    pub fn boundary_length(&self) -> f64 {
+        seen_edges(&self.outline, self.border.as_ref()).map(|(a, b)| (b - a).norm()).sum()
+    }
+
     /// Number of independent equations.
     pub fn count(&self, weighting: Weighting) -> usize {
         match weighting {
@@ -98,7 +120,11 @@ impl RegionEquations {
         let mut derivatives = [[0.0; 6]; MOST_EQUATIONS];
         let chart_from_world = Pose::new(self.chart.rotation * pose.rotation, self.chart.rotation * pose.translation);
         for facet in &self.facets {
-            self.add_facet(facet, &chart_from_world, weighting, &mut values[..count], &mut derivatives[..count])?;
+            let (values, derivatives) = (&mut values[..count], &mut derivatives[..count]);
+            match &self.border {
+                None => self.add_facet(facet, &chart_from_world, weighting, values, derivatives)?,
+                Some(border) => self.add_cut_facet(facet, border, &chart_from_world, weighting, values, derivatives)?,
+            }
         }
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
         let side = if values[0] < 0.0 { -1.0 } else { 1.0 };
@@ -135,8 +161,62 @@ impl RegionEquations {
     }
 }
 
+/// The edges of an observed outline that do not lie on the image's border.
+fn seen_edges<'a>(
+    outline: &'a PlaneRings,
+    border: Option<&'a Border>,
+) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + 'a {
+    let on_border = border.into_iter().flat_map(|border| border.on_border().iter().flatten().copied());
+    let known = on_border.chain(std::iter::repeat(false));
+    outline.edges().zip(known).filter(|(_, on_border)| !on_border).map(|(edge, _)| edge)
+}
+
 /// An equation's residual, then its derivatives by the left increment.
 type EquationRow = [f64; 7];
+
+impl RegionEquations {
+    /// Adds what the image's border leaves visible of a facet: the visible part flows, but for the edges on the border
+    /// (`docs/math.md`, eq. 14.1 and 14.2).
+    fn add_cut_facet(
+        &self,
+        facet: &Facet,
+        border: &Border,
+        chart_from_world: &Pose,
+        weighting: Weighting,
+        values: &mut [f64],
+        rows: &mut [Row],
+    ) -> Option<()> {
+        let nu = facet.nu(chart_from_world)?;
+        let order = self.system.order(weighting);
+        let (clipped, side) = facet.clipped(chart_from_world, &self.chart, border);
+        let rings = clipped.rings.iter().map(Vec::as_slice);
+        let (mut value, mut row) = ([0.0; MOST_EQUATIONS], [Row::default(); MOST_EQUATIONS]);
+        let (value, row) = (&mut value[..values.len()], &mut row[..rows.len()]);
+        match self.system {
+            System::Plane => {
+                let moments = planar_moments(rings, order);
+                add_plane_values(&moments, value);
+                add_plane_rows(&moments, &self.chart, &nu, row);
+            }
+            System::Sphere => {
+                let moments = lifted_moments(rings, &self.chart, order);
+                add_sphere_values(&moments, self.chart.scale, value);
+                add_sphere_rows(&moments, &self.chart, &nu, row);
+            }
+        }
+        subtract_flux(self.system, &clipped.border, &self.chart, &nu, row);
+        values.iter_mut().zip(value).for_each(|(sum, value)| *sum += side * *value);
+        rows.iter_mut().flatten().zip(row.iter().flatten()).for_each(|(sum, entry)| *sum += side * entry);
+        Some(())
+    }
+}
+
+/// The moments on the sphere of rings in a chart.
+fn lifted_moments<'a>(rings: impl Iterator<Item = &'a [Vector2<f64>]>, chart: &Chart, order: usize) -> SphereMoments {
+    let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0).normalize();
+    let rings: Vec<Vec<_>> = rings.map(|ring| ring.iter().map(lift).collect()).collect();
+    spherical_moments(rings.iter().map(Vec::as_slice), order)
+}
 
 /// The observed side of the equations.
 fn observed_values(
@@ -169,10 +249,7 @@ fn observed_values(
             add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, &mut values);
         }
         (System::Sphere, Integration::Boundary) => {
-            let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0).normalize();
-            let rings: Vec<Vec<_>> = outline.rings().iter().map(|ring| ring.iter().map(lift).collect()).collect();
-            let moments = spherical_moments(rings.iter().map(Vec::as_slice), order);
-            add_sphere_values(&moments, chart.scale, &mut values);
+            add_sphere_values(&lifted_moments(slices(outline), chart, order), chart.scale, &mut values);
         }
         (System::Sphere, Integration::Mesh { size }) => {
             let mesh = integration_mesh(outline, system, size)?;

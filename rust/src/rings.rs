@@ -89,6 +89,12 @@ impl PlaneRings {
         self
     }
 
+    /// Rings that are known to be simple and oriented, as those of what two regions share; none for nothing.
+    pub(crate) fn of_simple(rings: Vec<Vec<Vector2<f64>>>) -> Self {
+        let (lower, upper) = bounding_box(rings.iter().flatten().copied());
+        Self { rings, lower, upper }
+    }
+
     /// Edges of all rings as (start, end), ring by ring; the region lies to their left.
     pub fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + '_ {
         self.rings.iter().flat_map(|ring| ring_edges(ring))

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3};
 
+use crate::border::cut_worlds;
 use crate::contour::{Contour, contour_distances};
 use crate::corners::triangle_poses;
 use crate::equations::{System, Weighting};
@@ -55,6 +56,9 @@ const MUCH_BETTER: f64 = 0.8;
 
 /// Starts of one region that are followed where other regions can tell them apart; the second look follows all.
 const STARTS_PER_REGION: usize = 4;
+
+/// Starts of a region that the image's border cuts, of all the cuts that are tried.
+const STARTS_OF_CUT: usize = 48;
 
 /// Candidates carried into the joint system at most.
 const MOST_CANDIDATES: usize = 32;
@@ -275,6 +279,10 @@ impl Problem {
             if prior.up.is_some() {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }
+            // A wrong view of a region alone may look right where the rest of it is cut off.
+            if region.border().is_some() && (turns == Turns::All || self.regions.len() == 1) {
+                poses.extend(self.cut_starts(region, world));
+            }
             if turns == Turns::Likely && self.regions.len() > 1 {
                 poses = self.best_together(poses);
             }
@@ -283,20 +291,23 @@ impl Problem {
         starts
     }
 
+    /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
+    /// cut by lines from all sides.
+    fn cut_starts(&self, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
+        let closed =
+            |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, &self.origin, Turns::Likely);
+        let poses = cut_worlds(world).iter().flat_map(closed).collect();
+        best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
+    }
+
     /// Poses of single regions, about the problem's origin, whatever the others say.
     pub(crate) fn single_region_poses(&self) -> Vec<Pose> {
         self.global_starts(&Prior::default(), Turns::All)
     }
 
     /// The starts of one region at which the others fit best, those out of view last.
-    fn best_together(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
-        let cost = |pose: &Pose| {
-            let evaluation = evaluate(&self.regions, pose, Weighting::Uniform);
-            evaluation.map_or(f64::INFINITY, |evaluation| evaluation.residual.norm_squared())
-        };
-        let mut costs: Vec<(f64, Pose)> = poses.drain(..).map(|pose| (cost(&pose), pose)).collect();
-        costs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        costs.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
+    fn best_together(&self, poses: Vec<Pose>) -> Vec<Pose> {
+        best_fitting(&self.regions, poses, STARTS_PER_REGION)
     }
 
     fn paper_starts(&self, prior: &Prior) -> Vec<Pose> {
@@ -383,6 +394,17 @@ impl Problem {
 /// Whether two poses of the centred world differ by more than `limit`: radians, or that share of the distance.
 pub(crate) fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
     a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
+}
+
+/// The poses at which the regions' unweighted equations fit best, those out of view last.
+fn best_fitting(regions: &[RegionEquations], poses: Vec<Pose>, most: usize) -> Vec<Pose> {
+    let cost = |pose: &Pose| {
+        let evaluation = evaluate(regions, pose, Weighting::Uniform);
+        evaluation.map_or(f64::INFINITY, |evaluation| evaluation.residual.norm_squared())
+    };
+    let mut costs: Vec<(f64, Pose)> = poses.into_iter().map(|pose| (cost(&pose), pose)).collect();
+    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    costs.into_iter().take(most).map(|(_, pose)| pose).collect()
 }
 
 /// The minimum of one region's unweighted equations near a candidate, if it looks like the region.

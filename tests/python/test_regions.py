@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.evaluation import area_coverage, binary_mask, load_templates
-from regionpose.regions import BEND_TOLERANCE_PX, SIMPLIFY_TOLERANCE_PX
+from regionpose.pixel_edges import BEND_TOLERANCE_PX
+from regionpose.regions import SIMPLIFY_TOLERANCE_PX
 from scipy.spatial.transform import Rotation
 from shapely.geometry.base import BaseGeometry
 from skimage.measure import find_contours

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
-from regionpose.evaluation.masks import Patch, binary_patch, coverage_patch, image_size, project_region
+from regionpose.evaluation.masks import Patch, Window, binary_patch, coverage_patch, image_size, project_region
 from regionpose.evaluation.measures import overlap_error
 from regionpose.evaluation.noise import (
     SpinningLidar,
@@ -85,7 +85,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     wrong, told = with_wrong_region(scene, condition, problem_generator(seed, "wrong"))
     seen, known = (told, scene) if condition.side == "2d" else (scene, told)
     rng = problem_generator(seed, "disturbance")
-    true, given = image_patches(seen, condition, rng)
+    true, given, shown = image_patches(seen, condition, rng)
     kept = [i for i, patch in enumerate(given) if patch.values.sum() > LEAST_KEPT_SHARE * true[i].values.sum()]
     worlds = world_sides(known, kept, condition, rng)
     changes = [_world_change(known.regions[index], world) for index, world in worlds.items()]
@@ -95,7 +95,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
-        [given_region(seen, index, given[index], condition) for index in worlds],
+        [given_region(seen, index, given[index], condition, shown) for index in worlds],
         list(worlds.values()),
         list(worlds),
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
@@ -142,23 +142,30 @@ def given_camera(camera: Camera, condition: Condition, rng: np.random.Generator)
     return miscalibrate(camera, condition.focal_error, condition.center_error_px, rng)
 
 
-def image_patches(scene: Scene, condition: Condition, rng: np.random.Generator) -> tuple[list[Patch], list[Patch]]:
-    """The true masks and those that the condition makes of them, each in a window."""
+def image_patches(
+    scene: Scene, condition: Condition, rng: np.random.Generator
+) -> tuple[list[Patch], list[Patch], Window]:
+    """The true masks and those that the condition makes of them, each in a window, and what the image shows."""
     size = image_size(scene.camera)
+    shown = Window(0, 0, *size)
     noisy = condition.noise > 0.0 and condition.side == "2d"
     grows = noisy and condition.disturbance == "squares"
     margins = [_margin(rings, condition.noise) if grows else 0 for rings in scene.image_rings]
     sides = list(zip(scene.image_rings, margins, strict=True))
     binary = [binary_patch(rings, *size, margin) for rings, margin in sides]
-    given = disturbed(binary, scene.image_rings, condition, rng) if noisy else binary
+    given = binary
+    if noisy and condition.disturbance == "truncation":
+        given, shown = truncated(binary, condition.noise, rng, shown)
+    elif noisy:
+        given = disturbed(binary, scene.image_rings, condition, rng)
     if condition.masks == "binary":
-        return binary, given
+        return binary, given, shown
     coverage = [coverage_patch(rings, *size, margin) for rings, margin in sides]
     changed = [
         Patch(np.where(before.values == after.values, whole.values, after.values), whole.window)
         for before, after, whole in zip(binary, given, coverage, strict=True)
     ]
-    return coverage, changed
+    return coverage, changed, shown
 
 
 def _margin(rings: Sequence[Array], share: float) -> int:
@@ -171,8 +178,6 @@ def disturbed(
     patches: list[Patch], rings: list[list[Array]], condition: Condition, rng: np.random.Generator
 ) -> list[Patch]:
     """The masks, of regions with those pixel rings, with the share `noise` of their area changed."""
-    if condition.disturbance == "truncation":
-        return truncated(patches, condition.noise, rng)
     changed = []
     for patch, outline in zip(patches, rings, strict=True):
         if condition.disturbance == "occlusion":
@@ -184,34 +189,51 @@ def disturbed(
     return changed
 
 
-def truncated(patches: list[Patch], share: float, rng: np.random.Generator) -> list[Patch]:
-    """The masks cut by one border of a smaller image."""
+def truncated(
+    patches: list[Patch], share: float, rng: np.random.Generator, image: Window
+) -> tuple[list[Patch], Window]:
+    """The masks cut by one border of a smaller image, and what that shows of the whole one."""
     windows = np.array([patch.window for patch in patches])
     left, top = windows[:, :2].min(axis=0).tolist()
     right, bottom = windows[:, 2:].max(axis=0).tolist()
     common = [Patch(p.values, p.window.seen_from(left, top)).whole(right - left, bottom - top) for p in patches]
-    masks = truncate_masks(common, share, rng).masks
-    return [
+    masks, cut = truncate_masks(common, share, rng)
+    cut_patches = [
         Patch(mask[patch.window.seen_from(left, top).block], patch.window)
         for mask, patch in zip(masks, patches, strict=True)
     ]
+    # The masks' common window ends at the regions; of its sides only one is the border.
+    common_window, at = Window(left, top, right, bottom), cut.seen_from(-left, -top)
+    sides = [new if new != old else own for new, old, own in zip(at, common_window, image, strict=True)]
+    return cut_patches, Window(*sides)
 
 
-def given_region(scene: Scene, index: int, patch: Patch, condition: Condition) -> ImageRegion:
+def given_region(scene: Scene, index: int, patch: Patch, condition: Condition, shown: Window | None) -> ImageRegion:
     """The image side of a region: from its mask, or its true outline."""
     if condition.masks == "polygon":
         pose = scene.rotation, scene.translation
         return ImageRegion.from_polygon(project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX))
     keep_mask = solver_options(condition.solver).get("integration") == "pixels"
-    return image_region(patch, scene.camera, keep_mask)
+    return image_region(patch, scene.camera, keep_mask, shown)
 
 
-def image_region(patch: Patch, camera: Camera, keep_mask: bool) -> ImageRegion:
-    """The region that the mask's contour bounds; with the whole mask only where pixels are to be summed."""
-    region = ImageRegion.from_mask(patch.values)
-    corner = np.array([patch.window.left, patch.window.top], dtype=np.float64)
-    mask = patch.whole(*image_size(camera)).astype(np.float64) if keep_mask else None
-    return ImageRegion(tuple(ring + corner for ring in region.rings), mask)
+def image_region(patch: Patch, camera: Camera, keep_mask: bool, shown: Window | None = None) -> ImageRegion:
+    """The region that the mask's contour bounds, in an image of which a window is shown (all of it without).
+
+    With the whole mask only where pixels are to be summed.
+    """
+    size = image_size(camera)
+    left, top, right, bottom = shown if shown is not None else Window(0, 0, *size)
+    window = patch.window
+    seen = Window(max(window.left, left), max(window.top, top), min(window.right, right), min(window.bottom, bottom))
+    # Empty pixels around tell what is not the image's border.
+    around = ((seen.top > top, seen.bottom < bottom), (seen.left > left, seen.right < right))
+    values = patch.values[seen.seen_from(window.left, window.top).block]
+    region = ImageRegion.from_mask(np.pad(values, np.array(around, dtype=int)))
+    corner = np.array([seen.left - around[1][0], seen.top - around[0][0]], dtype=np.float64)
+    mask = patch.whole(*size).astype(np.float64) if keep_mask else None
+    border = (left - 0.5, top - 0.5, right - 0.5, bottom - 0.5)
+    return ImageRegion(tuple(ring + corner for ring in region.rings), mask, border)
 
 
 def world_sides(

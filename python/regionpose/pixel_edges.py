@@ -1,0 +1,126 @@
+"""Pixel edges as bearings, split where the camera bends them, and the border of the image beside a region."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.cameras import Camera
+
+Array = NDArray[np.float64]
+Border = tuple[float, float, float, float]
+
+BEND_TOLERANCE_PX = 0.01
+"""A straight pixel edge is split until the great-circle arcs between its parts are within this distance (pixels)."""
+
+BEND_MARGIN = 1.5
+"""Bends counted for each one that is seen at the probes: the edge may bend more between them."""
+
+PROBES = (0.25, 0.5, 0.75)
+"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
+
+MOST_PARTS = 1000
+"""Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
+
+BORDER_BEND_TOLERANCE_PX = 0.02
+"""As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are cut there anew for each pose."""
+
+BORDER_SAMPLES = 128
+"""Places of each side of the border at which a camera is asked for a ray: a fisheye has none in the corners."""
+
+
+def sides_of(border: Border) -> list[tuple[int, float, float]]:
+    """Axis, place and outward sign of the top, right, bottom and left, as a counter-clockwise ring in (x, y)."""
+    left, top, right, bottom = border
+    return [(1, top, -1.0), (0, right, 1.0), (1, bottom, 1.0), (0, left, -1.0)]
+
+
+def border_lines(border: Border, vertices: Array, sides: list[bool]) -> list[Array]:
+    """Pixels (m, 2) of lines along the marked sides, longer at either end than vertices (n, 2) by their extent."""
+    left, top, right, bottom = border
+    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+    if all(sides):
+        return [np.vstack([corners, corners[:1]])]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    reach = float((high - low).max())
+    lines = []
+    for first in range(4):
+        if not sides[first] or sides[first - 1]:
+            continue
+        count = next(k for k in range(1, 4) if not sides[(first + k) % 4])
+        line = [corners[(first + k) % 4].copy() for k in range(count + 1)]
+        # Along the top x grows, along the right y, and back along the others.
+        for end, side, before in ((line[0], first, True), (line[-1], (first + count - 1) % 4, False)):
+            axis, grows = side % 2, side < 2
+            end[axis] = low[axis] - reach if grows == before else high[axis] + reach
+        lines.append(np.array(line))
+    return lines
+
+
+def seen_part(camera: Camera, line: Array) -> list[Array]:
+    """The longest part of a line of pixels (m, 2) along which the camera sees rays; none where it is a point."""
+    shares = np.linspace(0.0, 1.0, BORDER_SAMPLES + 1)[:-1, None]
+    samples = np.concatenate([*(a + shares * (b - a) for a, b in pairwise(line)), line[-1:]])
+    seen = np.isfinite(camera.bearings(samples)).all(axis=1)
+    if seen.all():
+        return [line]
+    bounds = np.flatnonzero(np.diff(np.concatenate([[0], seen.astype(np.int8), [0]])))
+    start, stop = max(zip(bounds[::2], bounds[1::2], strict=True), key=lambda run: run[1] - run[0], default=(0, 0))
+    if stop - start < 2:
+        return []
+    corners = [k for k in range(start + 1, stop - 1) if k % BORDER_SAMPLES == 0]
+    return [samples[[start, *corners, stop - 1]]]
+
+
+def line_bearings(camera: Camera, line: Array) -> Array:
+    """Bearings (k, 3) along a line of pixels (m, 2) of the border; ValueError where the camera sees no ray."""
+    starts, ends = line[:-1], line[1:]
+    split = _split_edges(camera, starts, ends, "the image border", BORDER_BEND_TOLERANCE_PX)
+    return np.vstack([split, _visible(camera, line[-1:], "the image border")])
+
+
+def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
+    """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
+    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), f"ring {index}", BEND_TOLERANCE_PX)
+
+
+def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, tolerance: float) -> Array:
+    """Bearings of the starts (n, 2) of pixel edges, and of points between where the camera bends the edges."""
+    bearings = _visible(camera, starts, item)
+    if camera.straight_lines:
+        return bearings
+    parts = _parts_of_edges(camera, (starts, ends), (bearings, _visible(camera, ends, item)), item, tolerance)
+    if parts.max() == 1:
+        return bearings
+    first = np.repeat(np.arange(len(starts)), parts)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
+    share = (within / parts[first])[:, None]
+    return _visible(camera, starts[first] * (1.0 - share) + ends[first] * share, item)
+
+
+def _visible(camera: Camera, pixels: Array, item: str) -> Array:
+    bearings = camera.bearings(pixels)
+    blind = np.flatnonzero(~np.isfinite(bearings).all(axis=1))
+    if len(blind):
+        x, y = pixels[blind[0]]
+        raise ValueError(f"{item} passes pixel ({x:.2f}, {y:.2f}), where the camera's model sees no ray")
+    return bearings
+
+
+def _parts_of_edges(
+    camera: Camera, pixels: tuple[Array, Array], ends: tuple[Array, Array], item: str, tolerance: float
+) -> NDArray[np.int64]:
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
+    (ring, following), (bearings, ahead) = pixels, ends
+    length = np.linalg.norm(following - ring, axis=1)
+    normal = np.cross(bearings, ahead)
+    sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    sagitta = np.zeros(len(ring))
+    for share in PROBES:
+        between = _visible(camera, ring + share * (following - ring), item)
+        off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
+        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * share * (1.0 - share)))
+    parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / tolerance)), 1, MOST_PARTS)
+    return parts.astype(np.int64)

@@ -1,0 +1,220 @@
+//! The border of the image about an observed region: what of the world it lets be seen (`docs/math.md`, section 14).
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::bearing_rings::Bearing;
+use crate::chart::Chart;
+use crate::clipping::{Clipped, holds, intersection};
+use crate::error::{Error, Result};
+use crate::region::WorldRegion;
+use crate::rings::{PlaneRings, ring_edges, signed_area};
+
+/// An edge of the observed outline within this distance of the border, in pixels, lies on it.
+const ON_BORDER: f64 = 0.25;
+
+/// Share of an outline that the image has to show: less holds no pose.
+const LEAST_SEEN: f64 = 0.05;
+
+/// Where the visible part of the plane `z = 1` ends that no border bounds: 87 degrees off the chart's axis.
+const REACH: f64 = 20.0;
+
+/// Angle between neighbouring points there, rad.
+const REACH_STEP: f64 = 0.5;
+
+/// Points of the world nearer to the camera's plane, along the chart's axis, than this share of the farthest are cut off.
+const NEAR: f64 = 1e-3;
+
+/// Directions from which a world region is cut, over a full turn, and the shares that are cut off it, to start from.
+const CUT_DIRECTIONS: usize = 12;
+const CUT_SHARES: [f64; 3] = [0.15, 0.3, 0.45];
+
+/// Halvings of the range in which the line lies that cuts off a share: far finer than the shares are apart.
+const CUT_HALVINGS: usize = 12;
+
+/// The border of the image as a region's chart shows it.
+#[derive(Debug, Clone)]
+pub struct Border {
+    /// The visible part of the chart.
+    visible: Vec<Vec<Vector2<f64>>>,
+    /// Whether each edge of the observed outline lies on the border, ring by ring.
+    on_border: Vec<Vec<bool>>,
+}
+
+impl Border {
+    /// The border along which a region of an `outline` in its chart was cut, `pixel` being a pixel's size there.
+    ///
+    /// `None` where nothing of the outline lies on the border.
+    ///
+    /// # Errors
+    /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
+    pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
+        let lines = lines.iter().map(|line| projected(line, chart)).collect::<Result<Vec<_>>>()?;
+        let near = |p: &Vector2<f64>| lines.iter().any(|line| lies_along(line, p, ON_BORDER * pixel));
+        let on_border: Vec<Vec<bool>> = outline
+            .rings()
+            .iter()
+            .map(|ring| ring_edges(ring).map(|(a, b)| near(&a) && near(&b) && near(&a.lerp(&b, 0.5))).collect())
+            .collect();
+        let flat = || on_border.iter().flatten().copied();
+        if !flat().any(|on_border| on_border) {
+            return Ok(None);
+        }
+        let lengths = || outline.edges().map(|(a, b)| (b - a).norm());
+        let seen = lengths().zip(flat()).map(|(length, on_border)| if on_border { 0.0 } else { length }).sum::<f64>();
+        let share = seen / lengths().sum::<f64>();
+        if share < LEAST_SEEN {
+            return Err(Error::OutOfRange {
+                item: "the share of the observed outline inside the image",
+                found: format!("{:.1} %, the rest of it on the image's border", 100.0 * share),
+                needed: format!("at least {:.0} %", 100.0 * LEAST_SEEN),
+            });
+        }
+        let middles = || outline.edges().map(|(a, b)| a.lerp(&b, 0.5)).zip(flat());
+        let inside: Vec<_> = middles().filter(|(_, on_border)| !on_border).map(|(middle, _)| middle).collect();
+        let visible = vec![visible(lines, &inside, REACH * chart.scale)];
+        Ok(Some(Self { visible, on_border }))
+    }
+
+    /// Whether each edge of the observed outline lies on the border, ring by ring.
+    pub fn on_border(&self) -> &[Vec<bool>] {
+        &self.on_border
+    }
+
+    /// What the image shows of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
+    /// they turn the other way and are turned round.
+    pub fn clipped(&self, mut rings: Vec<Vec<Vector2<f64>>>) -> (Clipped, f64) {
+        let behind = rings.iter().map(|ring| signed_area(ring)).sum::<f64>() < 0.0;
+        if behind {
+            rings.iter_mut().for_each(|ring| ring.reverse());
+        }
+        (intersection(&rings, &self.visible), if behind { -1.0 } else { 1.0 })
+    }
+}
+
+/// A world region cut by straight lines from all sides: what a border that is straight in the image may leave of it.
+pub fn cut_worlds(world: &WorldRegion) -> Vec<WorldRegion> {
+    let outline = world.outline();
+    let (lower, upper) = outline.bounds();
+    let (middle, reach) = ((lower + upper) / 2.0, (upper - lower).norm());
+    let mut cut = Vec::with_capacity(CUT_DIRECTIONS * CUT_SHARES.len());
+    for k in 0..CUT_DIRECTIONS {
+        let (sine, cosine) = (std::f64::consts::TAU * k as f64 / CUT_DIRECTIONS as f64).sin_cos();
+        let (along, across) = (Vector2::new(cosine, sine), Vector2::new(-sine, cosine));
+        let kept = |offset: f64| {
+            let corner = |x: f64, y: f64| middle + along * x + across * y;
+            let half = [(-reach, -reach), (offset, -reach), (offset, reach), (-reach, reach)];
+            let half = vec![half.map(|(x, y)| corner(x, y)).to_vec()];
+            PlaneRings::of_simple(intersection(outline.rings(), &half).rings)
+        };
+        for share in CUT_SHARES {
+            let (mut low, mut high) = (-reach, reach);
+            for _ in 0..CUT_HALVINGS {
+                let offset = (low + high) / 2.0;
+                let much = kept(offset).area() > (1.0 - share) * outline.area();
+                (low, high) = if much { (low, offset) } else { (offset, high) };
+            }
+            cut.push(WorldRegion::from_outline(world.frame().clone(), kept(high)));
+        }
+    }
+    cut
+}
+
+/// The part of a closed ring, given along the chart's axes, that lies clearly before the camera, in chart coordinates
+/// (Sutherland and Hodgman 1974).
+pub fn projected_before(ring: &[Vector3<f64>], chart: &Chart) -> Vec<Vector2<f64>> {
+    let near = near_plane(ring);
+    let project = |p: Vector3<f64>| p.xy() * (chart.scale / p.z);
+    let mut seen = Vec::with_capacity(ring.len() + 2);
+    for (k, a) in ring.iter().enumerate() {
+        let b = &ring[(k + 1) % ring.len()];
+        if let Some([from, to]) = edge_before(near, a, b) {
+            seen.push(project(from));
+            seen.extend((b.z < near).then(|| project(to)));
+        }
+    }
+    seen
+}
+
+/// The part of an edge, along the chart's axes, before the plane that [`near_plane`] gives; `None` where there is none.
+pub fn edge_before(near: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
+    let crossing = || a.lerp(b, (near - a.z) / (b.z - a.z));
+    match (a.z >= near, b.z >= near) {
+        (true, true) => Some([*a, *b]),
+        (true, false) => Some([*a, crossing()]),
+        (false, true) => Some([crossing(), *b]),
+        (false, false) => None,
+    }
+}
+
+/// The depth before which a ring of points counts as behind the camera.
+pub fn near_plane(ring: &[Vector3<f64>]) -> f64 {
+    NEAR * ring.iter().map(|p| p.norm()).fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// A line of bearings in the chart, without what lies outside of it at both ends.
+fn projected(line: &[Bearing], chart: &Chart) -> Result<Vec<Vector2<f64>>> {
+    let points: Vec<_> = line.iter().map(|bearing| chart.project(bearing)).collect();
+    let first = points.iter().position(Option::is_some).unwrap_or(0);
+    let last = points.iter().rposition(Option::is_some).unwrap_or(0);
+    let inside = points[first..=last].iter().copied().collect::<Option<Vec<_>>>();
+    inside.filter(|line| line.len() > 1).ok_or_else(|| Error::OutOfRange {
+        item: "the image's border beside the observed region",
+        found: "a line that leaves the region's half space".into(),
+        needed: "a line that is in view beside the region".into(),
+    })
+}
+
+fn lies_along(line: &[Vector2<f64>], point: &Vector2<f64>, within: f64) -> bool {
+    line.windows(2).any(|ends| {
+        let step = ends[1] - ends[0];
+        let share = (point - ends[0]).dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE);
+        (point - ends[0] - step * share.clamp(0.0, 1.0)).norm() < within
+    })
+}
+
+/// The ring around what the lines leave visible within a radius, counter-clockwise; some points inside are known.
+fn visible(mut lines: Vec<Vec<Vector2<f64>>>, inside: &[Vector2<f64>], radius: f64) -> Vec<Vector2<f64>> {
+    let ring = joined(&lines, radius);
+    let within = std::slice::from_ref(&ring);
+    if 2 * inside.iter().filter(|p| holds(within, **p, 1.0)).count() >= inside.len() {
+        return ring;
+    }
+    // A camera that mirrors the image has the visible side on the other hand.
+    lines.iter_mut().for_each(|line| line.reverse());
+    lines.reverse();
+    joined(&lines, radius)
+}
+
+/// The lines, prolonged to a circle and joined along it, with the inside on their left.
+fn joined(lines: &[Vec<Vector2<f64>>], radius: f64) -> Vec<Vector2<f64>> {
+    if let [line] = lines
+        && line.first() == line.last()
+    {
+        return line[1..].to_vec();
+    }
+    let mut ring = Vec::new();
+    for (k, line) in lines.iter().enumerate() {
+        let (count, next) = (line.len(), &lines[(k + 1) % lines.len()]);
+        let end = prolonged(&line[count - 2], &line[count - 1], radius);
+        let start = prolonged(&next[1], &next[0], radius);
+        ring.extend_from_slice(line);
+        ring.push(end);
+        let from = end.y.atan2(end.x);
+        let turn = (start.y.atan2(start.x) - from).rem_euclid(std::f64::consts::TAU);
+        let steps = (turn / REACH_STEP).ceil().max(1.0) as usize;
+        ring.extend((1..steps).map(|step| {
+            let angle = from + turn * step as f64 / steps as f64;
+            Vector2::new(angle.cos(), angle.sin()) * radius
+        }));
+        ring.push(start);
+    }
+    ring
+}
+
+/// Where the ray from `a` through `b` meets a circle about the origin.
+fn prolonged(a: &Vector2<f64>, b: &Vector2<f64>, radius: f64) -> Vector2<f64> {
+    let step = (b - a).normalize();
+    let along = b.dot(&step);
+    let off = (radius * radius - b.norm_squared() + along * along).max(0.0).sqrt();
+    b + step * (off - along).max(f64::EPSILON * radius)
+}
