@@ -289,7 +289,7 @@ fn around(index: usize, ends: &[usize]) -> impl Iterator<Item = usize> + use<> {
 /// Distances and derivatives of all pieces, and the edges that they belong to.
 pub(crate) struct Rows {
     pub rows: Vec<Row>,
-    nearest: Vec<Vec<usize>>,
+    pub nearest: Vec<Vec<usize>>,
 }
 
 impl Rows {

@@ -10,8 +10,9 @@ use regionpose::equations::System;
 use regionpose::estimate::{Estimate, Refinement};
 use regionpose::facet::Integration;
 use regionpose::pose::Pose;
+use regionpose::prior::Prior;
 use regionpose::region::ObservedRegion;
-use regionpose::solve::{Prior, Problem, Start};
+use regionpose::solve::{Problem, Start};
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 
