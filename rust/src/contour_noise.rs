@@ -1,56 +1,16 @@
-//! What the noise of the contours that a fit shows says of its pose: how long it goes on alike, and the pose's covariance
-//! (`docs/math.md`, eq. 11.5 to 11.7).
+//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.5 to 11.7).
 
 use nalgebra::{Matrix6, Vector6};
 
 use crate::contour::{Contour, ContourFit, Row, Rows};
-
-/// Weights fall to a quarter at this many scales (Geman-McClure).
-const HALF_WIDTH: f64 = 2.0;
+use crate::correlation::long_run;
+use crate::robust::{slope, weight};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Pieces over which neighbours are taken to vary together, or in turns.
-const WINDOW: usize = 12;
-
-/// The least that a sum of neighbours may vary against independent ones.
-const LEAST_CORRELATION: f64 = 0.2;
-
 /// Parameters of a pose.
 const PARAMETERS: f64 = 6.0;
-
-/// The weight of a distance against a scale.
-pub fn weight(distance: f64, scale: f64) -> f64 {
-    let ratio = distance / (HALF_WIDTH * scale);
-    (1.0 + ratio * ratio).powi(-2)
-}
-
-/// Derivative of a distance times its weight: negative beyond the turning point of the loss.
-fn slope(distance: f64, scale: f64) -> f64 {
-    let square = (distance / (HALF_WIDTH * scale)).powi(2);
-    (1.0 - 3.0 * square) * (1.0 + square).powi(-3)
-}
-
-/// How many neighbours vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive.
-pub fn correlation(values: &[f64]) -> f64 {
-    let product = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>();
-    let square = product(0);
-    if square <= 0.0 {
-        return 1.0;
-    }
-    let lags = (1..values.len() / 4).map(|lag| product(lag) / square).take_while(|&rho| rho > 0.0);
-    1.0 + 2.0 * lags.sum::<f64>()
-}
-
-/// How much more a long sum of neighbours varies than if they were independent, by Bartlett's window: less where they take
-/// turns, as the steps of a staircase do.
-fn long_run(values: &[f64]) -> f64 {
-    let product = |lag: usize| values.iter().zip(&values[lag.min(values.len())..]).map(|(a, b)| a * b).sum::<f64>();
-    let square = product(0).max(f64::MIN_POSITIVE);
-    let lags = (1..WINDOW).map(|lag| (1.0 - lag as f64 / WINDOW as f64) * product(lag) / square);
-    (1.0 + 2.0 * lags.sum::<f64>()).max(LEAST_CORRELATION)
-}
 
 /// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
 /// left free.

@@ -17,15 +17,16 @@ use crate::warning::{Warning, Way};
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
 
-/// Share of a region's contour on its projection from which the region counts as found.
-const FIRM_SHARE: f64 = 0.3;
+/// Share of a region's contour on its projection from which the region counts as found: alone, of two, of more. The fewer
+/// there are to agree, the more each has to show.
+const FIRM_SHARES: [f64; 3] = [0.4, 0.3, 0.2];
 
-/// The same for a region without others: nothing but its own contour speaks for its pose.
-const FIRM_ALONE: f64 = 0.5;
+/// Scatter, in pixels, up to which contours count as found: where it is wider, any three lines lie on any three.
+const FIRM_SIGMA: f64 = 1.0;
 
 /// Share of a region's contour on its projection below which it counts as an outlier where others are found: a wrong contour
 /// crosses the projection here and there.
-const OUTLIER_SHARE: f64 = 0.2;
+const OUTLIER_SHARE: f64 = 0.12;
 
 /// What follows the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -199,9 +200,10 @@ fn poor_region(region: usize, error: f64, contour: Option<&ContourFit>) -> Optio
     let poor = Warning::PoorOverlap { region, percent: 100.0 * error };
     let Some(fit) = contour else { return Some(poor) };
     let (share, others) = fit.clean_shares_of(region);
-    if share > if fit.clean_shares.len() > 1 { FIRM_SHARE } else { FIRM_ALONE } {
+    let firm = FIRM_SHARES[fit.clean_shares.len().min(FIRM_SHARES.len()) - 1];
+    if share > firm && fit.mixture.sigma < FIRM_SIGMA {
         return None;
     }
-    let outlier = others > FIRM_SHARE && share < OUTLIER_SHARE;
+    let outlier = others > firm && share < OUTLIER_SHARE;
     Some(if outlier { Warning::OutlierRegion { region, percent: 100.0 * share, others: 100.0 * others } } else { poor })
 }

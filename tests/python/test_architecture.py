@@ -19,15 +19,15 @@ Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
-    ("batch", "mixture", "moments", "pose", "rings"),
+    ("batch", "correlation", "mixture", "moments", "pose", "rings", "robust"),
     ("clipping", "derivatives", "mesh", "overlap", "p3p", "prior", "region"),
     ("bearing_rings",),
-    ("chart",),
+    ("chart", "pieces"),
     ("border", "corners", "equations", "initial"),
     ("facet", "whitening"),
     ("residual",),
     ("contour", "fit", "least_squares"),
-    ("solve", "warning"),
+    ("contour_noise", "solve", "warning"),
     ("places", "weakness"),
     ("estimate",),
 )

@@ -84,6 +84,7 @@ def solved_row(
 ) -> Row:
     """The outcome of an estimate, with the bound of its errors where that was asked for."""
     answers = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
+    covariances = [estimate.covariance, *(alternative.covariance for alternative in estimate.alternatives)]
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
     codes = [warning.code for warning in estimate.warnings]
@@ -99,7 +100,7 @@ def solved_row(
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise),
         **_sigmas(estimate),
-        "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], estimate.covariance),
+        "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], covariances[rank]),
         "bound_rotation_deg": None if bound is None else bound.rotation_deg,
         "bound_translation_m": None if bound is None else bound.translation_m,
         "converged": bool(estimate.converged),
