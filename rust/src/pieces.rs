@@ -13,6 +13,9 @@ const MOST_PIECES: usize = 800;
 /// Pieces of one ring at least.
 const FEWEST_PIECES: usize = 8;
 
+/// Share of an edge that counts as all of it: what round-off leaves at its end is no part of the next piece.
+const WHOLE: f64 = 1.0 - 1e-12;
+
 /// Turn, as a sine, up to which neighbouring edges go on as one straight run: a camera bends a straight line into edges that
 /// turn by less, and a mask's staircase turns by 45 degrees.
 const STRAIGHT: f64 = 0.1;
@@ -112,7 +115,7 @@ fn ring_pieces(ring: &[Vector2<f64>], runs: &[usize], without: &[bool], length: 
     for (edge, (a, b)) in edges(ring).enumerate() {
         let step = (b - a).norm();
         let mut from = 0.0;
-        while step > from {
+        while from < step * WHOLE {
             let last = parts + 1 == count;
             let to = if last { step } else { step.min(from + part - sums.length) };
             sums = sums.with(&a.lerp(&b, from / step), &a.lerp(&b, to / step), runs[edge]);
