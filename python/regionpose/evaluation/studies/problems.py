@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +30,6 @@ from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Value, solver_options
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
-from regionpose.outline import SparseSamplingWarning
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
@@ -269,10 +267,7 @@ def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Ge
     offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
     position = scene.rotation.T @ (offset - scene.translation)
     points = lidar_points(rings, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
-    with warnings.catch_warnings():
-        # What sparse samples cost is what the study measures.
-        warnings.simplefilter("ignore", SparseSamplingWarning)
-        return WorldRegion.from_points(points, sensor_origin=position)
+    return WorldRegion.from_points(points, sensor_origin=position)
 
 
 def world_region(rings: Sequence[Array]) -> WorldRegion:
