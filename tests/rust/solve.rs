@@ -410,7 +410,7 @@ fn wild_scene(random: &mut Random) -> Option<(Vec<ObservedRegion>, Vec<WorldRegi
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 250, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn wild_numbers_are_refused_or_end_without_a_panic(seed: u64, sphere: bool, mesh: bool, paper: bool) {
