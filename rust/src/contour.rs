@@ -11,12 +11,12 @@ use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, 
 use crate::border::{edge_before, near_plane};
 use crate::corners::simplified;
 use crate::correlation::correlation;
+use crate::loss::weight;
 use crate::mixture::{Distances, Mixture};
 use crate::pieces::{Piece, edges, pieces};
 use crate::pose::{Pose, Tangent};
 use crate::region::WorldRegion;
 use crate::residual::{Evaluation, RegionEquations};
-use crate::robust::weight;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;

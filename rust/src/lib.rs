@@ -42,6 +42,7 @@ pub mod facet;
 pub mod fit;
 pub mod initial;
 pub mod least_squares;
+pub mod loss;
 pub mod mesh;
 pub mod mixture;
 pub mod moments;
@@ -54,7 +55,7 @@ pub mod prior;
 pub mod region;
 pub mod residual;
 pub mod rings;
-pub mod robust;
+
 pub mod solve;
 pub mod warning;
 pub mod weakness;

@@ -19,7 +19,7 @@ Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("error",),
-    ("batch", "correlation", "mixture", "moments", "pose", "rings", "robust"),
+    ("batch", "correlation", "loss", "mixture", "moments", "pose", "rings"),
     ("clipping", "derivatives", "mesh", "overlap", "p3p", "prior", "region"),
     ("bearing_rings",),
     ("chart", "pieces"),

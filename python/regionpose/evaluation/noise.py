@@ -177,6 +177,10 @@ def squares_on_region(
         raise ValueError(_unreached(share, reached, length, "m"))
     count = len(pieces)
     before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
+    while before.area > target:
+        # Without the grid the union of touching squares may come out too small.
+        count -= 1
+        before = as_multipolygon(shapely.union_all(pieces[: count - 1], grid_size=grid))
     last = _fitting_piece(region, before, squares, count - 1, length, target - before.area, grid)
     changed = as_multipolygon(before.union(last, grid_size=grid))
     return frame.rings(region.symmetric_difference(changed, grid_size=grid))
