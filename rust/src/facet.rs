@@ -79,7 +79,7 @@ pub fn facets(
 /// A size that is not positive and finite, or an outline that cannot be meshed.
 pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>) -> Result<PlaneMesh> {
     if let Some(size) = size.filter(|size| !(size.is_finite() && *size > 0.0)) {
-        let needed = "positive and finite, a share of the region's extent".into();
+        let needed = "positive and finite, a share of the square root of the region's area".into();
         return Err(Error::OutOfRange { item: "mesh_size", found: size.to_string(), needed });
     }
     let even = |share: f64| even_mesh(outline, share * outline.area().sqrt());
