@@ -37,8 +37,8 @@ class FrameFit:
     """How a frame fits the joint pose.
 
     `overlap_error`: of all its regions together, a fraction as of `PoseEstimate`; `region_overlap_errors` (k,) region
-    by region. `residual_px`: robust standard deviation of the distances between contours and projected outlines,
-    pixels; infinite where an outline isn't wholly visible.
+    by region. `residual_px`: size of the distances between contours and projected outlines, pixels: root mean square,
+    or robust standard deviation where that is less; infinite where an outline isn't wholly visible.
     """
 
     name: str
@@ -53,8 +53,8 @@ class Influence:
 
     `pose`, `covariance`: theirs, (6, 6) of the left increment. From it to the joint pose it is `sigmas` standard
     deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift` metres at the middle of
-    all regions. `residual_px`: robust standard deviation of the frame's own distances at their pose, pixels;
-    `expected_px`: what the scatter of the others' contours and the covariance of their pose lead to expect. Infinite
+    all regions. `residual_px`: of the frame's own distances at their pose, as of `FrameFit`; `expected_px`: what the
+    others' own residuals and the covariance of their pose lead to expect. Infinite
     where an outline isn't wholly visible there, or the others leave a direction free; `sigmas` is 0 then.
     """
 
@@ -270,15 +270,18 @@ def _sigmas(increment: Array, covariance: Array) -> float:
 
 
 def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:
-    """Robust standard deviation of a frame's distances at the pose of the others, and the one to expect, pixels.
+    """Size of a frame's distances at the pose of the others, and the one to expect, pixels.
 
-    `expected^2 = s^2 + mean of diag(J C J^T)`: the others' own scatter, and what the covariance C of their pose moves
-    the frame's outlines by.
+    `expected^2 = s^2 + mean of diag(J C J^T)`: the median over the others of their distances' root mean square, and
+    what the covariance C of their pose moves the frame's outlines by. A frame, not a vertex, counts as one among the
+    others: an error of its plane puts all of its outline off.
     """
-    own, rest = (contours_of(camera, without.pose, *_sides(part)) for part in ([frame], others))
-    residual, scatter = (_residual_px(camera, without.pose, contours) for contours in (own, rest))
+    own = contours_of(camera, without.pose, *_sides([frame]))
+    residual = _residual_px(camera, without.pose, own)
     if not np.isfinite(without.covariance).all():
         return residual, float("inf")
+    parts = (distances_of(camera, without.pose, contours_of(camera, without.pose, *_sides([one]))) for one in others)
+    scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in parts]))
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
     moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
@@ -286,9 +289,19 @@ def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Seque
 
 
 def _residual_px(camera: Camera, pose: Pose, contours: Contours) -> float:
-    """Robust standard deviation of the distances, pixels; infinite where an outline isn't wholly visible."""
+    """Size of the distances, pixels; infinite where an outline isn't wholly visible.
+
+    The root mean square, or the robust standard deviation where that is less: a few edges put off as wholes make the
+    median of their distances a poor guess, a part of the contour that is another object's does so to the square.
+    """
     distances = distances_of(camera, pose, contours)
-    return float("inf") if distances is None else robust_sigma(distances.values)
+    if distances is None:
+        return float("inf")
+    return min(_root_mean_square(distances.values), robust_sigma(distances.values))
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _outlier_warning(one: Influence) -> PoseWarning:
