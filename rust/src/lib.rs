@@ -55,8 +55,8 @@ pub mod prior;
 pub mod region;
 pub mod residual;
 pub mod rings;
-
 pub mod solve;
+pub mod turns;
 pub mod warning;
 pub mod weakness;
 pub mod whitening;

@@ -8,8 +8,9 @@ use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
 use crate::prior::Prior;
-use crate::region::WorldRegion;
+use crate::region::{PlaneFrame, WorldRegion};
 use crate::solve::{AMBIGUITY_COST, Problem, apart};
+use crate::turns::turns_of;
 
 /// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
 const TIE_COST: f64 = 1e-3;
@@ -121,7 +122,10 @@ impl Problem {
             return None;
         }
         let start = contour_fit(&contours, &first)?;
-        let places = by_likelihood(self.led_onto(&contours, self.likeliest_starts(&contours, &few, minima, prior)));
+        let mut places = by_likelihood(self.led_onto(&contours, self.likeliest_starts(&contours, &few, minima, prior)));
+        let turned = self.led_onto(&few, self.turned_starts(&contours, places.first()?));
+        places.extend(self.led_onto(&contours, self.likely_starts(turned, prior)));
+        let places = by_likelihood(places);
         let best = places.first()?.contour.as_ref()?;
         let gain = best.independent * (best.mixture.likelihood - start.mixture.likelihood);
         // Parts hidden as one leave few that are independent, however well the others are found.
@@ -151,6 +155,11 @@ impl Problem {
             let further = self.further_poses(contours);
             places.extend(self.led_onto(few, further.iter().map(|pose| self.given(self.uncentred(pose)))));
         }
+        self.likely_starts(places, prior)
+    }
+
+    /// The places that could be as likely as the best, each once, as starts.
+    fn likely_starts(&self, places: Vec<Place>, prior: &Prior) -> Vec<Minimum> {
         let places = by_likelihood(places);
         let best = places.first().and_then(|place| place.contour.as_ref());
         let worst = 0.5 * (AMBIGUITY_COST + self.most_penalty(prior));
@@ -158,6 +167,14 @@ impl Problem {
         let wanted = |place: &Place, kept: usize| kept < FEWEST_LED || (kept < MOST_LED && place.likelihood() >= least);
         let kept = self.each_once(places, SAME_START, wanted);
         kept.into_iter().map(|place| Minimum { pose: place.pose, ..place.minimum }).collect()
+    }
+
+    /// A place turned in the plane that all regions lie in, if they do, to wherever they look much the same.
+    fn turned_starts(&self, contours: &[Contour], place: &Place) -> Vec<Minimum> {
+        let Some(plane) = self.common_plane() else { return Vec::new() };
+        let plane = PlaneFrame { origin: plane.origin - self.origin(), ..plane };
+        let turns = turns_of(&self.sketches(contours), &plane, &self.centred(&place.pose), MISFIT_SCALE);
+        turns.iter().map(|pose| self.given(self.uncentred(pose))).collect()
     }
 
     /// Places in their order that are wanted, beside how many are kept already, each pose once.
@@ -194,10 +211,7 @@ impl Problem {
     /// Poses from corners and, of several regions, from each by itself, that lie nearest to the contours of all, led onto few
     /// pieces of them; about the problem's origin.
     fn further_poses(&self, contours: &[Contour]) -> Vec<Pose> {
-        let pieces = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
-        let tolerance = |world: &WorldRegion| SKETCH_TOLERANCE * world.outline().area().sqrt();
-        let pairs = contours.iter().zip(self.worlds());
-        let sketch: Vec<Contour> = pairs.map(|(contour, world)| contour.sketched(pieces, tolerance(world))).collect();
+        let sketch = self.sketches(contours);
         let rough: Vec<Contour> = sketch.iter().map(|contour| contour.thinned(CHECKED)).collect();
         let corners = nearest(&rough, self.poses_of_corners(), FIRST_LOOK).into_iter().map(|(_, pose)| pose).collect();
         let mut kinds = alike(nearest(&sketch, corners, FIRST_LOOK));
@@ -211,6 +225,14 @@ impl Problem {
         let mut poses = distinct_poses(fits.into_iter().map(|(fit, _)| fit.pose), MOST_REFINED, SAME_START);
         poses.extend(distinct_poses(symmetric.into_iter(), MOST_LED, SAME_FURTHER));
         poses
+    }
+
+    /// A part of the contours' pieces and of the boundaries' vertices, for a first look.
+    fn sketches(&self, contours: &[Contour]) -> Vec<Contour> {
+        let pieces = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
+        let tolerance = |world: &WorldRegion| SKETCH_TOLERANCE * world.outline().area().sqrt();
+        let pairs = contours.iter().zip(self.worlds());
+        pairs.map(|(contour, world)| contour.sketched(pieces, tolerance(world))).collect()
     }
 
     /// Whether a region by itself is seen about as large as it is observed; of several, one may be wrong.

@@ -55,7 +55,7 @@ impl Problem {
     }
 
     /// The plane that all regions lie in, if they lie in one.
-    fn common_plane(&self) -> Option<PlaneFrame> {
+    pub(crate) fn common_plane(&self) -> Option<PlaneFrame> {
         let vertices = self.worlds().iter().flat_map(|world| world.rings()).collect::<Vec<_>>().concat();
         let plane = PlaneFrame::fit(&vertices).ok()?;
         let farthest = vertices.iter().map(|x| (x - plane.origin).norm()).fold(0.0, f64::max);
