@@ -38,9 +38,19 @@ pub struct Mixture {
 impl Mixture {
     /// Probability that a distance is a clean one.
     pub fn clean_probability(&self, distance: f64) -> f64 {
-        let clean = (1.0 - self.disturbed) * density(distance * distance, self.sigma);
-        let other = self.disturbed * density(distance * distance, self.wide);
+        let [clean, other] = self.densities(distance);
         clean / (clean + other).max(f64::MIN_POSITIVE)
+    }
+
+    /// Logarithm of the density at a distance, in 1 / pixels.
+    pub fn log_density(&self, distance: f64) -> f64 {
+        self.densities(distance).iter().sum::<f64>().max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// Densities of the clean ones and of the others at a distance.
+    fn densities(&self, distance: f64) -> [f64; 2] {
+        let square = distance * distance;
+        [(1.0 - self.disturbed) * density(square, self.sigma), self.disturbed * density(square, self.wide)]
     }
 }
 

@@ -8,9 +8,8 @@ use crate::equations::Weighting;
 use crate::least_squares::Minimum;
 use crate::pose::Pose;
 use crate::prior::Prior;
-use crate::region::{PlaneFrame, WorldRegion};
+use crate::region::WorldRegion;
 use crate::solve::{AMBIGUITY_COST, Problem, apart};
-use crate::turns::turns_of;
 
 /// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
 const TIE_COST: f64 = 1e-3;
@@ -21,6 +20,14 @@ const TIE_STEP: f64 = 1e-3;
 /// Gain of log likelihood over independent parts of the contour below which a refined pose isn't preferred to the moments':
 /// six parameters gain 3 by chance, and 7 more stand for odds of a thousand to one.
 const DECISIVE_LIKELIHOOD: f64 = 10.0;
+
+/// Standard deviations of chance by which a pose is likelier than another for these not to fit alike: pieces that the same
+/// disturbance moves make chance smaller than it is, so that true poses stay within 1.2 of wrong ones in 998 cases of 1000,
+/// and wrong ones that are told apart lie beyond 1.5 in 99 of 100.
+const UNDECIDED: f64 = 1.2;
+
+/// Twice the gain of log likelihood up to which chance may decide.
+const MOST_UNDECIDED: f64 = 100.0;
 
 /// Minima that are led onto the contours at most, those of the least cost.
 const MOST_REFINED: usize = 12;
@@ -124,7 +131,7 @@ impl Problem {
         let start = contour_fit(&contours, &first)?;
         let mut places = by_likelihood(self.led_onto(&contours, self.likeliest_starts(&contours, &few, minima, prior)));
         let turned = self.led_onto(&few, self.turned_starts(&contours, places.first()?));
-        places.extend(self.led_onto(&contours, self.likely_starts(turned, prior)));
+        places.extend(self.led_onto(&contours, self.likely_starts(turned, MOST_UNDECIDED, prior)));
         let places = by_likelihood(places);
         let best = places.first()?.contour.as_ref()?;
         let gain = best.independent * (best.mixture.likelihood - start.mixture.likelihood);
@@ -133,8 +140,8 @@ impl Problem {
         if gain < DECISIVE_LIKELIHOOD && !found {
             return None;
         }
-        let (greatest, independent) = (best.mixture.likelihood, best.independent);
-        let misfit = |place: &Place| 2.0 * independent * (greatest - place.likelihood());
+        let best = best.clone();
+        let misfit = |place: &Place| place.contour.as_ref().map_or(f64::INFINITY, |fit| misfit_against(&best, fit));
         let places = places.into_iter().map(|place| Place { misfit: misfit(&place), ..place }).collect();
         let worst = AMBIGUITY_COST + self.most_penalty(prior);
         Some(self.each_once(places, SAME_PLACE, |place, _| place.misfit <= worst))
@@ -155,26 +162,25 @@ impl Problem {
             let further = self.further_poses(contours);
             places.extend(self.led_onto(few, further.iter().map(|pose| self.given(self.uncentred(pose)))));
         }
-        self.likely_starts(places, prior)
+        self.likely_starts(places, AMBIGUITY_COST, prior)
     }
 
     /// The places that could be as likely as the best, each once, as starts.
-    fn likely_starts(&self, places: Vec<Place>, prior: &Prior) -> Vec<Minimum> {
+    fn likely_starts(&self, places: Vec<Place>, most: f64, prior: &Prior) -> Vec<Minimum> {
         let places = by_likelihood(places);
         let best = places.first().and_then(|place| place.contour.as_ref());
-        let worst = 0.5 * (AMBIGUITY_COST + self.most_penalty(prior));
+        let worst = 0.5 * (most + self.most_penalty(prior));
         let least = best.map_or(0.0, |fit| fit.mixture.likelihood - worst / fit.independent);
         let wanted = |place: &Place, kept: usize| kept < FEWEST_LED || (kept < MOST_LED && place.likelihood() >= least);
         let kept = self.each_once(places, SAME_START, wanted);
         kept.into_iter().map(|place| Minimum { pose: place.pose, ..place.minimum }).collect()
     }
 
-    /// A place turned in the plane that all regions lie in, if they do, to wherever they look much the same.
+    /// A place turned in the plane of all regions to wherever they look much the same.
     fn turned_starts(&self, contours: &[Contour], place: &Place) -> Vec<Minimum> {
-        let Some(plane) = self.common_plane() else { return Vec::new() };
-        let plane = PlaneFrame { origin: plane.origin - self.origin(), ..plane };
-        let turns = turns_of(&self.sketches(contours), &plane, &self.centred(&place.pose), MISFIT_SCALE);
-        turns.iter().map(|pose| self.given(self.uncentred(pose))).collect()
+        let sketches: Vec<Contour> = self.sketches(contours).iter().map(|sketch| sketch.thinned(2)).collect();
+        let turned = self.turned_poses(&sketches, &self.centred(&place.pose), MISFIT_SCALE);
+        turned.iter().map(|pose| self.given(self.uncentred(pose))).collect()
     }
 
     /// Places in their order that are wanted, beside how many are kept already, each pose once.
@@ -268,6 +274,14 @@ impl Problem {
 fn by_likelihood(mut places: Vec<Place>) -> Vec<Place> {
     places.sort_by(|a, b| b.likelihood().total_cmp(&a.likelihood()));
     places
+}
+
+/// How much worse a place fits than the best one, in variances: twice the gain of log likelihood, or what is left of that where
+/// chance may have decided.
+fn misfit_against(best: &ContourFit, fit: &ContourFit) -> f64 {
+    let gain = 2.0 * best.independent * (best.mixture.likelihood - fit.mixture.likelihood);
+    let by_chance = AMBIGUITY_COST * (best.sigmas_above(fit) / UNDECIDED).powi(2);
+    gain.min(by_chance)
 }
 
 /// Whether too little of the contours is clean to take a place for the true one: of one region that is lost the moments of
