@@ -203,6 +203,10 @@ class Solution:
     def covariance(self) -> NDArray[np.float64]:
         """(6, 6) of the left increment `[omega (rad), tau]`."""
 
+    @property
+    def confidence(self) -> float:
+        """Probability that the true pose is within 5 degrees."""
+
 @final
 class Estimate:
     """The pose of a camera, and what is known of it."""
@@ -218,6 +222,10 @@ class Estimate:
     @property
     def disturbed_share(self) -> float | None:
         """Share of the contour that is disturbed, a fraction; None where the pose is that of the moments."""
+
+    @property
+    def evidence(self) -> NDArray[np.float64]:
+        """What the confidence is computed from, (6,)."""
 
     @property
     def alternatives(self) -> list[Solution]:

@@ -134,6 +134,7 @@ def _verdict(report: Report) -> str:
 
 def _facts(result: Mapping[str, Any]) -> str:
     facts = [
+        (_percent(result["confidence"]), "confidence: the pose is within 5 deg"),
         (_percent(result["overlap_error"]), "overlap error, all regions"),
         (f"{_worst(result['rotation_sigma_deg'], 1.0)} deg", "rotation, 1 sigma, worst axis"),
         (f"{_worst(result['translation_sigma_m'], 1000.0)} mm", "translation, 1 sigma, worst axis"),
@@ -201,13 +202,14 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
     rows = [
         [
             str(number),
+            _percent(other["confidence"]),
             _percent(other["overlap_error"]),
             _numbers(other["camera_from_world"]["quat_xyzw"]),
             _numbers(other["camera_from_world"]["translation_m"]),
         ]
         for number, other in enumerate(alternatives, start=1)
     ]
-    return "<h2>Other poses that fit</h2>" + _table(["", "overlap error", "quat_xyzw", "translation_m"], rows)
+    return "<h2>Other poses that fit</h2>" + _table(["", "confidence", "overlap error", "quat_xyzw", "translation_m"], rows)
 
 
 def _exports(exports: Mapping[str, Any]) -> str:

@@ -60,10 +60,11 @@ class PoseWarning:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alternative(Pose):
-    """Another pose that fits as well, its overlap error and its covariance (6, 6), as those of `PoseEstimate`."""
+    """Another pose that fits as well, its overlap error, covariance (6, 6) and confidence, as of `PoseEstimate`."""
 
     overlap_error: float = float("nan")
     covariance: Array = field(default_factory=lambda: np.full((6, 6), np.inf))
+    confidence: float = float("nan")
 
     @property
     def pose(self) -> Pose:
@@ -76,16 +77,18 @@ class PoseEstimate:
     """The pose of a camera and what is known of it.
 
     `pose`: camera_from_world. `covariance`: (6, 6) of the left increment `[omega (rad), tau (metres)]`, `P' =
-    exp(omega) P + tau`. `overlap_error`: area of the symmetric difference of projected and observed regions over the
-    observed area (the paper's delta, on the sphere), a fraction; `region_overlap_errors` (k,) region by region.
-    `boundary_noise`: standard deviation of the contour that the fit shows, pixels, of its clean part where the pose was
-    refined on it; `disturbed_share`: the rest of the contour, a fraction, then. `alternatives`: other minima that
-    fit as well and that the priors leave, best first. `evaluations`: of the equations, over all minima.
-    `termination`: why the best minimum's iteration ended.
+    exp(omega) P + tau`. `confidence`: probability that the true pose is within 5 degrees, as calibrated on synthetic
+    problems (docs/math.md, section 15); poses that fit alike share it. `overlap_error`: area of the symmetric
+    difference of projected and observed regions over the observed area (the paper's delta, on the sphere), a fraction;
+    `region_overlap_errors` (k,) region by region. `boundary_noise`: standard deviation of the contour that the fit
+    shows, pixels, of its clean part where the pose was refined on it; `disturbed_share`: the rest of the contour, a
+    fraction, then. `alternatives`: other minima that fit as well and that the priors leave, best first. `evaluations`:
+    of the equations, over all minima. `termination`: why the best minimum's iteration ended.
     """
 
     pose: Pose
     covariance: Array
+    confidence: float
     overlap_error: float
     region_overlap_errors: Array
     boundary_noise: float
@@ -310,13 +313,17 @@ def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseEr
     best = estimate.best
     alternatives = tuple(
         Alternative(
-            *_pose_parts(solution.minimum), overlap_error=solution.overlap_error, covariance=solution.covariance
+            *_pose_parts(solution.minimum),
+            overlap_error=solution.overlap_error,
+            covariance=solution.covariance,
+            confidence=solution.confidence,
         )
         for solution in estimate.alternatives
     )
     return PoseEstimate(
         pose=Pose(*_pose_parts(best.minimum)),
         covariance=best.covariance,
+        confidence=best.confidence,
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise=estimate.boundary_noise,

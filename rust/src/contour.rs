@@ -85,8 +85,8 @@ pub struct ContourFit {
     pub pose: Pose,
     /// The distances' distribution.
     pub mixture: Mixture,
-    /// Logarithm of its density at each piece.
-    pub log_densities: Vec<f64>,
+    /// How far off each piece counts, pixels (`docs/math.md`, eq. 11.8).
+    pub misfits: Vec<f64>,
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     pub is_clean: bool,
     /// Share of the clean pieces of each region.
@@ -99,11 +99,21 @@ impl ContourFit {
     /// By how many standard deviations of chance this fit's likelihood exceeds that of another fit to the same pieces (Vuong's
     /// test; `docs/math.md`, eq. 11.10): the standard deviation is that of the pieces' own differences.
     pub fn sigmas_above(&self, other: &Self) -> f64 {
-        let differences: Vec<f64> = self.log_densities.iter().zip(&other.log_densities).map(|(a, b)| a - b).collect();
+        let differences: Vec<f64> = self.log_densities().zip(other.log_densities()).map(|(a, b)| a - b).collect();
         let mean = mean(&differences);
         let scatter = centred(&differences);
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter);
         mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    fn log_densities(&self) -> impl Iterator<Item = f64> + '_ {
+        self.misfits.iter().map(|&misfit| self.mixture.log_density(misfit))
+    }
+
+    /// Share of all pieces that are clean at another fit's pose but for the scatter of this one's.
+    pub fn share_at(&self, other: &Self) -> f64 {
+        let clean: Vec<f64> = other.misfits.iter().map(|&misfit| self.mixture.clean_probability(misfit)).collect();
+        mean(&clean)
     }
 
     /// Share of the clean pieces of one region, and the least of the others'; 0 without others.
@@ -395,8 +405,8 @@ fn settled(contours: &[Contour], mut pose: Pose, mut rows: Rows, scale: f64) -> 
 fn fit_of(rows: &Rows, pose: &Pose) -> ContourFit {
     let distances = rows.distances();
     let mixture = distances.mixture(FINEST_SCALE);
-    let log_densities = rows.rows.iter().map(|row| mixture.log_density(row.misfit)).collect();
-    let clean: Vec<f64> = rows.rows.iter().map(|row| mixture.clean_probability(row.misfit)).collect();
+    let misfits: Vec<f64> = rows.rows.iter().map(|row| row.misfit).collect();
+    let clean: Vec<f64> = misfits.iter().map(|&misfit| mixture.clean_probability(misfit)).collect();
     let shares: Vec<&[f64]> = split(&clean, rows.nearest.iter().map(Vec::len));
     // A region that is disturbed as a whole says nothing of how long the disturbances are.
     let about_mean: Vec<f64> = shares.iter().flat_map(|region| centred(region)).collect();
@@ -404,7 +414,7 @@ fn fit_of(rows: &Rows, pose: &Pose) -> ContourFit {
     let clean_shares = shares.iter().map(|region| mean(region)).collect();
     let sigma = distances.robust_sigma().max(FINEST_SCALE);
     let is_clean = sigma < CLEAN_SIGMA && distances.share_beyond(ASTRAY * sigma) < FEW_ASTRAY;
-    ContourFit { pose: *pose, mixture, log_densities, is_clean, clean_shares, independent }
+    ContourFit { pose: *pose, mixture, misfits, is_clean, clean_shares, independent }
 }
 
 /// Consecutive parts of these lengths.

@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use crate::contour::ContourFit;
+use crate::confidence::Evidence;
+use crate::contour::{ContourFit, contour_fit};
 use crate::contour_noise;
 use crate::equations::Weighting;
 use crate::fit::region_overlap;
@@ -17,12 +18,12 @@ use crate::warning::{Warning, Way};
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
 
-/// Share of a region's contour on its projection from which the region counts as found: alone, of two, of more. The fewer
-/// there are to agree, the more each has to show.
-const FIRM_SHARES: [f64; 3] = [0.4, 0.3, 0.2];
+/// Share of the other regions' contours on their projections from which a region may be named an outlier: of one other region,
+/// and of each of several.
+const FIRM_SHARES: [f64; 2] = [0.3, 0.2];
 
-/// Scatter, in pixels, up to which contours count as found: where it is wider, any three lines lie on any three.
-const FIRM_SIGMA: f64 = 1.0;
+/// Probability of a pose above which a region that is seen elsewhere is not warned of.
+const TRUSTED: f64 = 0.9;
 
 /// Share of a region's contour on its projection below which it counts as an outlier where others are found: a wrong contour
 /// crosses the projection here and there.
@@ -52,6 +53,8 @@ pub struct Solution {
     pub region_overlap_errors: Vec<f64>,
     /// Covariance of the left increment `[omega (rad), tau (metres)]`.
     pub covariance: Matrix6<f64>,
+    /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
+    pub confidence: f64,
 }
 
 /// The pose of a camera, and what is known of it.
@@ -65,6 +68,8 @@ pub struct Estimate {
     pub alternatives: Vec<Solution>,
     /// What to be warned of.
     pub warnings: Vec<Warning>,
+    /// What the fit shows of the best pose, whatever else fits alike.
+    pub evidence: Evidence,
     /// Evaluations of the equations over all minima.
     pub evaluations: usize,
 }
@@ -88,17 +93,32 @@ impl Problem {
             Refinement::Off => None,
         };
         let places = led.unwrap_or_else(|| self.by_moments(minima, prior));
-        let mut solutions = self.likely(places, prior, noise).into_iter().map(|place| self.solution(place, noise));
+        let places = self.likely(places, prior, noise);
+        let evidence = self.evidence(places.first()?, noise)?;
+        let all: f64 = places.iter().map(Place::weight).sum();
+        let probability = |place: &Place| evidence.probability() * place.weight() / all;
+        let mut solutions = places.into_iter().map(|place| self.solution(probability(&place), place, noise));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let noise = best.contour.as_ref().map_or(noise, |fit| fit.mixture.sigma);
-        let mut warnings = self.warnings(&best, &alternatives);
+        let mut warnings = self.warnings(&best, &alternatives, evidence.probability() > TRUSTED);
         warnings.extend(self.weak_geometry(&best.minimum.pose, &best.covariance));
         warnings.extend(self.contradictions(&best.minimum.pose, &best.covariance, prior));
-        Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evaluations })
+        Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
     }
 
-    /// The places that fit about as well as the best once the prior is weighed in, best first (`docs/math.md`, eq. 10.7).
+    /// What the fit at a place shows of it.
+    fn evidence(&self, place: &Place, noise: f64) -> Option<Evidence> {
+        let covariance = self.covariance(place, noise);
+        let seen = |fit: &ContourFit| Evidence::new(fit, &covariance);
+        match &place.contour {
+            Some(fit) => Some(seen(fit)),
+            None => contour_fit(&self.contours(), &self.centred(&place.pose)).as_ref().map(seen),
+        }
+    }
+
+    /// The places that fit about as well as the best once the prior is weighed in, best first, and what counts against each
+    /// (`docs/math.md`, eq. 10.7).
     ///
     /// An initial pose without an uncertainty chooses the first among them.
     fn likely(&self, places: Vec<Place>, prior: &Prior, noise: f64) -> Vec<Place> {
@@ -111,7 +131,7 @@ impl Problem {
         if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
             scored.sort_by(|(_, a), (_, b)| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
         }
-        scored.into_iter().map(|(_, place)| place).collect()
+        scored.into_iter().map(|(score, place)| Place { misfit: score - least, ..place }).collect()
     }
 
     /// What counts against a place, in variances: how it fits, and the prior.
@@ -136,7 +156,7 @@ impl Problem {
         information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
     }
 
-    fn solution(&self, place: Place, noise: f64) -> Solution {
+    fn solution(&self, confidence: f64, place: Place, noise: f64) -> Solution {
         let covariance = self.covariance(&place, noise);
         let Place { pose, minimum, contour, .. } = place;
         let pairs = self.regions().iter().zip(self.worlds());
@@ -147,10 +167,10 @@ impl Problem {
             areas.iter().copied().try_fold(OverlapAreas::default(), |sum, areas| areas.map(|areas| sum + areas));
         let region_overlap_errors = areas.into_iter().map(ratio).collect();
         let minimum = Minimum { pose, ..minimum };
-        Solution { minimum, contour, overlap_error: ratio(total), region_overlap_errors, covariance }
+        Solution { minimum, contour, overlap_error: ratio(total), region_overlap_errors, covariance, confidence }
     }
 
-    fn warnings(&self, best: &Solution, alternatives: &[Solution]) -> Vec<Warning> {
+    fn warnings(&self, best: &Solution, alternatives: &[Solution], trusted: bool) -> Vec<Warning> {
         let mut warnings = Vec::new();
         // On the contours it does not matter how the moments' iteration ended.
         if best.contour.is_none() && !best.minimum.converged {
@@ -163,7 +183,7 @@ impl Problem {
             warnings.push(Warning::Ambiguous { others });
         }
         for (region, &error) in best.region_overlap_errors.iter().enumerate() {
-            warnings.extend(poor_region(region, error, best.contour.as_ref()));
+            warnings.extend(poor_region(region, error, best.contour.as_ref(), trusted));
         }
         warnings
     }
@@ -192,18 +212,17 @@ fn way(from: &Pose, to: &Pose) -> Way {
 
 /// The warning of a region that the pose projects elsewhere, if any.
 ///
-/// Where a good part of its contour lies on the projection, the rest is what disturbs the contour, not the pose.
-fn poor_region(region: usize, error: f64, contour: Option<&ContourFit>) -> Option<Warning> {
+/// Where the evidence is for the pose, the rest is what disturbs the contour, unless hardly any of it lies on the projection.
+fn poor_region(region: usize, error: f64, contour: Option<&ContourFit>, trusted: bool) -> Option<Warning> {
     if error.partial_cmp(&POOR_OVERLAP) == Some(std::cmp::Ordering::Less) {
         return None;
     }
-    let poor = Warning::PoorOverlap { region, percent: 100.0 * error };
-    let Some(fit) = contour else { return Some(poor) };
-    let (share, others) = fit.clean_shares_of(region);
-    let firm = FIRM_SHARES[fit.clean_shares.len().min(FIRM_SHARES.len()) - 1];
-    if share > firm && fit.mixture.sigma < FIRM_SIGMA {
-        return None;
+    if let Some(fit) = contour {
+        let (share, others) = fit.clean_shares_of(region);
+        let firm = FIRM_SHARES[usize::from(fit.clean_shares.len() > 2)];
+        if others > firm && share < OUTLIER_SHARE {
+            return Some(Warning::OutlierRegion { region, percent: 100.0 * share, others: 100.0 * others });
+        }
     }
-    let outlier = others > firm && share < OUTLIER_SHARE;
-    Some(if outlier { Warning::OutlierRegion { region, percent: 100.0 * share, others: 100.0 * others } } else { poor })
+    (!trusted).then_some(Warning::PoorOverlap { region, percent: 100.0 * error })
 }

@@ -30,6 +30,7 @@ pub mod bearing_rings;
 pub mod border;
 pub mod chart;
 pub mod clipping;
+pub mod confidence;
 pub mod contour;
 pub mod contour_noise;
 pub mod corners;

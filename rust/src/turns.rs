@@ -23,7 +23,7 @@ const MOST_TURNS: usize = 30;
 
 /// How much worse the misfit of a turn may be: of symmetric templates 98 % of the next turns are within 0.05, of others within
 /// 0.3 hardly 3 %.
-const MOST_WORSE: f64 = 0.4;
+const MOST_WORSE: f64 = 0.15;
 
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
 struct Drawing {

@@ -45,11 +45,9 @@ pub enum Warning {
         others: f64,
     },
     /// The regions hold the pose only weakly.
-    #[error(
-        "the pose is held weakly: {degrees:.2} deg about camera axis [{}] and {:.1} mm along [{}] (1 sigma){}", shown(.axis), MM * .shift, shown(.along), because(.causes)
-    )]
+    #[error("{}{}", held(*.degrees, .axis, *.shift, .along), because(.causes))]
     WeakGeometry {
-        /// Largest standard deviation of the rotation, degrees.
+        /// Largest standard deviation of the rotation, degrees; infinite where a direction is free.
         degrees: f64,
         /// The axis it is about.
         axis: Vector3<f64>,
@@ -150,6 +148,16 @@ fn because(causes: &[Cause]) -> String {
 
 fn beyond(sigmas: &Option<f64>) -> String {
     sigmas.map_or_else(String::new, |sigmas| format!(", {sigmas:.1} times the uncertainty of both (1 sigma)"))
+}
+
+fn held(degrees: f64, axis: &Vector3<f64>, shift: f64, along: &Vector3<f64>) -> String {
+    if !(degrees.is_finite() && shift.is_finite()) {
+        return "the regions leave a direction of the pose free".into();
+    }
+    let (axis, along, shift) = (shown(axis), shown(along), MM * shift);
+    format!(
+        "the pose is held weakly: {degrees:.2} deg about camera axis [{axis}] and {shift:.1} mm along [{along}] (1 sigma)"
+    )
 }
 
 fn shown(direction: &Vector3<f64>) -> String {

@@ -63,9 +63,10 @@ impl Problem {
     }
 }
 
-/// Largest standard deviation and its direction.
-fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let Some(eigen) = covariance.try_symmetric_eigen(f64::EPSILON, 1000) else {
+/// Largest standard deviation and its direction; infinite, and no direction, where the covariance is not known.
+pub(crate) fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
+    let finite = covariance.iter().all(|value| value.is_finite());
+    let Some(eigen) = finite.then(|| covariance.try_symmetric_eigen(f64::EPSILON, 1000)).flatten() else {
         return (f64::INFINITY, Vector3::zeros());
     };
     let largest = eigen.eigenvalues.imax();

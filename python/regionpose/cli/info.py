@@ -16,6 +16,15 @@ IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
 """Files that may be scenes, results or calibrations; what is none of these is read as a cloud."""
 
+SHOWN_OF_RESULT = (
+    "scene",
+    "confidence",
+    "overlap_error",
+    "rotation_sigma_deg",
+    "translation_sigma_m",
+    "camera_center_in_world_m",
+)
+
 Facts = dict[str, Any]
 
 
@@ -180,8 +189,7 @@ def _region_line(region: Any) -> str:
 
 def _result_facts(path: Path) -> Facts:
     held = json.loads(path.read_text(encoding="utf-8"))
-    keys = ("scene", "overlap_error", "rotation_sigma_deg", "translation_sigma_m", "camera_center_in_world_m")
-    facts: Facts = {"kind": "result", **{key: held.get(key) for key in keys}}
+    facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}
     facts["regions"] = [region["name"] for region in held.get("regions", [])]
     facts["warnings"] = [warning["code"] for warning in held.get("warnings", [])]
     return facts

@@ -20,7 +20,7 @@ from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
-from regionpose.solver import Alternative, PoseEstimate, PoseWarning, estimate_pose
+from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
 
 Array = NDArray[np.float64]
 
@@ -147,9 +147,7 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
         driver=model.driver,
     )
     alternatives = tuple(
-        Alternative(moved.rotation, moved.translation, overlap_error=other.overlap_error)
-        for other in local.alternatives
-        for moved in [_moved(other, sides.origin)]
+        replace(other, translation=_moved(other, sides.origin).translation) for other in local.alternatives
     )
     remarks = (
         PoseWarning("sparse-sampling", f"region {index}: {remark}")

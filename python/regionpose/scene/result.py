@@ -42,12 +42,17 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "covariance_convention": COVARIANCE_CONVENTION,
         "rotation_sigma_deg": estimate.rotation_sigma_deg,
         "translation_sigma_m": estimate.translation_sigma,
+        "confidence": estimate.confidence,
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise,
         "disturbed_share": estimate.disturbed_share,
         "regions": region_values(run),
         "alternatives": [
-            {"camera_from_world": pose_values(other.pose), "overlap_error": other.overlap_error}
+            {
+                "camera_from_world": pose_values(other.pose),
+                "confidence": other.confidence,
+                "overlap_error": other.overlap_error,
+            }
             for other in estimate.alternatives
         ],
         "warnings": [{"code": warning.code, "message": warning.message} for warning in estimate.warnings],

@@ -180,6 +180,11 @@ impl Solution {
     }
 
     #[getter]
+    fn confidence(&self) -> f64 {
+        self.0.confidence
+    }
+
+    #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, self.0.covariance.iter().copied().collect(), [6, 6])
     }
@@ -206,6 +211,12 @@ impl Estimate {
     #[getter]
     fn disturbed_share(&self) -> Option<f64> {
         self.0.best.contour.as_ref().map(|fit| fit.mixture.disturbed)
+    }
+
+    /// What the confidence is computed from, (6,).
+    #[getter]
+    fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.0.evidence.features())
     }
 
     #[getter]

@@ -135,7 +135,11 @@ _ALL = (
         "trust",
         "Whether warnings tell right from wrong poses: every kind of error, each as strong as the seed draws it.",
         [{"camera": ("perspective", "omnidirectional"), "model": typing.get_args(NoiseModel)}],
-        [Chart("sorted", lines="model", panels="camera"), Chart("coverage", lines="model", panels="camera")],
+        [
+            Chart("sorted", lines="model", panels="camera"),
+            Chart("coverage", lines="model", panels="camera"),
+            Chart("confidence", lines="camera"),
+        ],
         problem=draw_mixed_problem,
         drawn=DRAWN,
     ),

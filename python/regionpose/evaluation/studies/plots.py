@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from regionpose.evaluation.measures import solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value, solver_options, solver_text
+from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import coverage_curve
 from regionpose.evaluation.studies.rows import NEAREST, Results
 from regionpose.evaluation.studies.study import Chart, ChartKind
@@ -41,6 +42,9 @@ LABELLED_DECADES = (1.5, 0.6)
 """Decades of an axis below which some of the values between powers of ten have labels, and below which all have."""
 
 MARKS_ON_A_CURVE = 6
+FEWEST_IN_BIN = 20
+"""Poses of a confidence below which their share says nothing."""
+
 COST_MARGIN = 0.12
 """Share of a panel beside its points, for their labels."""
 
@@ -260,6 +264,27 @@ def _coverage_figure(results: Results, chart: Chart) -> Figure:
     return figure
 
 
+def _confidence_figure(results: Results, chart: Chart) -> Figure:
+    """Share of poses that are not wrong over the confidence stated; on the diagonal where that is right."""
+    panels = _panels(results, chart)
+    figure, axes = _figure(1, len(panels))
+    values = results.values(chart.lines)
+    for panel, (title, shown) in zip(axes[0], panels, strict=True):
+        panel.set_title(title)
+        panel.plot([0.0, 100.0], [0.0, 100.0], color="grey", linewidth=0.8)
+        for value, style in zip(values, _styles(len(values)), strict=True):
+            bins = [found for found in reliability(shown.where(**{chart.lines: value})) if found.count >= FEWEST_IN_BIN]
+            stated, held = ([100.0 * getattr(found, name) for found in bins] for name in ("stated", "held"))
+            panel.plot(stated, held, label=value_text(chart.lines, value), linewidth=1.2, **style)
+        panel.set_xlim(0.0, 100.0)
+        panel.set_ylim(0.0, 100.0)
+        panel.set_xlabel("confidence, %")
+        panel.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("poses within 5 deg, %")
+    _legend(figure, axes[0, 0], chart.lines)
+    return figure
+
+
 def _cost_figure(results: Results, chart: Chart) -> Figure:
     """Median rotation error of the nearest answers over median time, with quartiles."""
     panels = _panels(results, chart)
@@ -315,6 +340,7 @@ FIGURES: dict[ChartKind, Callable[[Results, Chart], Figure]] = {
     "sorted": _sorted_figure,
     "solved": _solved_figure,
     "coverage": _coverage_figure,
+    "confidence": _confidence_figure,
     "cost": _cost_figure,
 }
 """What draws each kind of chart."""

@@ -26,7 +26,7 @@ from regionpose.evaluation.studies.problems import Problem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
 from regionpose.solver import estimate_pose
 
-ChartKind = Literal["sorted", "solved", "coverage", "cost"]
+ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
 ProblemMaker = Callable[[Setup, Condition, int], Problem]
 
 LIBRARIES = ("numpy", "scipy", "shapely", "scikit-image")
@@ -39,7 +39,7 @@ class Chart:
 
     `kind`: "sorted" draws errors and run times in rising order, "solved" the share of solved problems over the column
     `across`, "coverage" the share of true poses inside the covariance's ellipsoids over the share that should be,
-    "cost" the median rotation error and time of each value, solver options joined that differ in the mesh's size alone.
+    "confidence" the share of poses that are not wrong over the confidence that they were given, "cost" the median rotation error and time of each value, solver options joined that differ in the mesh's size alone.
     A line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a picture
     each.
     """

@@ -9,6 +9,7 @@ import numpy as np
 
 from regionpose.evaluation.measures import Summary, solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value
+from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
 from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows
@@ -30,7 +31,8 @@ def results_table(results: Results, title: str = "") -> str:
     heading = [f"# {title}", ""] if title else []
     parts = [*heading, *_answer_table(results, "Pose", BEST_NOTE, "")]
     parts += ["", *_answer_table(results, "Nearest answer", NEAREST_NOTE, NEAREST)]
-    parts += ["", *_verdict_table(results), "", *_coverage_table(results), *_bound_table(results)]
+    parts += ["", *_verdict_table(results), "", *_confidence_table(results)]
+    parts += ["", *_coverage_table(results), *_bound_table(results)]
     return "\n".join([*parts, *_silent(results), *_failures(results), *_remarks(results)]) + "\n"
 
 
@@ -108,6 +110,22 @@ def _verdict_cells(group: Results, outliers: bool) -> list[str]:
     counts = [found.scenes, found.right, found.right_warned, found.false_alarms]
     counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
     return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
+
+
+CONFIDENCE_NOTE = (
+    f"All poses by their confidence, which states the probability of an error below {WRONG_DEG:g} deg; poses that fit"
+    " alike share it."
+)
+
+
+def _confidence_table(results: Results) -> list[str]:
+    heads = ["confidence", "scenes", "mean", f"within {WRONG_DEG:g} deg", f"within {RIGHT_DEG:g} deg"]
+    lines = [_line(heads), _line(["---"] * len(heads))]
+    for found in reliability(results):
+        shares = [f"{100.0 * share:.1f} %" for share in (found.stated, found.held, found.right)]
+        bounds = f"{100.0 * found.least:g} to {100.0 * found.most:g} %"
+        lines.append(_line([bounds, str(found.count), *shares]))
+    return ["## Confidence", "", CONFIDENCE_NOTE, "", *lines]
 
 
 COVERAGE_NOTE = (

@@ -1,0 +1,102 @@
+//! Symmetric regions with disturbed parts: every turn that looks the same is an answer, and shapes without symmetry have one.
+
+mod support;
+
+use nalgebra::{Rotation3, Unit, Vector3};
+use regionpose::estimate::{Estimate, Refinement};
+use regionpose::pose::Pose;
+use regionpose::prior::Prior;
+use regionpose::region::WorldRegion;
+use regionpose::solve::Start;
+use regionpose::{Integration, System};
+use support::random::Random;
+use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
+
+/// Depth of a bite over the length of its edge.
+const DEPTH: f64 = 0.15;
+
+/// The ring with a bite out of the middle of the chosen edges, each after as much of the edge as the seed says.
+fn bitten(random: &mut Random, ring: &SpaceRing, inward: &Vector3<f64>, edges: &[usize]) -> SpaceRing {
+    let mut result = Vec::new();
+    for (k, a) in ring.iter().enumerate() {
+        let b = ring[(k + 1) % ring.len()];
+        result.push(*a);
+        if edges.contains(&k) {
+            let along = b - a;
+            let push = inward.cross(&along) * DEPTH;
+            let first = random.uniform(0.1, 0.5);
+            let at = |share: f64| a + along * share;
+            result.extend([at(first), at(first) + push, at(first + 0.3) + push, at(first + 0.3)]);
+        }
+    }
+    result
+}
+
+/// The scene with bites out of its world region alone.
+fn disturbed(random: &mut Random, shape: Ring, edges: &[usize]) -> Scene {
+    let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+    let mut scene = Scene::of_shapes(random, vec![vec![shape]], layout);
+    let ring = scene.worlds[0].rings().remove(0);
+    let normal = scene.worlds[0].frame().axes[2];
+    let middle = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
+    let turns = (ring[0] - middle).cross(&(ring[1] - middle)).dot(&normal).signum();
+    scene.worlds = vec![WorldRegion::from_rings(&[bitten(random, &ring, &(normal * turns), edges)]).unwrap()];
+    scene
+}
+
+fn estimated(scene: &Scene) -> Estimate {
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).unwrap()
+}
+
+/// The poses at which a regular shape looks the same: its turns, as it is and turned over.
+fn symmetric(scene: &Scene, ring: &SpaceRing, order: usize) -> Vec<Pose> {
+    let middle = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
+    let normal = Unit::new_normalize((ring[0] - middle).cross(&(ring[1] - middle)));
+    let over = Rotation3::from_axis_angle(&Unit::new_normalize(ring[0] - middle), std::f64::consts::PI);
+    let step = std::f64::consts::TAU / order as f64;
+    let turns = (0..order).map(|k| Rotation3::from_axis_angle(&normal, step * k as f64));
+    let both = turns.flat_map(|turn| [turn, turn * over]);
+    both.map(|turn| {
+        let rotation = scene.pose.rotation * turn;
+        Pose::new(rotation, scene.pose.transform(&middle) - rotation * middle)
+    })
+    .collect()
+}
+
+#[test]
+fn all_turns_of_a_disturbed_hexagon_are_answers() {
+    for seed in 0..8 {
+        let mut random = Random::new(seed);
+        let whole = {
+            let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+            let scene = Scene::of_shapes(&mut Random::new(seed), vec![vec![regular(6, 1.0)]], layout);
+            scene.worlds[0].rings().remove(0)
+        };
+        let scene = disturbed(&mut random, regular(6, 1.0), &[0, 2, 3]);
+        let estimate = estimated(&scene);
+        let answers: Vec<Pose> = std::iter::once(&estimate.best)
+            .chain(&estimate.alternatives)
+            .map(|solution| solution.minimum.pose)
+            .collect();
+        for (index, pose) in symmetric(&scene, &whole, 6).iter().enumerate() {
+            let nearest = answers.iter().map(|answer| answer.angle_to(pose)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 5e-3, "seed {seed}, turn {index}: {nearest} rad, {} answers", answers.len());
+        }
+        let shared: f64 =
+            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.confidence).sum();
+        assert!(shared <= 1.0 && estimate.best.confidence < 0.3, "{} of {shared}", estimate.best.confidence);
+        assert_eq!(estimate.warnings[0].code(), "ambiguous");
+    }
+}
+
+#[test]
+fn a_disturbed_shape_without_symmetry_has_one_answer() {
+    for seed in 20..28 {
+        let scene = disturbed(&mut Random::new(seed), angle_piece(1.0), &[0, 1]);
+        let estimate = estimated(&scene);
+        assert!(scene.errors(&estimate.best.minimum.pose).0 < 5e-3, "seed {seed}");
+        assert!(estimate.alternatives.is_empty(), "seed {seed}: {:?}", estimate.warnings);
+        assert!(estimate.best.confidence > 0.9, "seed {seed}: {}", estimate.best.confidence);
+    }
+}
