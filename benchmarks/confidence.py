@@ -11,22 +11,21 @@ seeds are other ones than those of any table: they begin at a million.
 from __future__ import annotations
 
 import argparse
+import itertools
 import typing
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
-
 from regionpose import _core
 from regionpose.evaluation.studies.conditions import Condition, NoiseModel
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.verdict import WRONG_DEG
 from regionpose.solver import observed_regions
+from rich.progress import track
 
 Array = NDArray[np.float64]
 
@@ -72,16 +71,15 @@ def rotation_error(found: Array, true: Array) -> float:
 
 def problems(scenes: int) -> list[tuple[str, NoiseModel, int]]:
     """Both cameras, all noise models, so many seeds of each."""
-    models = typing.get_args(NoiseModel)
     seeds = range(FIRST_SEED, FIRST_SEED + scenes)
-    return [(camera, model, seed) for camera in ("perspective", "omnidirectional") for model in models for seed in seeds]
+    return list(itertools.product(("perspective", "omnidirectional"), typing.get_args(NoiseModel), seeds))
 
 
 def outcomes(scenes: int, workers: int) -> list[Solved]:
     """The outcomes of all problems that have one."""
     chosen = problems(scenes)
     with ProcessPoolExecutor(workers) as pool:
-        found: Iterable[Solved | None] = tqdm(pool.map(solved, chosen, chunksize=8), total=len(chosen), unit="problem")
+        found = track(pool.map(solved, chosen, chunksize=8), "problems", total=len(chosen))
         return [outcome for outcome in found if outcome is not None]
 
 
@@ -110,6 +108,7 @@ def log_loss(probability: Array, found: Array) -> float:
 
 
 def main() -> None:
+    """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=600, help="problems of each camera and noise model")
     parser.add_argument("--workers", type=int, default=2, help="processes")

@@ -209,7 +209,8 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> str:
         ]
         for number, other in enumerate(alternatives, start=1)
     ]
-    return "<h2>Other poses that fit</h2>" + _table(["", "confidence", "overlap error", "quat_xyzw", "translation_m"], rows)
+    heads = ["", "confidence", "overlap error", "quat_xyzw", "translation_m"]
+    return "<h2>Other poses that fit</h2>" + _table(heads, rows)
 
 
 def _exports(exports: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ use crate::contour::ContourFit;
 use crate::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 6] = [-1.6427, -0.4101, -0.4698, 0.0338, 0.8093, 1.3648];
+const WEIGHTS: [f64; 6] = [-1.2590, -0.3804, -0.4465, 0.0968, 0.6493, 1.3099];
 
 /// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean parts.
 const ROTATION: (f64, f64) = (1e-3, 1e2);

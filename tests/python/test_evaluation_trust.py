@@ -1,9 +1,9 @@
-"""Whether an estimate can be trusted: wrong regions, drawn conditions, verdicts, coverage and bounds."""
+"""Whether an estimate can be trusted: wrong regions, drawn conditions, verdicts, confidence, coverage and bounds."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies import Condition, Problem, Results, Study, draw_problem, results_table, run_study
 from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
 from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
 from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, outlier_named, whole_row
@@ -142,15 +143,15 @@ def test_warnings_of_the_regions_are_kept_in_the_row() -> None:
 
 def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
     rows = [
-        made_row(rotation_deg=0.1, templates_drawn="hook"),
-        made_row(rotation_deg=0.1, templates_drawn="hook;star", warnings="ambiguous"),
-        made_row(rotation_deg=0.1, templates_drawn="square;star", warnings="ambiguous"),
-        made_row(rotation_deg=0.1, templates_drawn="hook", warnings="outlier-region", outlier_named="right"),
-        made_row(rotation_deg=0.1, templates_drawn="hook", warnings="outlier-region", outlier_named="wrong"),
-        made_row(rotation_deg=3.0, templates_drawn="hook"),
-        made_row(rotation_deg=3.0, templates_drawn="hook", warnings="weak-geometry"),
-        made_row(rotation_deg=9.0, templates_drawn="hook", warnings="ambiguous;poor-overlap"),
-        made_row(rotation_deg=90.0, templates_drawn="hook"),
+        made_row(rotation_deg=0.1, templates_right="hook"),
+        made_row(rotation_deg=0.1, templates_right="hook;star", warnings="ambiguous"),
+        made_row(rotation_deg=0.1, templates_right="square;star", warnings="ambiguous"),
+        made_row(rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="right"),
+        made_row(rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="wrong"),
+        made_row(rotation_deg=3.0, templates_right="hook"),
+        made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
+        made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous;poor-overlap"),
+        made_row(rotation_deg=90.0, templates_right="hook"),
         made_row(error="PoseError: none", rotation_deg=float("nan")),
     ]
     assert Verdicts.of(Results({}, rows)) == Verdicts(
@@ -170,11 +171,36 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
 
 def test_what_is_silently_wrong_is_listed_with_its_command() -> None:
     settings = {"study": "trust", "drawn": DRAWN}
-    rows = [made_row(rotation_deg=angle, templates_drawn="hook", seed=7) for angle in (0.1, 20.0)]
+    rows = [made_row(rotation_deg=angle, templates_right="hook", seed=7) for angle in (0.1, 20.0)]
     results = Results(settings, [{**row, "model": model} for row, model in zip(rows, ("exact", "lidar"), strict=True)])
     assert silent_rows(results) == [results.rows[1]]
     table = results_table(results)
     assert "1 of 2 problems;" in table and "--seed 7 --scenes 1 --only 'model=lidar'`" in table
+
+
+# Confidence
+
+
+def test_poses_are_counted_by_their_confidence_and_by_how_near_the_truth_they_are() -> None:
+    sure = [made_row(confidence=0.95, rotation_deg=9.0 if k < 2 else 0.1) for k in range(40)]
+    shared = [made_row(confidence=0.1, rotation_deg=3.0 if k < 5 else 90.0) for k in range(50)]
+    certain = [made_row(confidence=1.0, rotation_deg=0.1)]
+    unsolved = {**made_row(confidence=0.5, rotation_deg=0.1), "error": "PoseError"}
+    results = Results({}, [*sure, *shared, *certain, unsolved])
+    found = reliability(results)
+    assert [(one.least, one.most, one.count) for one in found] == [(0.05, 0.15, 50), (0.9, 0.97, 40), (0.99, 1.0, 1)]
+    np.testing.assert_allclose([one.stated for one in found], [0.1, 0.95, 1.0])
+    np.testing.assert_allclose([one.held for one in found], [0.1, 0.95, 1.0])
+    np.testing.assert_allclose([one.right for one in found], [0.0, 0.95, 1.0])
+    assert "| 90 to 97 % | 40 | 95.0 % | 95.0 % | 95.0 % |" in results_table(results)
+
+
+@pytest.mark.parametrize("side", ["2d", "3d"])
+def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) -> None:
+    problem = draw_problem(perspective_setup(), Condition(templates="symmetric", side=side, noise=0.05), 3)
+    estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
+    shares = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
+    assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
 
 
 # Coverage

@@ -64,6 +64,7 @@ RESULT_TYPES: dict[str, type] = {
     "converged": bool,
     "evaluations": int,
     "templates_drawn": str,
+    "templates_right": str,
     "regions_given": int,
     "view_angle_deg": float,
     "image_change": float,
@@ -196,6 +197,7 @@ def _drawn(problem: Problem) -> Row:
     return {
         **problem.drawn,
         "templates_drawn": ";".join(problem.scene.names),
+        "templates_right": ";".join(problem.scene.names[i] for k, i in enumerate(problem.kept) if k != problem.wrong),
         "regions_given": len(problem.kept),
         "view_angle_deg": float(problem.scene.view_angles()[0]),
         "image_change": problem.image_change,

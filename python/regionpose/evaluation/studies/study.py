@@ -39,9 +39,9 @@ class Chart:
 
     `kind`: "sorted" draws errors and run times in rising order, "solved" the share of solved problems over the column
     `across`, "coverage" the share of true poses inside the covariance's ellipsoids over the share that should be,
-    "confidence" the share of poses that are not wrong over the confidence that they were given, "cost" the median rotation error and time of each value, solver options joined that differ in the mesh's size alone.
-    A line for each value of the column `lines`, a panel for each of `panels`; other columns that vary make a picture
-    each.
+    "confidence" the share of poses that are not wrong over the confidence that they were given, "cost" the median
+    rotation error and time of each value, solver options joined that differ in the mesh's size alone. A line for each
+    value of the column `lines`, a panel for each of `panels`; other columns that vary make a picture each.
     """
 
     kind: ChartKind

@@ -64,10 +64,10 @@ def silent_rows(results: Results) -> list[Row]:
 def is_false_alarm(row: Row) -> bool:
     """Whether a right pose has a warning without cause.
 
-    Shapes that are all symmetric fit from several poses, and a wrong region is to be named.
+    Right regions that are all symmetric fit from several poses, and a wrong region is to be named.
     """
-    codes = set(str(row["warnings"]).split(";")) - {""}
-    if all(template_named(name).symmetric for name in str(row["templates_drawn"]).split(";")):
+    codes, names = (set(str(row[column]).split(";")) - {""} for column in ("warnings", "templates_right"))
+    if all(template_named(name).symmetric for name in names):
         codes -= {AMBIGUOUS}
     if row["outlier_named"] == "right":
         codes -= {OUTLIER}
