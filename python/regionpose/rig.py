@@ -102,15 +102,17 @@ def estimate_rig(
     frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
     *,
     initial: Pose | None = None,
+    initial_sigma: tuple[float, float] | None = None,
     up: ArrayLike | None = None,
+    up_sigma: float | None = None,
     refine: Literal["contour"] | None = "contour",
     refine_camera: Sequence[CameraPart] = (),
 ) -> RigEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
     Each frame is a pair (image_regions, world_regions) or a `Frame`, taken by the same camera and given in the same
-    frame of the rig, such as its lidar's. `initial`, `up` and `refine` are those of `estimate_pose`. Every frame is
-    left out in turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx,
+    frame of the rig, such as its lidar's. `initial`, `up`, what is known of both, and `refine` are those of
+    `estimate_pose`. Every frame is left out in turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx,
     cy) and "distortion" (k1, k2), estimates these together with the pose (docs/math.md, section 12), and takes them
     where they are determined and differ from the given ones by more than noise.
 
@@ -118,15 +120,15 @@ def estimate_rig(
     """
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    rig = _Rig(camera, up, refine)
-    estimate = rig.joint(listed, initial)
+    rig = _Rig(camera, up, up_sigma, refine)
+    estimate = rig.joint(listed, initial, initial_sigma)
     refinement = None
     if names:
         contours = contours_of(camera, estimate.pose, *_sides(listed))
         refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
         if refinement.outcome == "refined":
             rig = replace(rig, camera=refinement.camera)
-            estimate = rig.joint(listed, refinement.pose)
+            estimate = rig.joint(listed, refinement.pose if initial is None else initial, initial_sigma)
     influence = rig.influence(listed, estimate.pose)
     return RigEstimate(
         estimate=estimate,
@@ -144,12 +146,22 @@ class _Rig:
 
     camera: Camera
     up: ArrayLike | None
+    up_sigma: float | None
     refine: Literal["contour"] | None
 
-    def joint(self, frames: Sequence[Frame], initial: Pose | None) -> PoseEstimate:
+    def joint(
+        self, frames: Sequence[Frame], initial: Pose | None, initial_sigma: tuple[float, float] | None = None
+    ) -> PoseEstimate:
         """The pose of all the frames."""
         return estimate_pose(
-            self.camera, *_sides(frames), initial=initial, up=self.up, refine=self.refine, driver="native"
+            self.camera,
+            *_sides(frames),
+            initial=initial,
+            initial_sigma=initial_sigma,
+            up=self.up,
+            up_sigma=self.up_sigma,
+            refine=self.refine,
+            driver="native",
         )
 
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:

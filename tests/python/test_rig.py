@@ -425,6 +425,17 @@ def test_other_cameras_are_not_refined() -> None:
         rp.estimate_rig("camera", frames)  # type: ignore[arg-type]
 
 
+def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> None:
+    camera, frames = fisheye_frames(0, 2)
+    turn = Rotation.from_euler("y", 40.0, degrees=True)
+    wrong = rp.Pose(turn * RIG.rotation, RIG.translation)
+    rig = rp.estimate_rig(camera, frames, initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma=0.01)
+    contradicted = {"initial-contradicted", "up-contradicted"}
+    assert {warning.code for warning in rig.warnings} == contradicted and millimetres(rig.pose, frames) < 5.0
+    known = rp.estimate_rig(camera, frames, initial=RIG, initial_sigma=(3.0, 0.1))
+    assert not known.warnings
+
+
 def test_six_boards_of_a_real_rig_agree_and_leave_the_camera_alone() -> None:
     """Against calib.json, good for half a degree and 3 cm; the lidar's own errors are no camera's."""
     folders = sorted(path.parent for path in DATA.glob("acfr_fisheye/*/regions.json"))
