@@ -85,7 +85,7 @@ pub struct ContourFit {
     pub pose: Pose,
     /// The distances' distribution.
     pub mixture: Mixture,
-    /// How far off each piece counts, pixels (`docs/math.md`, eq. 11.8).
+    /// How far off each piece counts, pixels (`docs/math.md`, eq. 11.4).
     pub misfits: Vec<f64>,
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     pub is_clean: bool,
@@ -97,7 +97,7 @@ pub struct ContourFit {
 
 impl ContourFit {
     /// By how many standard deviations of chance this fit's likelihood exceeds that of another fit to the same pieces (Vuong's
-    /// test; `docs/math.md`, eq. 11.10): the standard deviation is that of the pieces' own differences.
+    /// test; `docs/math.md`, eq. 11.7): the standard deviation is that of the pieces' own differences.
     pub fn sigmas_above(&self, other: &Self) -> f64 {
         let differences: Vec<f64> = self.log_densities().zip(other.log_densities()).map(|(a, b)| a - b).collect();
         let mean = mean(&differences);

@@ -1,4 +1,4 @@
-//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.5 to 11.7).
+//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.8 to 11.10).
 
 use nalgebra::{Matrix6, Vector6};
 

@@ -1,4 +1,4 @@
-//! Other turns of a region in its own plane at which it looks much the same (`docs/math.md`, section 11.6).
+//! Other turns of a region in its own plane at which it looks much the same (`docs/math.md`, section 11).
 //!
 //! A symmetric region fits its contour as well from several places. A search that finds one of them closely and another
 //! hardly would take the first for the only one.

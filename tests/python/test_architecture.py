@@ -28,7 +28,9 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("residual",),
     ("contour", "fit", "least_squares"),
     ("contour_noise", "solve", "warning"),
-    ("places", "weakness"),
+    ("weakness",),
+    ("confidence", "turns"),
+    ("places",),
     ("estimate",),
 )
 """Modules of the crate; each uses those of the layers before its own only."""
