@@ -243,29 +243,24 @@ def _draw_solved(panel: Axes, shown: Results, chart: Chart, values: Sequence[Val
 
 
 def _coverage_figure(results: Results, chart: Chart) -> Figure:
-    """Share of true poses inside the ellipsoid of each nominal share; on the diagonal where the covariance is right."""
-    panels = _panels(results, chart)
-    figure, axes = _figure(1, len(panels))
-    values = results.values(chart.lines)
-    for panel, (title, shown) in zip(axes[0], panels, strict=True):
-        panel.set_title(title)
-        panel.plot([0.0, 100.0], [0.0, 100.0], color="grey", linewidth=0.8)
-        for value, style in zip(values, _styles(len(values)), strict=True):
-            nominal, observed = coverage_curve(shown.where(**{chart.lines: value}))
-            every = max(len(nominal) // MARKS_ON_A_CURVE, 1)
-            named = value_text(chart.lines, value)
-            panel.plot(100.0 * nominal, 100.0 * observed, label=named, linewidth=1.2, markevery=every, **style)
-        panel.set_xlim(0.0, 100.0)
-        panel.set_ylim(0.0, 100.0)
-        panel.set_xlabel("nominal share, %")
-        panel.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("true poses inside, %")
-    _legend(figure, axes[0, 0], chart.lines)
-    return figure
+    """Share of true poses inside the ellipsoid of each nominal share."""
+    return _shares_figure(results, chart, coverage_curve, "nominal share, %", "true poses inside, %")
 
 
 def _confidence_figure(results: Results, chart: Chart) -> Figure:
-    """Share of poses that are not wrong over the confidence stated; on the diagonal where that is right."""
+    """Share of poses that are not wrong over the confidence stated."""
+
+    def curve(shown: Results) -> tuple[Array, Array]:
+        bins = [found for found in reliability(shown) if found.count >= FEWEST_IN_BIN]
+        return np.array([found.stated for found in bins]), np.array([found.held for found in bins])
+
+    return _shares_figure(results, chart, curve, "confidence, %", "poses within 5 deg, %")
+
+
+def _shares_figure(
+    results: Results, chart: Chart, curve: Callable[[Results], tuple[Array, Array]], across: str, up: str
+) -> Figure:
+    """What was observed over what was stated, both shares; on the diagonal where the statement is right."""
     panels = _panels(results, chart)
     figure, axes = _figure(1, len(panels))
     values = results.values(chart.lines)
@@ -273,14 +268,15 @@ def _confidence_figure(results: Results, chart: Chart) -> Figure:
         panel.set_title(title)
         panel.plot([0.0, 100.0], [0.0, 100.0], color="grey", linewidth=0.8)
         for value, style in zip(values, _styles(len(values)), strict=True):
-            bins = [found for found in reliability(shown.where(**{chart.lines: value})) if found.count >= FEWEST_IN_BIN]
-            stated, held = ([100.0 * getattr(found, name) for found in bins] for name in ("stated", "held"))
-            panel.plot(stated, held, label=value_text(chart.lines, value), linewidth=1.2, **style)
+            stated, observed = curve(shown.where(**{chart.lines: value}))
+            every = max(len(stated) // MARKS_ON_A_CURVE, 1)
+            named = value_text(chart.lines, value)
+            panel.plot(100.0 * stated, 100.0 * observed, label=named, linewidth=1.2, markevery=every, **style)
         panel.set_xlim(0.0, 100.0)
         panel.set_ylim(0.0, 100.0)
-        panel.set_xlabel("confidence, %")
+        panel.set_xlabel(across)
         panel.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("poses within 5 deg, %")
+    axes[0, 0].set_ylabel(up)
     _legend(figure, axes[0, 0], chart.lines)
     return figure
 
