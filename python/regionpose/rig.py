@@ -112,9 +112,9 @@ def estimate_rig(
 
     Each frame is a pair (image_regions, world_regions) or a `Frame`, taken by the same camera and given in the same
     frame of the rig, such as its lidar's. `initial`, `up`, what is known of both, and `refine` are those of
-    `estimate_pose`. Every frame is left out in turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx,
-    cy) and "distortion" (k1, k2), estimates these together with the pose (docs/math.md, section 12), and takes them
-    where they are determined and differ from the given ones by more than noise.
+    `estimate_pose`. Every frame is left out in turn and compared with the pose of the others. `refine_camera`, some of
+    "focal" (fx, fy), "center" (cx, cy) and "distortion" (k1, k2), estimates these together with the pose (docs/math.md,
+    section 12), and takes them where they are determined and differ from the given ones by more than noise.
 
     ValueError for bad input, naming the frame; PoseError (a ValueError) where no pose shows every region.
     """
