@@ -22,7 +22,7 @@ const POOR_OVERLAP: f64 = 0.05;
 /// and of each of several.
 const FIRM_SHARES: [f64; 2] = [0.3, 0.2];
 
-/// Probability of a pose above which a region that is seen elsewhere is not warned of.
+/// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
 
 /// Share of a region's contour on its projection below which it counts as an outlier where others are found: a wrong contour
@@ -101,9 +101,13 @@ impl Problem {
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let noise = best.contour.as_ref().map_or(noise, |fit| fit.mixture.sigma);
-        let mut warnings = self.warnings(&best, &alternatives, evidence.probability() > TRUSTED);
+        let trusted = evidence.probability() > TRUSTED;
+        let mut warnings = self.warnings(&best, &alternatives, trusted);
         warnings.extend(self.weak_geometry(&best.minimum.pose, &best.covariance));
         warnings.extend(self.contradictions(&best.minimum.pose, &best.covariance, prior));
+        if warnings.is_empty() && !trusted {
+            warnings.push(Warning::LowConfidence { percent: 100.0 * best.confidence });
+        }
         Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
     }
 

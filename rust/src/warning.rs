@@ -44,6 +44,12 @@ pub enum Warning {
         /// The same of the other regions.
         others: f64,
     },
+    /// Nothing else is wrong, but too little of the contours speaks for the pose.
+    #[error("too little of the contours speaks for this pose: it is right with a probability of {percent:.0} %")]
+    LowConfidence {
+        /// Probability that the pose is within 5 degrees of the true one, percent.
+        percent: f64,
+    },
     /// The regions hold the pose only weakly.
     #[error("{}{}", held(*.degrees, .axis, *.shift, .along), because(.causes))]
     WeakGeometry {
@@ -92,6 +98,7 @@ impl Warning {
             Self::NotConverged { .. } => "not-converged",
             Self::PoorOverlap { .. } => "poor-overlap",
             Self::OutlierRegion { .. } => "outlier-region",
+            Self::LowConfidence { .. } => "low-confidence",
             Self::WeakGeometry { .. } => "weak-geometry",
             Self::InitialContradicted { .. } => "initial-contradicted",
             Self::UpContradicted { .. } => "up-contradicted",

@@ -16,6 +16,7 @@ from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies import Condition, Problem, Results, Study, draw_problem, results_table, run_study
 from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
 from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies.conditions import NoiseModel
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
 from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
@@ -201,6 +202,18 @@ def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) 
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
     shares = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
     assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
+
+
+@pytest.mark.parametrize("model", ["lidar", "combined", "wrong-region", "squares-3d"])
+def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) -> None:
+    found = []
+    for seed in range(6):
+        problem = draw_mixed_problem(perspective_setup(), Condition(model=model), seed)
+        estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, driver="native")
+        stated = estimate.confidence + sum(other.confidence for other in estimate.alternatives)
+        assert stated > 0.9 or estimate.warnings, f"seed {seed}: {stated}"
+        found.append(stated)
+    assert max(found) > 0.9
 
 
 # Coverage

@@ -13,6 +13,7 @@ ADVICE = {
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.initial and its initial_sigma,"
     " seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
+    "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
     "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
