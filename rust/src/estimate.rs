@@ -3,13 +3,13 @@
 use nalgebra::{Matrix6, Vector3};
 
 use crate::confidence::Evidence;
-use crate::contour::{ContourFit, contour_fit};
+use crate::contour::{Contour, ContourFit, contour_fit};
 use crate::contour_noise;
 use crate::equations::Weighting;
 use crate::fit::region_overlap;
 use crate::least_squares::Minimum;
 use crate::overlap::OverlapAreas;
-use crate::places::Place;
+use crate::places::{CHECKED, Place};
 use crate::pose::Pose;
 use crate::prior::{FromInitial, FromUp, Prior};
 use crate::solve::{AMBIGUITY_COST, Problem, Search, Start};
@@ -115,10 +115,17 @@ impl Problem {
     fn evidence(&self, place: &Place, noise: f64) -> Option<Evidence> {
         let covariance = self.covariance(place, noise);
         let seen = |fit: &ContourFit| Evidence::new(fit, &covariance);
-        match &place.contour {
-            Some(fit) => Some(seen(fit)),
-            None => contour_fit(&self.contours(), &self.centred(&place.pose)).as_ref().map(seen),
+        if let Some(fit) = &place.contour {
+            return Some(seen(fit));
         }
+        let (contours, pose) = (self.contours(), self.centred(&place.pose));
+        let few: Vec<Contour> = contours.iter().map(|contour| contour.thinned(CHECKED)).collect();
+        let fit = contour_fit(&few, &pose)?;
+        if fit.is_clean {
+            // Pieces of a clean contour vary independently: those left out would count as these do.
+            return Some(seen(&ContourFit { independent: CHECKED as f64 * fit.independent, ..fit }));
+        }
+        contour_fit(&contours, &pose).as_ref().map(seen)
     }
 
     /// The places that fit about as well as the best once the prior is weighed in, best first, and what counts against each

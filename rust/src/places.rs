@@ -84,7 +84,7 @@ const SAME_MISFIT: f64 = 1e-7;
 const LOOSE: f64 = 2.0;
 
 /// One piece in so many is looked at to tell whether contours are clean.
-const CHECKED: usize = 4;
+pub(crate) const CHECKED: usize = 4;
 
 /// A minimum of the moment equations and the pose that it led to.
 pub struct Place {
