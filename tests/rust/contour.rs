@@ -124,6 +124,21 @@ fn a_region_that_does_not_belong_is_named_and_leaves_the_pose_alone() {
 }
 
 #[test]
+fn of_two_regions_that_disagree_neither_is_certain() {
+    for seed in 90..94 {
+        let scene = Scene::random(&mut Random::new(seed), layout(2));
+        let mut observed = scene.observed.clone();
+        let middle = observed[1].rings[0].iter().sum::<Vector3<f64>>().normalize();
+        let turn = Rotation3::from_axis_angle(&Unit::new_normalize(middle), 1.0);
+        let rings = observed[1].rings.iter().map(|ring| ring.iter().map(|r| turn * r).collect()).collect();
+        observed[1] = ObservedRegion::new(rings, observed[1].pixel_area);
+        let estimate = estimated(&scene, &observed, Refinement::Contour);
+        assert!(!estimate.warnings.is_empty(), "seed {seed}");
+        assert!(estimate.best.confidence <= 0.85, "seed {seed}: {}", estimate.best.confidence);
+    }
+}
+
+#[test]
 fn bitten_regions_are_not_called_badly_covered() {
     let scene = Scene::random(&mut Random::new(80), layout(3));
     let estimate = estimated(&scene, &all_bitten(&scene, 1.0), Refinement::Contour);

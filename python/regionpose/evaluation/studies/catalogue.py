@@ -138,7 +138,7 @@ _ALL = (
         [
             Chart("sorted", lines="model", panels="camera"),
             Chart("coverage", lines="model", panels="camera"),
-            Chart("confidence", lines="camera"),
+            Chart("confidence", lines="model", panels="camera"),
         ],
         problem=draw_mixed_problem,
         drawn=DRAWN,
