@@ -29,7 +29,7 @@ const TRUSTED: f64 = 0.9;
 /// crosses the projection here and there.
 const OUTLIER_SHARE: f64 = 0.12;
 
-/// How often the region that fits is the right one, of two that disagree: 85 % of 304 synthetic problems.
+/// How often the region that fits is the right one, of two that disagree: 85 % of 304 problems of the study `trust`.
 const DISPUTED: f64 = 0.85;
 
 /// What follows the solution of the moment equations.

@@ -21,8 +21,8 @@ const HALVINGS: usize = 4;
 /// Turns that come back at most: those of an eightfold symmetry from before and from behind but the first, about two middles.
 const MOST_TURNS: usize = 30;
 
-/// How much worse the misfit of a turn may be: of symmetric templates 98 % of the next turns are within 0.05, of others within
-/// 0.3 hardly 3 %.
+/// How much worse the misfit of a turn may be: of symmetric templates with 5 to 20 % of errors the nearest turn is within 0.05
+/// in 98 % of the scenes, of others beyond 0.2 in as many.
 const MOST_WORSE: f64 = 0.15;
 
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
