@@ -88,9 +88,9 @@ def match_regions(
     The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
-    wins. Regions that are hidden, cut off or without a partner stay unmatched. `up`, the world direction (3,) that is
-    up in the image, decides between assignments that explain about as much; `refine` as in `estimate_pose`; `threads`
-    (all cores when None) changes the time alone.
+    wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`) or without a partner stay
+    unmatched. `up`, the world direction (3,) that is up in the image, decides between assignments that explain about as
+    much; `refine` as in `estimate_pose`; `threads` (all cores when None) changes the time alone.
 
     Those assignments are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
     ValueError) where no image region looks like any world region.
@@ -122,7 +122,8 @@ class _Sides:
     """Both sides of all regions: for the core, and as centroids and sizes.
 
     Of the k observed ones `bearings` (k, 3) of the centroids and `solid_angles` (k,); of the m world ones `centroids`
-    (m, 3), `normals` (m, 3) and `areas` (m,).
+    (m, 3), `normals` (m, 3), `areas` (m,), and `facing` (m,): 1 where the camera has to be on the normal's side, -1
+    where on the other, 0 where it may be on either.
     """
 
     observed: list[_core.ObservedRegion]
@@ -132,6 +133,7 @@ class _Sides:
     centroids: Array
     normals: Array
     areas: Array
+    facing: Array
 
     @classmethod
     def of(cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion]) -> _Sides:
@@ -150,6 +152,7 @@ class _Sides:
             centroids=np.array([_centroid(region.core) for region in worlds]),
             normals=np.array([region.normal for region in worlds]),
             areas=np.array([region.area for region in worlds]),
+            facing=np.array([_facing(region.core) for region in worlds]),
         )
 
     def check(self, up: ArrayLike | None) -> None:
@@ -173,10 +176,11 @@ class _Sides:
         points = self.centroids @ rotation.T + minimum.translation
         distances = np.linalg.norm(points, axis=1)
         rays = points / distances[:, None]
-        solid_angles = self.areas * np.abs(np.sum(self.normals @ rotation.T * rays, axis=1)) / distances**2
+        cosines = np.sum(self.normals @ rotation.T * rays, axis=1)
+        solid_angles = self.areas * np.abs(cosines) / distances**2
         gaps = np.linalg.norm(self.bearings[:, None] - rays[None], axis=2) / np.sqrt(self.solid_angles)[:, None]
         ratios = np.abs(np.log(np.maximum(solid_angles, np.finfo(float).tiny)[None] / self.solid_angles[:, None]))
-        refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO))
+        refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO)) | (self.facing * cosines > 0.0)
         # Above the sum of all others: a refused pair is taken only where nothing else is left.
         out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
         costs = np.where(refused, out_of_reach, gaps + ratios)
@@ -200,6 +204,11 @@ def _centroid(world: _core.WorldRegion) -> Array:
     flat = np.array([moments[1, 0], moments[0, 1]]) / moments[0, 0]
     centroid: Array = world.origin + flat @ world.axes[:2]
     return centroid
+
+
+def _facing(world: _core.WorldRegion) -> float:
+    """The side of the region's normal, 1 or -1, on which its viewpoint lies; 0 without one."""
+    return 0.0 if world.viewpoint is None else float(np.sign(world.axes[2] @ (world.viewpoint - world.origin)))
 
 
 @dataclass(frozen=True)

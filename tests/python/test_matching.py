@@ -280,3 +280,19 @@ def test_an_image_region_of_half_the_sphere_is_named() -> None:
     images = [rp.ImageRegion.from_polygon(599.5 + radius * circle) for radius in (50.0, 466.0)]
     with pytest.raises(ValueError, match=r"image region 1: the observed region reaches 87\.1 deg or more"):
         rp.match_regions(camera, images, [rp.WorldRegion.from_polygon(facade_letter())])
+
+
+def test_what_is_seen_from_behind_has_no_partner() -> None:
+    """Both faces of every sign of a scene: those that the camera sees are the pairs."""
+    scene = scene_of(3)
+    images, worlds = sides_of(3)
+    camera_center = -scene.rotation.T @ scene.translation
+    front, back = [], []
+    for world in worlds:
+        middle = world.rings[0].mean(axis=0)
+        front.append(world.seen_from(camera_center))
+        back.append(world.seen_from(middle + (middle - camera_center)))
+    matches = rp.match_regions(scene.camera, images, [*back, *front])
+    assert matches.pairs == tuple((index, index + REGIONS) for index in range(REGIONS))
+    assert matches.unmatched_world == tuple(range(REGIONS)) and not matches.alternatives
+    assert_pose(matches.estimate.pose, rp.Pose.from_parts(scene.rotation, scene.translation))
