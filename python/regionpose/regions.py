@@ -135,6 +135,9 @@ class ImageRegion:
         if border is None:
             return ring, on_side
         within = POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
+        (left, top), (right, bottom) = ring.min(axis=0), ring.max(axis=0)
+        if min(left - border[0], top - border[1], border[2] - right, border[3] - bottom) > within:
+            return ring, on_side
         moved = ring.copy()
         step = np.abs(np.roll(ring, -1, axis=0) - ring)
         for index, (axis, place, outward) in enumerate(sides_of(border)):
