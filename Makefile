@@ -31,6 +31,7 @@ bench: $(STAMP)
 	$(BIN)/regionpose evaluate omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
 	$(BIN)/python benchmarks/stages.py --scenes 10
 	$(BIN)/python benchmarks/workers.py --scenes 40
+	$(BIN)/python benchmarks/confidence.py --scenes 10
 	$(BIN)/python -m benchmarks.published --scenes 20
 	$(BIN)/python benchmarks/peers.py --scenes 20
 	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
