@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from regionpose import _core
+from regionpose.evaluation.measures import rotation_error
 from regionpose.evaluation.studies.conditions import Condition, NoiseModel
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.study import benchmark_setups
@@ -62,11 +63,6 @@ def solved(chosen: tuple[str, NoiseModel, int]) -> Solved | None:
     errors = [rotation_error(answer.minimum.rotation, problem.scene.rotation) for answer in answers]
     stated = sum(answer.confidence for answer in answers)
     return Solved(tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
-
-
-def rotation_error(found: Array, true: Array) -> float:
-    """Angle between two rotations, degrees."""
-    return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(found @ true.T) - 1.0), -1.0, 1.0))))
 
 
 def problems(scenes: int) -> list[tuple[str, NoiseModel, int]]:

@@ -21,13 +21,12 @@ const TIE_STEP: f64 = 1e-3;
 /// six parameters gain 3 by chance, and 7 more stand for odds of a thousand to one.
 const DECISIVE_LIKELIHOOD: f64 = 10.0;
 
-/// Standard deviations of chance by which a pose is likelier than another for these not to fit alike: pieces that the same
-/// disturbance moves make chance smaller than it is, so that true poses stay within 1.2 of wrong ones in 998 cases of 1000,
-/// and wrong ones that are told apart lie beyond 1.5 in 99 of 100.
+/// Standard deviations of chance by which a pose is likelier than another for these not to fit alike: above what the turns of
+/// symmetric shapes differ by, below what poses do that fit worse.
 const UNDECIDED: f64 = 1.2;
 
-/// Share of the contours that a pose must fit less of than the best to be told from it: true poses of symmetric shapes fit at
-/// most 6 % less than wrong ones with errors all over, 10 % with a hidden part.
+/// Share of the contours that a pose must fit less of than the best to be told from it: more than the turns of symmetric shapes
+/// differ by where a part is hidden.
 const LEAST_LOST: f64 = 0.1;
 
 /// Twice the gain of log likelihood up to which chance may decide.

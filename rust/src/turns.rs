@@ -21,8 +21,8 @@ const HALVINGS: usize = 4;
 /// Turns that come back at most: those of an eightfold symmetry from before and from behind but the first, about two middles.
 const MOST_TURNS: usize = 30;
 
-/// How much worse the misfit of a turn may be: of symmetric templates with 5 to 20 % of errors the nearest turn is within 0.05
-/// in 98 % of the scenes, of others beyond 0.2 in as many.
+/// How much worse the misfit of a turn may be: several times what those of symmetric shapes differ by, and less than those of
+/// others do.
 const MOST_WORSE: f64 = 0.15;
 
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
