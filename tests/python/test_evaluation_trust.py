@@ -179,6 +179,21 @@ def test_what_is_silently_wrong_is_listed_with_its_command() -> None:
     assert "1 of 2 problems;" in table and "--seed 7 --scenes 1 --only 'model=lidar'`" in table
 
 
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"planes": 0}, "planes is 0; needed 1 or more"),
+        ({"regions_per_plane": 0}, "regions_per_plane is 0; needed 1 or more"),
+        ({"noise": -0.05}, "noise is -0.05; needed a share"),
+        ({"noise": 1.2}, "noise is 1.2; needed a share"),
+        ({"noise": float("nan")}, "noise is nan; needed a share"),
+    ],
+)
+def test_a_condition_that_no_scene_can_meet_is_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Condition(**fields)
+
+
 # Confidence
 
 

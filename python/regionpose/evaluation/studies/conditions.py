@@ -62,10 +62,15 @@ class Condition:
     solver: str = ""
 
     def __post_init__(self) -> None:
-        """Check the names and that poses are drawn one way."""
+        """Check names and ranges, and that poses are drawn one way."""
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(f"condition {name} is {getattr(self, name)!r}; needed one of {', '.join(choices)}")
+        for name in ("planes", "regions_per_plane"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"condition {name} is {getattr(self, name)}; needed 1 or more")
+        if not 0.0 <= self.noise < 1.0:
+            raise ValueError(f"condition noise is {self.noise}; needed a share of 0 or more and less than 1")
         if self.grazing_deg is not None and self.turn_deg is not None:
             raise ValueError("condition has both grazing_deg and turn_deg; needed one of them at the most")
         if self.disturbance == "truncation" and self.side == "3d":
