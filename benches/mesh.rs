@@ -5,11 +5,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
+use regionpose::geometry::overlap::overlap_areas;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
-use regionpose::overlap::overlap_areas;
-use regionpose::rings::PlaneRings;
 
 /// A ring of `count` vertices with five lobes.
 fn flower(count: usize, shift: f64) -> Vec<Vector2<f64>> {

@@ -7,14 +7,14 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
-use regionpose::equations::{System, Weighting};
-use regionpose::estimate::Refinement;
-use regionpose::facet::Integration;
-use regionpose::initial::{Turns, closed_form};
-use regionpose::pose::Pose;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::system::{System, Weighting};
+use regionpose::geometry::pose::Pose;
 use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::solve::{Problem, Start};
+use regionpose::search::candidates::{Problem, Start};
+use regionpose::search::closed_form::{Turns, closed_form};
+use regionpose::verdict::estimate::Refinement;
 
 /// Vertices of each region.
 const VERTICES: usize = 100;

@@ -1,6 +1,6 @@
 //! Absolute pose of a central camera from planar regions, without correspondences.
 //!
-//! A region is seen in the image as closed rings of [bearings](bearing_rings::Bearing) and known in the world as a planar patch or an
+//! A region is seen in the image as closed rings of [bearings](Bearing) and known in the world as a planar patch or an
 //! open surface. [`Problem`] pairs both sides, [`Problem::estimate`] finds the pose from nothing else, with its covariance, the
 //! other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
 //! the formulas are derived in the document on its mathematics.
@@ -25,53 +25,40 @@
 //! ```
 #![forbid(unsafe_code)]
 
+// Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.
+#[doc(hidden)]
 pub mod batch;
-pub mod bearing_rings;
-pub mod border;
-pub mod chart;
-pub mod clipping;
-pub mod confidence;
+#[doc(hidden)]
 pub mod contour;
-pub mod contour_noise;
-pub mod corners;
-pub mod correlation;
-pub mod derivatives;
+#[doc(hidden)]
 pub mod equations;
+#[doc(hidden)]
 pub mod error;
-pub mod estimate;
-pub mod facet;
-pub mod fit;
-pub mod initial;
-pub mod least_squares;
-pub mod loss;
+#[doc(hidden)]
+pub mod geometry;
 pub mod mesh;
-pub mod mixture;
 pub mod moments;
-pub mod overlap;
-pub mod p3p;
-pub mod pieces;
-pub mod places;
-pub mod pose;
+#[doc(hidden)]
 pub mod prior;
+#[doc(hidden)]
 pub mod region;
-pub mod residual;
-pub mod rings;
-pub mod solve;
-pub mod turns;
-pub mod warning;
-pub mod weakness;
-pub mod whitening;
+#[doc(hidden)]
+pub mod search;
+#[doc(hidden)]
+pub mod verdict;
+#[doc(hidden)]
+pub mod view;
 
 pub use batch::in_parallel;
-pub use equations::System;
+pub use equations::facet::Integration;
+pub use equations::system::System;
 pub use error::{Error, Result};
-pub use estimate::{Estimate, Refinement, Solution};
-pub use facet::Integration;
-pub use pose::Pose;
+pub use geometry::pose::Pose;
 pub use prior::{PoseSigma, Prior};
 pub use region::{ObservedRegion, WorldRegion};
-pub use solve::{Problem, Start};
-pub use warning::Warning;
+pub use search::candidates::{Problem, Start};
+pub use verdict::estimate::{Estimate, Refinement, Solution};
+pub use verdict::warning::Warning;
 
 /// The README's Rust blocks, run as tests.
 #[cfg(doctest)]

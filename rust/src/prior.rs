@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-use crate::pose::{Pose, Tangent};
+use crate::geometry::pose::{Pose, Tangent};
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;

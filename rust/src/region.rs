@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
-use crate::rings::PlaneRings;
+use crate::geometry::rings::PlaneRings;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
 /// good to a few millimetres in a metre, while a ring bent more than this is not one plane.

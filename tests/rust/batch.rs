@@ -3,11 +3,11 @@
 mod support;
 
 use regionpose::batch::in_parallel;
-use regionpose::equations::System;
-use regionpose::estimate::{Estimate, Refinement};
-use regionpose::facet::Integration;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::system::System;
 use regionpose::prior::Prior;
-use regionpose::solve::Start;
+use regionpose::search::candidates::Start;
+use regionpose::verdict::estimate::{Estimate, Refinement};
 use support::random::Random;
 use support::scene::{Layout, Scene};
 

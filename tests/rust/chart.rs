@@ -6,10 +6,10 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::bearing_rings::BearingRings;
-use regionpose::chart::{Chart, MIN_COSINE};
 use regionpose::error::Error;
 use regionpose::moments::plane::planar_moments;
+use regionpose::view::bearing_rings::BearingRings;
+use regionpose::view::chart::{Chart, MIN_COSINE};
 use support::random::Random;
 use support::scene::{SpaceRing, pierced_star, placed, seen_plane};
 

@@ -1,7 +1,7 @@
 //! The confidence: a probability, higher for better evidence, defined for the worst there can be.
 
 use proptest::prelude::*;
-use regionpose::confidence::Evidence;
+use regionpose::verdict::confidence::Evidence;
 
 const GOOD: Evidence =
     Evidence { rotation_sigma: 0.01, scatter: 0.25, clean_share: 0.95, clean_parts: 300.0, regions: 3 };

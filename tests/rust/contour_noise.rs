@@ -3,17 +3,17 @@
 mod support;
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
-use regionpose::contour::{Contour, ContourFit, refined};
-use regionpose::contour_noise::covariance;
-use regionpose::correlation::{correlation, long_run};
-use regionpose::equations::System;
-use regionpose::facet::Integration;
-use regionpose::loss::{slope, weight};
-use regionpose::pieces::{Piece, pieces};
-use regionpose::pose::Pose;
+use regionpose::contour::correlation::{correlation, long_run};
+use regionpose::contour::covariance::covariance;
+use regionpose::contour::distance::{Contour, ContourFit, refined};
+use regionpose::contour::loss::{slope, weight};
+use regionpose::contour::pieces::{Piece, pieces};
+use regionpose::equations::facet::Integration;
+use regionpose::equations::system::System;
+use regionpose::geometry::pose::Pose;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::region::ObservedRegion;
-use regionpose::rings::PlaneRings;
-use regionpose::solve::Problem;
+use regionpose::search::candidates::Problem;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Scene, SpaceRing, angle_piece, regular};
 

@@ -4,15 +4,15 @@ mod support;
 
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::chart::Chart;
-use regionpose::corners::{corner_poses, is_plausible, projected_area, simplified, triangle_poses};
-use regionpose::equations::System;
-use regionpose::estimate::{Estimate, Refinement};
-use regionpose::facet::Integration;
-use regionpose::pose::Pose;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::system::System;
+use regionpose::geometry::pose::Pose;
 use regionpose::prior::Prior;
 use regionpose::region::ObservedRegion;
-use regionpose::solve::{Problem, Start};
+use regionpose::search::candidates::{Problem, Start};
+use regionpose::search::corners::{corner_poses, is_plausible, projected_area, simplified, triangle_poses};
+use regionpose::verdict::estimate::{Estimate, Refinement};
+use regionpose::view::chart::Chart;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 

@@ -4,17 +4,17 @@ mod support;
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::chart::Chart;
-use regionpose::equations::{System, Weighting};
-use regionpose::estimate::Refinement;
-use regionpose::facet::Integration;
-use regionpose::initial::{Turns, closed_form, conjugate, facing};
-use regionpose::least_squares::{Stopping, minimize};
-use regionpose::pose::Pose;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::least_squares::{Stopping, minimize};
+use regionpose::equations::system::{System, Weighting};
+use regionpose::geometry::pose::Pose;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Prior;
 use regionpose::region::WorldRegion;
-use regionpose::rings::PlaneRings;
-use regionpose::solve::Start;
+use regionpose::search::candidates::Start;
+use regionpose::search::closed_form::{Turns, closed_form, conjugate, facing};
+use regionpose::verdict::estimate::Refinement;
+use regionpose::view::chart::Chart;
 use support::random::Random;
 use support::scene::{
     Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,

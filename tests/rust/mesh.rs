@@ -5,11 +5,11 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::error::Error;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
-use regionpose::rings::PlaneRings;
 
 type Ring = Vec<Vector2<f64>>;
 

@@ -4,8 +4,8 @@ mod support;
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::p3p::three_point_poses;
-use regionpose::pose::Pose;
+use regionpose::geometry::pose::Pose;
+use regionpose::search::p3p::three_point_poses;
 use support::random::Random;
 
 /// Error of the true pose among the solutions, rad and share of the distance.

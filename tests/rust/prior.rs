@@ -4,15 +4,15 @@
 mod support;
 
 use nalgebra::{Rotation3, Vector3};
-use regionpose::equations::System;
-use regionpose::estimate::{Estimate, Refinement};
-use regionpose::facet::Integration;
-use regionpose::least_squares::Minimum;
-use regionpose::pose::Pose;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::least_squares::Minimum;
+use regionpose::equations::system::System;
+use regionpose::geometry::pose::Pose;
 use regionpose::prior::{PoseSigma, Prior};
 use regionpose::region::WorldRegion;
-use regionpose::solve::Start;
-use regionpose::warning::{Cause, Warning};
+use regionpose::search::candidates::Start;
+use regionpose::verdict::estimate::{Estimate, Refinement};
+use regionpose::verdict::warning::{Cause, Warning};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 

@@ -5,7 +5,7 @@ mod support;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use regionpose::error::Error;
-use regionpose::pose::Pose;
+use regionpose::geometry::pose::Pose;
 use regionpose::region::{ObservedRegion, PlaneFrame, WorldRegion};
 use support::random::Random;
 use support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};

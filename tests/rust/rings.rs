@@ -3,8 +3,8 @@
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::error::{Contact, Error};
-use regionpose::overlap::overlap_areas;
-use regionpose::rings::PlaneRings;
+use regionpose::geometry::overlap::overlap_areas;
+use regionpose::geometry::rings::PlaneRings;
 
 type Ring = Vec<Vector2<f64>>;
 

@@ -7,17 +7,17 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
-use regionpose::equations::{System, Weighting};
+use regionpose::equations::facet::Integration;
+use regionpose::equations::least_squares::{Stopping, minimize};
+use regionpose::equations::system::{System, Weighting};
 use regionpose::error::Error;
-use regionpose::estimate::{Estimate, Refinement};
-use regionpose::facet::Integration;
-use regionpose::least_squares::{Stopping, minimize};
-use regionpose::pose::Pose;
+use regionpose::geometry::pose::Pose;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, Pixels, WorldRegion};
-use regionpose::rings::PlaneRings;
-use regionpose::solve::{Problem, Start};
-use regionpose::warning::Warning;
+use regionpose::search::candidates::{Problem, Start};
+use regionpose::verdict::estimate::{Estimate, Refinement};
+use regionpose::verdict::warning::Warning;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 

@@ -3,11 +3,11 @@
 mod support;
 
 use nalgebra::{Rotation3, Unit, Vector3};
-use regionpose::estimate::{Estimate, Refinement};
-use regionpose::pose::Pose;
+use regionpose::geometry::pose::Pose;
 use regionpose::prior::Prior;
 use regionpose::region::WorldRegion;
-use regionpose::solve::Start;
+use regionpose::search::candidates::Start;
+use regionpose::verdict::estimate::{Estimate, Refinement};
 use regionpose::{Integration, System};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};

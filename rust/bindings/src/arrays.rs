@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::error::Error;
-use regionpose::pose::Pose;
+use regionpose::geometry::pose::Pose;
 
 /// A core error as Python's `ValueError`.
 pub fn value_error(error: Error) -> PyErr {

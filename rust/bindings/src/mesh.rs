@@ -3,11 +3,11 @@
 use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
 use regionpose::mesh::even_mesh as even;
 use regionpose::mesh::triangulation::{self, MeshOptions};
-use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, optional, points, scalar, value_error};
 

@@ -3,8 +3,8 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::region::{self, Pixels, PlaneFrame};
-use regionpose::rings::PlaneRings;
 
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
 use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};

@@ -6,13 +6,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use regionpose::batch::in_parallel;
-use regionpose::equations::{System, Weighting};
-use regionpose::estimate::{self, Refinement};
-use regionpose::facet::Integration;
-use regionpose::least_squares;
-use regionpose::pose::Tangent;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::least_squares;
+use regionpose::equations::system::{System, Weighting};
+use regionpose::geometry::pose::Tangent;
 use regionpose::prior::{PoseSigma, Prior};
-use regionpose::solve::{self, Start};
+use regionpose::search::candidates::{self, Start};
+use regionpose::verdict::estimate::{self, Refinement};
 
 use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
@@ -238,7 +238,7 @@ impl Estimate {
 
 /// Regions seen in one image and known in the world, ready to be solved.
 #[pyclass(frozen, module = "regionpose._core")]
-pub struct Problem(solve::Problem);
+pub struct Problem(candidates::Problem);
 
 #[pymethods]
 impl Problem {
@@ -365,8 +365,8 @@ impl Sides {
         }
     }
 
-    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<solve::Problem> {
-        solve::Problem::new(&self.observed, self.worlds.clone(), system, integration)
+    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<candidates::Problem> {
+        candidates::Problem::new(&self.observed, self.worlds.clone(), system, integration)
     }
 }
 

@@ -5,8 +5,10 @@ use spade::Triangulation;
 
 use super::delaunay::{self, Cdt};
 use crate::error::{Error, Result};
-use crate::rings::predicates::by_x_then_y;
-use crate::rings::{LARGEST_COORDINATE, NEGLIGIBLE_FRACTION, PlaneRings, SMALLEST_SIZE, is_flat, signed_area};
+use crate::geometry::rings::predicates::by_x_then_y;
+use crate::geometry::rings::{
+    LARGEST_COORDINATE, NEGLIGIBLE_FRACTION, PlaneRings, SMALLEST_SIZE, is_flat, signed_area,
+};
 
 /// Boundary of the union of all Delaunay triangles whose circumradius is at most `radius`, in the points' unit.
 ///

@@ -9,7 +9,7 @@ use super::delaunay::{self, Cdt};
 use super::triangulation::RingGraph;
 use super::{MOST_TRIANGLES, PlaneMesh};
 use crate::error::{Error, Result};
-use crate::rings::PlaneRings;
+use crate::geometry::rings::PlaneRings;
 
 /// Height of an equilateral triangle over its side: the spacing of lattice rows.
 const ROW_SPACING: f64 = 0.866_025_403_784_438_6;
@@ -95,7 +95,7 @@ fn divide_edges(graph: &mut RingGraph, side: f64) -> Vec<usize> {
 
 /// Points of a hexagonal lattice inside the rings, none within [`BOUNDARY_GAP`] of an edge; rows fill the height.
 fn lattice_points(graph: &RingGraph, side: f64) -> Vec<Vector2<f64>> {
-    let (lower, upper) = crate::rings::bounding_box(graph.points.iter().copied());
+    let (lower, upper) = crate::geometry::rings::bounding_box(graph.points.iter().copied());
     let fitted = |length: f64, spacing: f64| length / (length / spacing).round().max(1.0);
     let row = fitted(upper.y - lower.y, ROW_SPACING * side);
     let column = fitted(upper.x - lower.x, side);

@@ -8,7 +8,7 @@ pub mod triangulation;
 use nalgebra::Vector2;
 
 use crate::error::{Error, Result};
-use crate::rings::PlaneRings;
+use crate::geometry::rings::PlaneRings;
 
 /// Most triangles a mesh may be asked for: about a second of work and 100 MB.
 pub const MOST_TRIANGLES: usize = 1_000_000;

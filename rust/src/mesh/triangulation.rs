@@ -8,8 +8,8 @@ use spade::{AngleLimit, RefinementParameters, RefinementResult, Triangulation};
 use super::delaunay::{self, Cdt};
 use super::{MOST_TRIANGLES, PlaneMesh};
 use crate::error::{Error, Result};
-use crate::rings::PlaneRings;
-use crate::rings::predicates::{by_x_then_y, lies_on};
+use crate::geometry::rings::PlaneRings;
+use crate::geometry::rings::predicates::{by_x_then_y, lies_on};
 
 /// Largest angle that may be asked for, in degrees: Delaunay refinement often does not end above it.
 pub const LARGEST_MIN_ANGLE: f64 = 30.0;

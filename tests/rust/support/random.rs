@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
-use regionpose::pose::{Pose, Tangent};
+use regionpose::geometry::pose::{Pose, Tangent};
 
 /// The SplitMix64 generator (Steele, Lea and Flood 2014).
 pub struct Random(u64);

@@ -3,11 +3,11 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
-use regionpose::equations::System;
-use regionpose::facet::Integration;
-use regionpose::pose::Pose;
+use regionpose::equations::facet::Integration;
+use regionpose::equations::system::System;
+use regionpose::geometry::pose::Pose;
 use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::solve::Problem;
+use regionpose::search::candidates::Problem;
 
 use super::random::Random;
 

@@ -13,7 +13,7 @@ use std::ops::Add;
 
 use nalgebra::Vector2;
 
-use crate::rings::PlaneRings;
+use crate::geometry::rings::PlaneRings;
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

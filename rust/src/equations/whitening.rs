@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
-use crate::chart::Chart;
-use crate::equations::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
+use crate::equations::system::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
+use crate::geometry::rings::PlaneRings;
 use crate::moments::quadrature::{Node, gauss_legendre};
-use crate::rings::PlaneRings;
+use crate::view::chart::Chart;
 
 /// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
 const LEAST_NOISE: f64 = 0.29;
@@ -166,7 +166,7 @@ fn plane_functions(at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DV
     (DVector::from_iterator(PLANE_EXPONENTS.len(), value), DVector::from_iterator(PLANE_EXPONENTS.len(), slope))
 }
 
-/// The functions on the sphere, on the scale of [`crate::equations::add_sphere_values`], with the sphere's area element.
+/// The functions on the sphere, on the scale of [`crate::equations::system::add_sphere_values`], with the sphere's area element.
 fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DVector<f64>) {
     let point = Vector3::new(at.x / chart.scale, at.y / chart.scale, 1.0);
     let step = Vector3::new(along.x, along.y, 0.0) / chart.scale;

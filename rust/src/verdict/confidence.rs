@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix6;
 
-use crate::contour::ContourFit;
-use crate::weakness::weakest;
+use crate::contour::distance::ContourFit;
+use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
 const WEIGHTS: [f64; 6] = [-1.2590, -0.3804, -0.4465, 0.0968, 0.6493, 1.3099];

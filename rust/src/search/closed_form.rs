@@ -2,12 +2,12 @@
 
 use nalgebra::{Complex, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
-use crate::chart::Chart;
+use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::moments::PlaneMoments;
 use crate::moments::plane::planar_moments;
-use crate::pose::Pose;
 use crate::region::{PlaneFrame, WorldRegion};
-use crate::rings::PlaneRings;
+use crate::view::chart::Chart;
 
 /// Angles over a full turn at which the whitened shapes are compared: 5 degrees apart, a ninth of the shortest period
 /// that moments of order 8 can have.

@@ -2,10 +2,10 @@
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 
-use crate::bearing_rings::{Bearing, BearingRings, turn_onto_z};
 use crate::error::{Error, Result};
+use crate::geometry::rings::PlaneRings;
 use crate::moments::plane::planar_moments;
-use crate::rings::PlaneRings;
+use crate::view::bearing_rings::{Bearing, BearingRings, turn_onto_z};
 
 /// Smallest cosine between a chart's axis and a point in it: 87 degrees, where the gnomonic projection stretches 400 times.
 pub const MIN_COSINE: f64 = 0.05;

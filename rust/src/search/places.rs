@@ -2,14 +2,14 @@
 
 use nalgebra::Matrix6;
 
-use crate::contour::{Contour, ContourFit, contour_fit, misfit, refined};
-use crate::corners::{corner_poses, is_plausible, projected_area};
-use crate::equations::Weighting;
-use crate::least_squares::Minimum;
-use crate::pose::Pose;
+use crate::contour::distance::{Contour, ContourFit, contour_fit, misfit, refined};
+use crate::equations::least_squares::Minimum;
+use crate::equations::system::Weighting;
+use crate::geometry::pose::Pose;
 use crate::prior::Prior;
 use crate::region::WorldRegion;
-use crate::solve::{AMBIGUITY_COST, Problem, apart};
+use crate::search::candidates::{AMBIGUITY_COST, Problem, apart};
+use crate::search::corners::{corner_poses, is_plausible, projected_area};
 
 /// Costs nearer than this many variances of the noise are equal: symmetries of a shape differ by round-off alone.
 const TIE_COST: f64 = 1e-3;

@@ -2,11 +2,11 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::border::{Border, projected_before};
-use crate::chart::Chart;
-use crate::clipping::Clipped;
-use crate::equations::System;
+use crate::equations::system::System;
 use crate::error::{Error, Result};
+use crate::geometry::clipping::Clipped;
+use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 use crate::mesh::triangulation::{MeshOptions, triangulate};
@@ -14,9 +14,9 @@ use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
 use crate::moments::plane::ring_moments;
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
-use crate::pose::Pose;
 use crate::region::{Surface, WorldRegion};
-use crate::rings::PlaneRings;
+use crate::view::border::{Border, projected_before};
+use crate::view::chart::Chart;
 
 /// How the integrals are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,12 +5,12 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
-use crate::contour::{Contour, misfit};
+use crate::contour::distance::{Contour, misfit};
+use crate::equations::residual::RegionEquations;
+use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
-use crate::pose::Pose;
 use crate::region::{PlaneFrame, WorldRegion};
-use crate::residual::RegionEquations;
-use crate::solve::Problem;
+use crate::search::candidates::Problem;
 
 /// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
 const STEPS: usize = 90;

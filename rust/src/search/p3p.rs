@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::pose::Pose;
+use crate::geometry::pose::Pose;
 
 /// Newton steps on the depths: the closed form leaves 1e-10 or so, and each step squares that.
 const POLISHES: usize = 4;

@@ -3,24 +3,24 @@
 
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
-use crate::border::Border;
-use crate::chart::Chart;
-use crate::derivatives::Row;
-use crate::equations::{
+use crate::equations::derivatives::Row;
+use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
+use crate::equations::system::{
     MOST_EQUATIONS, System, Weighting, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
     subtract_flux,
 };
+use crate::equations::whitening::{BoundaryCovariance, Orders, Whitening};
 use crate::error::{Error, Result};
-use crate::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
+use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::moments::SphereMoments;
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
-use crate::pose::Pose;
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::rings::PlaneRings;
-use crate::whitening::{BoundaryCovariance, Orders, Whitening};
+use crate::view::border::Border;
+use crate::view::chart::Chart;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use crate::contour::{Contour, ContourFit, Row, Rows};
-use crate::correlation::long_run;
-use crate::loss::{slope, weight};
+use crate::contour::correlation::long_run;
+use crate::contour::distance::{Contour, ContourFit, Row, Rows};
+use crate::contour::loss::{slope, weight};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;

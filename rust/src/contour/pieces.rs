@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::rings::PlaneRings;
+use crate::geometry::rings::PlaneRings;
 
 /// Length of a piece in pixels: a few steps of a binary mask's staircase average out, and a corner rounds only one.
 const PIECE: f64 = 3.0;

@@ -2,13 +2,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::border::{Border, projected_before};
-use crate::chart::Chart;
-use crate::overlap::{OverlapAreas, overlap_areas};
-use crate::pose::Pose;
+use crate::equations::residual::RegionEquations;
+use crate::geometry::overlap::{OverlapAreas, overlap_areas};
+use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::region::WorldRegion;
-use crate::residual::RegionEquations;
-use crate::rings::PlaneRings;
+use crate::view::border::{Border, projected_before};
+use crate::view::chart::Chart;
 
 /// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
 const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;

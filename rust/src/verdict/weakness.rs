@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
-use crate::pose::Pose;
+use crate::geometry::pose::Pose;
 use crate::region::PlaneFrame;
-use crate::solve::Problem;
-use crate::warning::{Cause, Warning};
+use crate::search::candidates::Problem;
+use crate::verdict::warning::{Cause, Warning};
 
 /// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
 /// paper's bound for solved).

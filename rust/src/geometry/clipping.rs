@@ -6,7 +6,7 @@
 
 use nalgebra::Vector2;
 
-use crate::rings::predicates::turn;
+use crate::geometry::rings::predicates::turn;
 
 type Point = Vector2<f64>;
 

@@ -1,9 +1,9 @@
 //! The chosen functions of each system: which moments are compared, and at what scale.
 
-use crate::chart::Chart;
-use crate::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
+use crate::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::moments::{PlaneMoments, SphereMoments};
+use crate::view::chart::Chart;
 use nalgebra::{Vector2, Vector3};
 
 /// Which integrals are compared.

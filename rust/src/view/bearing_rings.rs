@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
+use crate::geometry::rings::PlaneRings;
 use crate::region::check_finite;
-use crate::rings::PlaneRings;
 
 /// Unit vector along the ray of a pixel, in camera axes.
 pub type Bearing = Vector3<f64>;

@@ -8,15 +8,15 @@
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 
-use crate::border::{edge_before, near_plane};
-use crate::corners::simplified;
-use crate::correlation::correlation;
-use crate::loss::weight;
-use crate::mixture::{Distances, Mixture};
-use crate::pieces::{Piece, edges, pieces};
-use crate::pose::{Pose, Tangent};
+use crate::contour::correlation::correlation;
+use crate::contour::loss::weight;
+use crate::contour::mixture::{Distances, Mixture};
+use crate::contour::pieces::{Piece, edges, pieces};
+use crate::equations::residual::{Evaluation, RegionEquations};
+use crate::geometry::pose::{Pose, Tangent};
 use crate::region::WorldRegion;
-use crate::residual::{Evaluation, RegionEquations};
+use crate::search::corners::simplified;
+use crate::view::border::{edge_before, near_plane};
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;

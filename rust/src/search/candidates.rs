@@ -2,20 +2,20 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use crate::border::cut_worlds;
-use crate::contour::{Contour, contour_distances};
-use crate::corners::triangle_poses;
-use crate::equations::{System, Weighting};
+use crate::contour::distance::{Contour, contour_distances};
+use crate::equations::facet::Integration;
+use crate::equations::least_squares::{Minimum, Stopping, minimize};
+use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
+use crate::equations::system::{System, Weighting};
+use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
-use crate::facet::Integration;
-use crate::fit::Fit;
-use crate::initial::{Turns, closed_form, conjugate, facing};
-use crate::least_squares::{Minimum, Stopping, minimize};
-use crate::pose::{Pose, Tangent, increment_derivative};
+use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::prior::{BELIEVED, Prior};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::residual::{Evaluation, RegionEquations, evaluate};
-use crate::whitening::Orders;
+use crate::search::closed_form::{Turns, closed_form, conjugate, facing};
+use crate::search::corners::triangle_poses;
+use crate::search::fit::Fit;
+use crate::view::border::cut_worlds;
 
 /// A candidate of one region: enough to tell it from the others, not yet a solution.
 const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };

@@ -2,18 +2,18 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use crate::confidence::Evidence;
-use crate::contour::{Contour, ContourFit, contour_fit};
-use crate::contour_noise;
-use crate::equations::Weighting;
-use crate::fit::region_overlap;
-use crate::least_squares::Minimum;
-use crate::overlap::OverlapAreas;
-use crate::places::{CHECKED, Place};
-use crate::pose::Pose;
+use crate::contour::covariance::covariance;
+use crate::contour::distance::{Contour, ContourFit, contour_fit};
+use crate::equations::least_squares::Minimum;
+use crate::equations::system::Weighting;
+use crate::geometry::overlap::OverlapAreas;
+use crate::geometry::pose::Pose;
 use crate::prior::{FromInitial, FromUp, Prior};
-use crate::solve::{AMBIGUITY_COST, Problem, Search, Start};
-use crate::warning::{Warning, Way};
+use crate::search::candidates::{AMBIGUITY_COST, Problem, Search, Start};
+use crate::search::fit::region_overlap;
+use crate::search::places::{CHECKED, Place};
+use crate::verdict::confidence::Evidence;
+use crate::verdict::warning::{Warning, Way};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -164,7 +164,7 @@ impl Problem {
     /// direction free.
     fn covariance(&self, place: &Place, noise: f64) -> Matrix6<f64> {
         if let Some(fit) = &place.contour {
-            return contour_noise::covariance(&self.contours(), fit);
+            return covariance(&self.contours(), fit);
         }
         let free = Matrix6::from_element(f64::INFINITY);
         let Some(evaluation) = self.evaluate(&place.pose, Weighting::Whitened) else { return free };

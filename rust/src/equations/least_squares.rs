@@ -4,9 +4,9 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{DVector, Dyn, OMatrix, U6};
 
-use crate::equations::Weighting;
-use crate::pose::{Pose, Tangent, increment_derivative};
-use crate::residual::{Evaluation, RegionEquations, evaluate};
+use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
+use crate::equations::system::Weighting;
+use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 
 /// Stands for every residual where a region leaves the view, so that the step there is refused and a shorter one tried.
 pub const OUT_OF_VIEW: f64 = 1e6;

@@ -2,12 +2,12 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::bearing_rings::Bearing;
-use crate::chart::Chart;
-use crate::clipping::{Clipped, holds, intersection};
 use crate::error::{Error, Result};
+use crate::geometry::clipping::{Clipped, holds, intersection};
+use crate::geometry::rings::{PlaneRings, ring_edges, signed_area};
 use crate::region::WorldRegion;
-use crate::rings::{PlaneRings, ring_edges, signed_area};
+use crate::view::bearing_rings::Bearing;
+use crate::view::chart::Chart;
 
 /// An edge of the observed outline within this distance of the border, in pixels, lies on it.
 const ON_BORDER: f64 = 0.25;

@@ -3,11 +3,11 @@
 
 use nalgebra::{SVector, Vector2, Vector3};
 
-use crate::chart::Chart;
-use crate::p3p::three_point_poses;
-use crate::pose::Pose;
+use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::region::WorldRegion;
-use crate::rings::PlaneRings;
+use crate::search::p3p::three_point_poses;
+use crate::view::chart::Chart;
 
 /// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves keep
 /// corners every 20 degrees, masks lose their staircase.

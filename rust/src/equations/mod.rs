@@ -1,0 +1,8 @@
+//! Moments compared: which, by how much a pose changes them, on what scale, and their least squares.
+
+pub mod derivatives;
+pub mod facet;
+pub mod least_squares;
+pub mod residual;
+pub mod system;
+pub mod whitening;
