@@ -162,18 +162,18 @@ class _Sides:
                 problem = self.problem([(index, 0)])
             except ValueError as error:
                 raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
-        # Without a minimum there is no verdict: only the prior is read.
-        problem.judged([], prior={"up": up})
+        # The prior is read as an estimate would read it.
+        problem.search(start="paper", prior={"up": up})
 
     def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
         """The problem of these pairs."""
         observed, worlds = [self.observed[i] for i, _ in pairs], [self.worlds[j] for _, j in pairs]
         return _core.Problem(observed, worlds, system="plane", integration="boundary")
 
-    def near(self, minimum: _core.Minimum) -> list[Pair]:
+    def near(self, pose: _core.Solution) -> list[Pair]:
         """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""
-        rotation = minimum.rotation
-        points = self.centroids @ rotation.T + minimum.translation
+        rotation = pose.rotation
+        points = self.centroids @ rotation.T + pose.translation
         distances = np.linalg.norm(points, axis=1)
         rays = points / distances[:, None]
         cosines = np.sum(self.normals @ rotation.T * rays, axis=1)
@@ -188,7 +188,7 @@ class _Sides:
         order = np.argsort(costs[rows, columns], kind="stable")
         return [(int(i), int(j)) for i, j in zip(rows[order], columns[order], strict=True) if not refused[i, j]]
 
-    def solved(self, pairs: Iterable[Pair], start: _core.Minimum, refine: Refine | None = None) -> _Consensus | None:
+    def solved(self, pairs: Iterable[Pair], start: _core.Solution, refine: Refine | None = None) -> _Consensus | None:
         """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
         ordered = tuple(sorted(pairs))
         initial = (start.rotation, start.translation)
@@ -216,7 +216,7 @@ class _Consensus:
     """Pairs that one pose explains, how well (`match_regions`), and the noise of their boundaries in pixels."""
 
     pairs: Pairs
-    minimum: _core.Minimum
+    pose: _core.Solution
     score: float
     noise: float
 
@@ -224,7 +224,7 @@ class _Consensus:
     def of(cls, pairs: Pairs, solution: _core.Solution, noise: float) -> _Consensus:
         """The consensus of a solution of these pairs."""
         losses = (solution.region_overlap_errors / MATCHED_OVERLAP) ** 2
-        return cls(pairs, solution.minimum, float(np.sum(1.0 - losses)), noise)
+        return cls(pairs, solution, float(np.sum(1.0 - losses)), noise)
 
     def is_another(self, other: _Consensus) -> bool:
         """Whether a region has another partner here than there, or no pair is the same."""
@@ -270,10 +270,10 @@ def _grown(sides: _Sides, alone: _Consensus, needed: float) -> _Consensus:
     """The consensus that a single pair leads to, or a part of it where that can't reach the score that is needed."""
     current = alone
     for _ in range(MOST_ROUNDS):
-        near = sides.near(current.minimum)
+        near = sides.near(current.pose)
         if len(near) < max(needed, 2):
             break
-        grown = sides.solved(near, current.minimum) or _extended(sides, current, near, needed)
+        grown = sides.solved(near, current.pose) or _extended(sides, current, near, needed)
         if len(grown.pairs) <= len(current.pairs):
             break
         current = grown
@@ -289,7 +289,7 @@ def _extended(
     for tried, pair in enumerate(free):
         if len(consensus.pairs) + len(free) - tried < needed:
             break
-        consensus = sides.solved([*consensus.pairs, pair], consensus.minimum, refine) or consensus
+        consensus = sides.solved([*consensus.pairs, pair], consensus.pose, refine) or consensus
     return consensus
 
 
@@ -303,8 +303,8 @@ def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensu
         and each.noise <= AS_MUCH_NOISE * first.noise
         and (each.pairs == first.pairs or each.is_another(first))
     ]
-    least = min(_tilt(each.minimum, up) for each in alike)
-    return sorted(alike, key=lambda each: (_tilt(each.minimum, up) > least + UP_MARGIN, -each.score))
+    least = min(_tilt(each.pose, up) for each in alike)
+    return sorted(alike, key=lambda each: (_tilt(each.pose, up) > least + UP_MARGIN, -each.score))
 
 
 def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
@@ -312,15 +312,15 @@ def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | No
     distinct: dict[Pairs, _Consensus] = {}
     for each in consensuses:
         distinct.setdefault(each.pairs, each)
-    completed = [_extended(sides, each, sides.near(each.minimum), refine=refine) for each in distinct.values()]
+    completed = [_extended(sides, each, sides.near(each.pose), refine=refine) for each in distinct.values()]
     return list(dict.fromkeys(each.pairs for each in completed))
 
 
-def _tilt(minimum: _core.Minimum, up: ArrayLike | None) -> float:
+def _tilt(pose: _core.Solution, up: ArrayLike | None) -> float:
     """Angle (rad) between `up` and the image's, 0 without it."""
     if up is None:
         return 0.0
-    direction = minimum.rotation @ np.asarray(up, dtype=np.float64)
+    direction = pose.rotation @ np.asarray(up, dtype=np.float64)
     return float(np.arctan2(np.linalg.norm(direction[[0, 2]]), -direction[1]))
 
 

@@ -157,9 +157,9 @@ def estimate_pose(
     if driver == "native":
         found = _estimate_or_error(problem.estimate(start=start, refine=refine, prior=prior))
     else:
-        problem, candidates = problem.search(start=start, prior=prior)
-        minima = [scipy_minimum(problem, rotation, translation) for rotation, translation in candidates]
-        found = _estimate_or_error(problem.judged(minima, refine=refine, prior=prior))
+        search = problem.search(start=start, refine=refine, prior=prior)
+        minima = [scipy_minimum(search, rotation, translation) for rotation, translation in search.candidates]
+        found = _estimate_or_error(search.judged(minima))
     if isinstance(found, PoseError):
         raise found
     return found
@@ -255,9 +255,9 @@ def _start_and_prior(initial: Pose | str | None, initial_sigma: tuple[float, flo
     return ("global" if initial is None else "paper"), {}
 
 
-def scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
+def scipy_minimum(search: _core.Search, rotation: Array, translation: Array) -> _core.Minimum:
     """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
-    increments = _Increments(problem, rotation, translation)
+    increments = _Increments(search, rotation, translation)
     result = least_squares(
         increments.residual,
         increments.unit,
@@ -280,12 +280,12 @@ class _Increments:
     those.
     """
 
-    def __init__(self, problem: _core.Problem, rotation: Array, translation: Array) -> None:
-        first = problem.evaluate(rotation, translation)
-        distance = problem.distance(rotation, translation)
+    def __init__(self, search: _core.Search, rotation: Array, translation: Array) -> None:
+        first = search.evaluate(rotation, translation, np.zeros(6))
+        distance = search.distance(rotation, translation)
         self.unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
         self._at, self._evaluation = self.unit, first
-        self._problem, self._start = problem, (rotation, translation)
+        self._search, self._start = search, (rotation, translation)
         self._count = 0 if first is None else len(first[0])
 
     def residual(self, counted: Array) -> Array:
@@ -301,11 +301,13 @@ class _Increments:
     def _evaluated(self, counted: Array) -> tuple[Array, Array] | None:
         if not np.array_equal(counted, self._at):
             self._at = counted.copy()
-            self._evaluation = self._problem.evaluate(*self._start, increment=counted - self.unit)
+            self._evaluation = self._search.evaluate(*self._start, counted - self.unit)
         return self._evaluation
 
 
-def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseError:
+def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError:
+    if isinstance(estimate, str):
+        return PoseError(estimate)
     if estimate is None:
         return PoseError(
             "no pose shows every world region where its image region is; check that the pairs belong together"
@@ -313,7 +315,7 @@ def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseEr
     best = estimate.best
     alternatives = tuple(
         Alternative(
-            *_pose_parts(solution.minimum),
+            *_pose_parts(solution),
             overlap_error=solution.overlap_error,
             covariance=solution.covariance,
             confidence=solution.confidence,
@@ -321,7 +323,7 @@ def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseEr
         for solution in estimate.alternatives
     )
     return PoseEstimate(
-        pose=Pose(*_pose_parts(best.minimum)),
+        pose=Pose(*_pose_parts(best)),
         covariance=best.covariance,
         confidence=best.confidence,
         overlap_error=best.overlap_error,
@@ -330,11 +332,11 @@ def _estimate_or_error(estimate: _core.Estimate | None) -> PoseEstimate | PoseEr
         disturbed_share=estimate.disturbed_share,
         alternatives=alternatives,
         warnings=tuple(PoseWarning(code, message) for code, message in estimate.warnings),
-        converged=best.minimum.converged,
-        termination=best.minimum.termination,
+        converged=best.converged,
+        termination=best.termination,
         evaluations=estimate.evaluations,
     )
 
 
-def _pose_parts(minimum: _core.Minimum) -> tuple[Rotation, Array]:
-    return Rotation.from_matrix(minimum.rotation), minimum.translation
+def _pose_parts(solution: _core.Solution) -> tuple[Rotation, Array]:
+    return Rotation.from_matrix(solution.rotation), solution.translation

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use nalgebra::Vector3;
-//! use regionpose::{Integration, ObservedRegion, Prior, Problem, Refinement, Start, System, WorldRegion};
+//! use regionpose::{ObservedRegion, Problem, WorldRegion};
 //!
 //! // An L-shaped sign in the world (metres), and its corners as a camera 4 m before it sees them.
 //! let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
@@ -18,9 +18,8 @@
 //!
 //! let observed = ObservedRegion::new(vec![bearings], 20_000.0); // its area in pixels
 //! let world = WorldRegion::from_rings(&[sign])?;
-//! let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary)?;
-//! let estimate = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).expect("a pose in view");
-//! assert!((estimate.best.minimum.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
+//! let estimate = Problem::new(&[observed], &[world])?.estimate().expect("a pose in view");
+//! assert!((estimate.best.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
 //! # Ok::<(), regionpose::Error>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -41,6 +40,8 @@ pub mod moments;
 #[doc(hidden)]
 pub mod prior;
 #[doc(hidden)]
+pub mod problem;
+#[doc(hidden)]
 pub mod region;
 #[doc(hidden)]
 pub mod search;
@@ -55,9 +56,10 @@ pub use equations::system::System;
 pub use error::{Error, Result};
 pub use geometry::pose::Pose;
 pub use prior::{PoseSigma, Prior};
+pub use problem::Problem;
 pub use region::{ObservedRegion, WorldRegion};
-pub use search::candidates::{Problem, Start};
-pub use verdict::estimate::{Estimate, Refinement, Solution};
+pub use search::candidates::{Options, Refinement, Search, Start};
+pub use verdict::estimate::{Estimate, Solution};
 pub use verdict::warning::Warning;
 
 /// The README's Rust blocks, run as tests.

@@ -125,9 +125,7 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
         system="plane",
         integration="boundary",
     )
-    place = _core.Minimum(pose.rotation.as_matrix(), pose.translation, 0.0, True, "given", 0)
-    judged = problem.judged([place], refine=None)
-    return np.full(len(sides.names), np.nan) if judged is None else judged.best.region_overlap_errors
+    return problem.overlap_errors(pose.rotation.as_matrix(), pose.translation)
 
 
 def _estimate(sides: SceneSides) -> PoseEstimate:

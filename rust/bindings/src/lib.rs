@@ -22,7 +22,7 @@ mod _core {
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Solution, estimate_batch, moved_pose};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose};
 
     #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "Python's name for it")]

@@ -1,5 +1,7 @@
 //! Problems and what comes of them.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
@@ -8,11 +10,13 @@ use pyo3::types::PyDict;
 use regionpose::batch::in_parallel;
 use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares;
+use regionpose::equations::residual::Evaluation;
 use regionpose::equations::system::{System, Weighting};
 use regionpose::geometry::pose::Tangent;
 use regionpose::prior::{PoseSigma, Prior};
-use regionpose::search::candidates::{self, Start};
-use regionpose::verdict::estimate::{self, Refinement};
+use regionpose::problem;
+use regionpose::search::candidates::{self, Options, Refinement, Start};
+use regionpose::verdict::estimate;
 
 use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
 use crate::regions::{ObservedRegion, WorldRegion};
@@ -157,7 +161,7 @@ impl Minimum {
     }
 }
 
-/// A minimum and its overlap errors.
+/// A pose and its overlap errors.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Solution(estimate::Solution);
@@ -165,8 +169,25 @@ pub struct Solution(estimate::Solution);
 #[pymethods]
 impl Solution {
     #[getter]
-    fn minimum(&self) -> Minimum {
-        Minimum(self.0.minimum.clone())
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        rotation(py, &self.0.pose)
+    }
+
+    #[getter]
+    fn translation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        translation(py, &self.0.pose)
+    }
+
+    /// Whether the least squares of the moments ended at a minimum; true where the pose was led onto the contours.
+    #[getter]
+    fn converged(&self) -> bool {
+        self.0.minimum.as_ref().is_none_or(|minimum| minimum.converged)
+    }
+
+    #[getter]
+    fn termination(&self) -> String {
+        let led = "led onto the clean parts of the contours";
+        self.0.minimum.as_ref().map_or_else(|| led.into(), |minimum| minimum.termination.to_string())
     }
 
     #[getter]
@@ -207,10 +228,12 @@ impl Estimate {
         self.0.boundary_noise
     }
 
-    /// Share of the contour that is disturbed, a fraction; None where the pose is that of the moments.
+    /// Share of the contours that is disturbed, a fraction; None where the pose is that of the moments.
     #[getter]
     fn disturbed_share(&self) -> Option<f64> {
-        self.0.best.contour.as_ref().map(|fit| fit.mixture.disturbed)
+        let shares = self.0.best.fit.clean_shares();
+        let clean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
+        self.0.best.minimum.is_none().then_some(1.0 - clean)
     }
 
     /// What the confidence is computed from, (6,).
@@ -238,7 +261,7 @@ impl Estimate {
 
 /// Regions seen in one image and known in the world, ready to be solved.
 #[pyclass(frozen, module = "regionpose._core")]
-pub struct Problem(candidates::Problem);
+pub struct Problem(problem::Problem);
 
 #[pymethods]
 impl Problem {
@@ -260,46 +283,42 @@ impl Problem {
         py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
     }
 
-    /// This problem whitened for the boundary noise that it shows, and poses (rotation (3, 3), translation (3,)) from which
-    /// to solve it, best first.
-    #[pyo3(signature = (*, start = "global", prior = None))]
-    fn search<'py>(
+    /// The poses that may be the answer, and the equations to polish them by.
+    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
+    fn search(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         start: &str,
-        prior: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<(Problem, Vec<RotationTranslation<'py>>)> {
-        let (start, prior) = (parsed_start(start)?, parsed_prior(prior)?);
-        let search = py.detach(|| self.0.clone().search(start, &prior));
-        let poses = search.candidates.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose))));
-        Ok((Problem(search.problem), poses.collect::<PyResult<_>>()?))
+        prior: Option<&Bound<'_, PyDict>>,
+        refine: Option<&str>,
+    ) -> PyResult<Search> {
+        let options = parsed_options(start, prior, refine)?;
+        Ok(Search(py.detach(|| self.0.search(&options))))
     }
 
-    /// Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6) by that increment; None
-    /// where a region is out of view.
-    #[pyo3(signature = (rotation, translation, *, increment = None, whitened = true))]
+    /// The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None where a region is out
+    /// of view.
     fn evaluate<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
-        increment: Option<&Bound<'py, PyAny>>,
-        whitened: bool,
     ) -> PyResult<Option<ResidualJacobian<'py>>> {
         let pose = pose(rotation, translation)?;
-        let weighting = if whitened { Weighting::Whitened } else { Weighting::Uniform };
-        let increment = increment.map_or(Ok(Tangent::zeros()), tangent)?;
-        let Some(evaluation) = py.detach(|| self.0.evaluate_moved(&pose, &increment, weighting)) else {
-            return Ok(None);
-        };
-        let rows = evaluation.residual.len();
-        let jacobian = matrix(py, evaluation.jacobian.transpose().iter().copied().collect(), [rows, 6])?;
-        Ok(Some((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian)))
+        let evaluation = py.detach(|| self.0.evaluate(&pose, Weighting::Uniform));
+        evaluation.map(|evaluation| residual_jacobian(py, &evaluation)).transpose()
     }
 
-    /// Distance from the camera to the middle of the regions.
-    fn distance(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
-        Ok(self.0.distance(&pose(rotation, translation)?))
+    /// Overlap errors (k,) of the regions at a pose; NaN where one cannot be projected.
+    fn overlap_errors<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let pose = pose(rotation, translation)?;
+        let (_, errors) = py.detach(|| estimate::overlap_errors(&self.0, &pose));
+        Ok(PyArray1::from_vec(py, errors))
     }
 
     /// The estimate by the native driver; None without a pose in view.
@@ -311,23 +330,86 @@ impl Problem {
         prior: Option<&Bound<'py, PyDict>>,
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
-        let (start, prior) = (parsed_start(start)?, parsed_prior(prior)?);
-        let refinement = parsed_refinement(refine)?;
-        Ok(py.detach(|| self.0.clone().estimate(start, &prior, refinement)).map(Estimate))
+        let options = parsed_options(start, prior, refine)?;
+        Ok(py.detach(|| self.0.estimate_with(&options)).map(Estimate))
+    }
+}
+
+fn parsed_options(start: &str, prior: Option<&Bound<'_, PyDict>>, refine: Option<&str>) -> PyResult<Options> {
+    Ok(Options { start: parsed_start(start)?, prior: parsed_prior(prior)?, refinement: parsed_refinement(refine)? })
+}
+
+fn residual_jacobian<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<ResidualJacobian<'py>> {
+    let rows = evaluation.residual.len();
+    let jacobian = matrix(py, evaluation.jacobian.transpose().iter().copied().collect(), [rows, 6])?;
+    Ok((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian))
+}
+
+/// What a search found: candidates, and their equations on the scale of the boundary noise.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct Search(candidates::Search);
+
+#[pymethods]
+impl Search {
+    /// Poses (rotation (3, 3), translation (3,)) near which to solve the moments' equations, best first; none where the
+    /// contours have decided.
+    #[getter]
+    fn candidates<'py>(&self, py: Python<'py>) -> PyResult<Vec<RotationTranslation<'py>>> {
+        let poses = self.0.candidates();
+        poses.iter().map(|pose| Ok((rotation(py, pose)?, translation(py, pose)))).collect()
     }
 
-    /// The verdict on minima found by any driver; None without one.
-    #[pyo3(signature = (minima, *, prior = None, refine = "contour"))]
-    fn judged(
+    /// Residuals (m,) at a pose moved by a left increment (6,), in pixels of boundary noise, and their derivatives (m, 6) by
+    /// that increment; None where a region is out of view.
+    fn evaluate<'py>(
         &self,
-        py: Python<'_>,
-        minima: Vec<PyRef<'_, Minimum>>,
-        prior: Option<&Bound<'_, PyDict>>,
-        refine: Option<&str>,
-    ) -> PyResult<Option<Estimate>> {
-        let (prior, refinement) = (parsed_prior(prior)?, parsed_refinement(refine)?);
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+        increment: &Bound<'py, PyAny>,
+    ) -> PyResult<Option<ResidualJacobian<'py>>> {
+        let (pose, increment) = (pose(rotation, translation)?, tangent(increment)?);
+        let evaluation = py.detach(|| self.0.problem().evaluate_moved(&pose, &increment, Weighting::Whitened));
+        evaluation.map(|evaluation| residual_jacobian(py, &evaluation)).transpose()
+    }
+
+    /// DEBUG
+    fn fit_at(
+        &self,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+        refine: usize,
+        step: usize,
+    ) -> PyResult<Option<(f64, f64, Vec<f64>, f64, f64, bool)>> {
+        let p = pose(rotation, translation)?;
+        let c = self.0.problem().contours();
+        let q = self.0.problem().centred(&p);
+        let fit = if refine > 0 {
+            regionpose::contour::fit::refined(c, &q, step)
+        } else {
+            regionpose::contour::fit::ContourFit::at(c, &q, step)
+        };
+        Ok(fit.map(|f| {
+            (
+                f.mixture.sigma,
+                f.mixture.wide,
+                f.clean_shares(),
+                f.mixture.likelihood,
+                f.pose.angle_to(&p).to_degrees(),
+                f.is_clean(),
+            )
+        }))
+    }
+
+    /// Distance from the camera to the middle of the regions.
+    fn distance(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.problem().distance(&pose(rotation, translation)?))
+    }
+
+    /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
+    fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> Option<Estimate> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        Ok(py.detach(|| self.0.judged(minima, &prior, refinement)).map(Estimate))
+        py.detach(|| self.0.clone().judged(minima)).map(Estimate)
     }
 }
 
@@ -365,35 +447,37 @@ impl Sides {
         }
     }
 
-    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<candidates::Problem> {
-        candidates::Problem::new(&self.observed, self.worlds.clone(), system, integration)
+    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<problem::Problem> {
+        problem::Problem::with(&self.observed, &self.worlds, system, integration)
     }
 }
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
-/// Estimates of many problems by the native solver, in order; None for a problem without a pose in view.
+/// Estimates of many problems by the native solver, in order; None for a problem without a pose in view, and what is wrong
+/// with it for one that is refused.
 #[pyfunction]
 #[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary", refine = "contour"))]
-pub fn estimate_batch(
-    py: Python<'_>,
+pub fn estimate_batch<'py>(
+    py: Python<'py>,
     problems: Vec<PySides<'_>>,
     threads: Option<&Bound<'_, PyAny>>,
     system: &str,
     integration: &str,
     refine: Option<&str>,
-) -> PyResult<Vec<Option<Estimate>>> {
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration, None)?);
-    let refinement = parsed_refinement(refine)?;
+    let options = Options { refinement: parsed_refinement(refine)?, ..Options::default() };
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
-    let solve = |sides: &Sides| {
-        sides.problem(system, integration).map(|problem| problem.estimate(Start::Global, &Prior::default(), refinement))
+    let solve = |sides: &Sides| sides.problem(system, integration).map(|problem| problem.estimate_with(&options));
+    // A problem that panics costs its own answer, not those of the others.
+    let guarded = |sides: &Sides| catch_unwind(AssertUnwindSafe(|| solve(sides)));
+    let results = py.detach(|| in_parallel(&sides, threads, guarded)).map_err(value_error)?;
+    let answer = |result: std::thread::Result<regionpose::error::Result<Option<estimate::Estimate>>>| match result {
+        Ok(Ok(found)) => Ok(found.map(Estimate).into_pyobject(py)?.into_any()),
+        Ok(Err(error)) => Ok(error.to_string().into_pyobject(py)?.into_any()),
+        Err(_) => Ok("the solver failed on this problem; this is a defect of regionpose".into_pyobject(py)?.into_any()),
     };
-    let results = py.detach(|| in_parallel(&sides, threads, solve)).map_err(value_error)?;
-    let named = |(index, result): (usize, regionpose::error::Result<_>)| match result {
-        Ok(estimate) => Ok(Option::map(estimate, Estimate)),
-        Err(error) => Err(PyValueError::new_err(format!("problem {index}: {error}"))),
-    };
-    results.into_iter().enumerate().map(named).collect()
+    results.into_iter().map(answer).collect()
 }

@@ -1,4 +1,7 @@
-//! Distances of which a part is clean and the rest disturbed: two normal distributions, a narrow and a wide one.
+//! The one likelihood of a pose: how far the parts of its boundaries lie from the contours, of which a share is clean and the
+//! rest disturbed (`docs/math.md`, eq. 11.5).
+
+use super::readings::Reading;
 
 /// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales.
 const FIRST_BIN: f64 = 0.05;
@@ -10,96 +13,100 @@ const BINS: usize = 100;
 /// Ratio of neighbouring scales that are tried.
 const SCALE_RATIO: f64 = 1.5;
 
-/// Steps of expectation and maximization for the share and the wide scale at each narrow one.
+/// Steps of expectation and maximization for the shares and the wide scale at each narrow one.
 const ITERATIONS: usize = 8;
 
-/// Bounds of the disturbed share.
+/// Bounds of a region's disturbed share.
 const SHARES: (f64, f64) = (1e-3, 0.999);
 
 /// The wide scale over the narrow one at least.
 const WIDE: f64 = 2.0;
 
-/// Standard deviation of a normal distribution over its median absolute value.
-const SIGMA_OVER_MEDIAN: f64 = 1.482_602_218_505_602;
-
-/// A normal distribution of the clean distances and a wider one of the others.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Two normal distributions of distances, of the clean parts and of the disturbed ones, and the share of these in each region.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
     /// Standard deviation of the clean ones, pixels.
     pub sigma: f64,
     /// Standard deviation of the disturbed ones, pixels.
     pub wide: f64,
-    /// Share of the disturbed ones.
-    pub disturbed: f64,
-    /// Mean logarithm of the density, in 1 / pixels.
+    /// Share of the disturbed ones, region by region.
+    pub disturbed: Vec<f64>,
+    /// Mean logarithm of the density over all parts, in 1 / pixels.
     pub likelihood: f64,
 }
 
 impl Mixture {
-    /// Probability that a distance is a clean one.
-    pub fn clean_probability(&self, distance: f64) -> f64 {
-        let [clean, other] = self.densities(distance);
+    /// A mixture that is not fitted: half of the parts within `sigma` pixels, the rest ten times as far.
+    pub fn rough(sigma: f64, regions: usize) -> Self {
+        Self { sigma, wide: 10.0 * sigma, disturbed: vec![0.5; regions], likelihood: f64::NAN }
+    }
+
+    /// Probability that a part of a region is clean.
+    pub fn clean_probability(&self, region: usize, reading: &Reading) -> f64 {
+        let [clean, other] = self.densities(region, reading);
         clean / (clean + other).max(f64::MIN_POSITIVE)
     }
 
-    /// Logarithm of the density at a distance, in 1 / pixels.
-    pub fn log_density(&self, distance: f64) -> f64 {
-        self.densities(distance).iter().sum::<f64>().max(f64::MIN_POSITIVE).ln()
+    /// Logarithm of the density at a part of a region, in 1 / pixels.
+    pub fn log_density(&self, region: usize, reading: &Reading) -> f64 {
+        self.densities(region, reading).iter().sum::<f64>().max(f64::MIN_POSITIVE).ln()
     }
 
-    /// Densities of the clean ones and of the others at a distance.
-    fn densities(&self, distance: f64) -> [f64; 2] {
-        let square = distance * distance;
-        [(1.0 - self.disturbed) * density(square, self.sigma), self.disturbed * density(square, self.wide)]
+    /// Weight of a part's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
+    pub fn weight(&self, region: usize, reading: &Reading) -> f64 {
+        let clean = self.clean_probability(region, reading);
+        clean + (1.0 - clean) * (self.sigma / self.wide).powi(2)
+    }
+
+    /// Densities of the clean parts and of the others.
+    fn densities(&self, region: usize, reading: &Reading) -> [f64; 2] {
+        let square = reading.misfit * reading.misfit;
+        let disturbed = self.disturbed[region];
+        [(1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide)]
     }
 }
 
-/// A histogram of absolute distances, in pixels, in steps of a constant ratio.
+/// Histograms of distances, in pixels, in steps of a constant ratio: one a region.
 #[derive(Debug, Clone)]
 pub struct Distances {
-    /// (mean square, share) of each bin that holds any.
-    bins: Vec<(f64, f64)>,
+    /// (mean square, number) of each bin that holds any.
+    regions: Vec<Vec<(f64, f64)>>,
+    count: f64,
+}
+
+/// (mean square, number) of each bin that holds any of these distances.
+fn binned(distances: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
+    let mut sums = [(0.0, 0.0); BINS];
+    for distance in distances {
+        let bin = ((distance / FIRST_BIN).max(1.0).ln() / BIN_RATIO.ln()) as usize;
+        let (squares, held) = &mut sums[bin.min(BINS - 1)];
+        *squares += distance * distance;
+        *held += 1.0;
+    }
+    sums.into_iter().filter(|bin| bin.1 > 0.0).map(|(squares, held)| (squares / held, held)).collect()
 }
 
 impl Distances {
-    /// The histogram of these distances.
-    pub fn new(distances: impl Iterator<Item = f64>) -> Self {
-        let mut sums = vec![(0.0, 0.0); BINS];
-        let mut count = 0.0;
-        for distance in distances {
-            let size = distance.abs();
-            let bin = ((size / FIRST_BIN).max(1.0).ln() / BIN_RATIO.ln()) as usize;
-            let (squares, held) = &mut sums[bin.min(BINS - 1)];
-            *squares += size * size;
-            *held += 1.0;
-            count += 1.0;
-        }
-        let bins = sums.into_iter().filter(|bin| bin.1 > 0.0).map(|(squares, held)| (squares / held, held / count));
-        Self { bins: bins.collect() }
+    /// The histograms of readings, region by region.
+    pub fn new<'a>(regions: impl Iterator<Item = &'a [Reading]>) -> Self {
+        let regions: Vec<_> = regions.map(|region| binned(region.iter().map(|reading| reading.misfit))).collect();
+        let count = regions.iter().flatten().map(|bin| bin.1).sum();
+        Self { regions, count }
     }
 
-    /// Standard deviation of a normal distribution with the same median, pixels.
-    pub fn robust_sigma(&self) -> f64 {
-        let mut below = 0.0;
-        let median = self.bins.iter().find(|(_, share)| {
-            below += share;
-            below >= 0.5
-        });
-        SIGMA_OVER_MEDIAN * median.map_or(0.0, |(square, _)| square.sqrt())
-    }
-
-    /// Share of the distances beyond a limit, pixels.
-    pub fn share_beyond(&self, limit: f64) -> f64 {
-        self.bins.iter().filter(|(square, _)| *square > limit * limit).map(|(_, share)| share).sum()
+    /// Root of the mean square of all distances, pixels.
+    pub fn root_mean_square(&self) -> f64 {
+        let squares: f64 = self.regions.iter().flatten().map(|(square, held)| square * held).sum();
+        (squares / self.count.max(1.0)).sqrt()
     }
 
     /// The likeliest mixture whose narrow scale is at least `finest` pixels.
     pub fn mixture(&self, finest: f64) -> Mixture {
-        let mean_square = self.mean_square();
-        let mut best = self.mixture_of(finest, mean_square);
+        let spread = self.root_mean_square();
+        let mut best = self.mixture_of(finest, spread);
         let mut sigma = finest * SCALE_RATIO;
-        while sigma * sigma < SCALE_RATIO * mean_square {
-            let other = self.mixture_of(sigma, mean_square);
+        while sigma * sigma < SCALE_RATIO * spread * spread {
+            let other = self.mixture_of(sigma, spread);
             if other.likelihood > best.likelihood {
                 best = other;
             }
@@ -108,30 +115,48 @@ impl Distances {
         best
     }
 
-    fn mean_square(&self) -> f64 {
-        self.bins.iter().map(|(square, share)| square * share).sum()
-    }
-
-    /// The likeliest share and wide scale for a narrow scale, by expectation and maximization.
-    fn mixture_of(&self, sigma: f64, mean_square: f64) -> Mixture {
-        let mut wide = (1.2 * mean_square.sqrt()).max(WIDE * sigma);
-        let mut disturbed = 0.3;
-        let narrow: Vec<f64> = self.bins.iter().map(|bin| density(bin.0, sigma)).collect();
-        let mut totals = vec![0.0; narrow.len()];
+    /// The likeliest shares and wide scale for a narrow scale, by expectation and maximization.
+    fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
+        let mut wide = (1.2 * spread).max(WIDE * sigma);
+        let mut disturbed = vec![0.3; self.regions.len()];
+        let mut likelihood = 0.0;
         for _ in 0..ITERATIONS {
-            let (mut share_sum, mut square_sum) = (0.0, 0.0);
-            for ((&(square, share), &narrow), total) in self.bins.iter().zip(&narrow).zip(&mut totals) {
-                let other = disturbed * density(square, wide);
-                *total = ((1.0 - disturbed) * narrow + other).max(f64::MIN_POSITIVE);
-                share_sum += share * other / *total;
-                square_sum += share * square * other / *total;
+            let (mut others, mut squares) = (0.0, 0.0);
+            likelihood = 0.0;
+            for (region, share) in self.regions.iter().zip(&mut disturbed) {
+                let expected = Expected::of(region, sigma, wide, *share);
+                others += expected.others;
+                squares += expected.squares;
+                likelihood += expected.likelihood;
+                *share = (expected.others / expected.count.max(1.0)).clamp(SHARES.0, SHARES.1);
             }
-            disturbed = share_sum.clamp(SHARES.0, SHARES.1);
-            wide = (square_sum / share_sum.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * sigma);
+            wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * sigma);
         }
         // Of the densities before the last step.
-        let likelihood = self.bins.iter().zip(&totals).map(|(bin, total)| bin.1 * total.ln()).sum();
-        Mixture { sigma, wide, disturbed, likelihood }
+        Mixture { sigma, wide, disturbed, likelihood: likelihood / self.count.max(1.0) }
+    }
+}
+
+/// What a mixture expects of a region: number and sum of squares of the disturbed parts, and the parts' log likelihood.
+struct Expected {
+    count: f64,
+    others: f64,
+    squares: f64,
+    likelihood: f64,
+}
+
+impl Expected {
+    fn of(bins: &[(f64, f64)], sigma: f64, wide: f64, disturbed: f64) -> Self {
+        let mut sums = Self { count: 0.0, others: 0.0, squares: 0.0, likelihood: 0.0 };
+        for &(square, held) in bins {
+            let other = disturbed * density(square, wide);
+            let total = ((1.0 - disturbed) * density(square, sigma) + other).max(f64::MIN_POSITIVE);
+            sums.count += held;
+            sums.others += held * other / total;
+            sums.squares += held * square * other / total;
+            sums.likelihood += held * total.ln();
+        }
+        sums
     }
 }
 

@@ -1,8 +1,9 @@
-//! The observed contour: its pieces, how far a projected boundary lies from it, and what that says of a pose.
+//! The observed contour: how far a projected boundary lies from it, and how likely that makes a pose.
 
 pub mod correlation;
 pub mod covariance;
-pub mod distance;
-pub mod loss;
+pub mod field;
+pub mod fit;
 pub mod mixture;
 pub mod pieces;
+pub mod readings;

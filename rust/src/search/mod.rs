@@ -1,9 +1,10 @@
-//! Poses to start from, and what they lead to.
+//! Poses to start from, and the ones that may be the answer.
 
 pub mod candidates;
 pub mod closed_form;
 pub mod corners;
-pub mod fit;
+pub mod cuts;
+pub mod moments;
 pub mod p3p;
-pub mod places;
+pub mod poses;
 pub mod symmetry;

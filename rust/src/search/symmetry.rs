@@ -5,12 +5,15 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
-use crate::contour::distance::{Contour, misfit};
+use super::candidates::ROUGH;
+use super::poses::sorted;
+use crate::contour::fit::rough_likelihood;
+use crate::contour::mixture::Mixture;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
+use crate::problem::Problem;
 use crate::region::{PlaneFrame, WorldRegion};
-use crate::search::candidates::Problem;
 
 /// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
 const STEPS: usize = 90;
@@ -25,43 +28,55 @@ const MOST_TURNS: usize = 30;
 /// others do.
 const MOST_WORSE: f64 = 0.15;
 
+/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one plane.
+const FLAT: f64 = 0.02;
+
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
 struct Drawing {
     plane: PlaneFrame,
     middle: Vector3<f64>,
 }
 
-impl Problem {
-    /// The poses at which the plane of all regions is where it was and they, turned in it, lie nearest to their contours, the
-    /// nearest first; `pose` itself is none of them. Poses are about the problem's origin; none for regions in several planes.
-    pub(crate) fn turned_poses(&self, contours: &[Contour], pose: &Pose, scale: f64) -> Vec<Pose> {
-        let drawings = self.drawings(pose);
-        let found = drawings.iter().flat_map(|drawing| {
-            [false, true].into_iter().flat_map(|behind| least_turns(contours, drawing, behind, pose, scale))
-        });
-        let most = misfit(contours, pose, scale).unwrap_or(f64::INFINITY) + MOST_WORSE;
-        let mut found: Vec<(f64, Pose)> = found.filter(|(misfit, _)| *misfit < most).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found.into_iter().take(MOST_TURNS).map(|(_, pose)| pose).collect()
-    }
+/// The poses at which the plane of all regions is where it was and they, turned in it, lie nearest to their contours, the
+/// nearest first; `pose` itself is none of them. Every `step`-th part is read. Poses are about the problem's origin; none for
+/// regions in several planes.
+pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
+    let mixture = Mixture::rough(ROUGH, problem.contours().len());
+    let misfit = |pose: &Pose| {
+        rough_likelihood(problem.contours(), pose, step, &mixture).map_or(f64::INFINITY, |likelihood| -likelihood)
+    };
+    let drawings = drawings(problem, pose);
+    let found = drawings
+        .iter()
+        .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_turns(misfit, drawing, behind, pose)));
+    let most = misfit(pose) + MOST_WORSE;
+    let found = sorted(found.filter(|(misfit, _)| *misfit < most).collect());
+    found.into_iter().take(MOST_TURNS).map(|(_, pose)| pose).collect()
+}
 
-    /// The plane with the middle of what is known and with that of what is observed: disturbed parts move only one of them.
-    fn drawings(&self, pose: &Pose) -> Vec<Drawing> {
-        let Some(plane) = self.common_plane() else { return Vec::new() };
-        let plane = PlaneFrame { origin: plane.origin - self.origin(), ..plane };
-        let known = |world: &WorldRegion| {
-            let flat = |ring: Vec<Vector3<f64>>| ring.iter().map(|x| plane.flat(&(x - self.origin()))).collect();
-            Some(world.rings().into_iter().map(flat).collect::<Vec<Vec<_>>>())
-        };
-        let observed = |region: &RegionEquations| {
-            let flat =
-                |ring: &Vec<Vector2<f64>>| ring.iter().map(|point| on_plane(&plane, region, point, pose)).collect();
-            region.outline().rings().iter().map(flat).collect::<Option<Vec<Vec<_>>>>()
-        };
-        let middles = [middle(self.worlds().iter().map(known)), middle(self.regions().iter().map(observed))];
-        let drawing = |middle: Vector2<f64>| Drawing { plane: plane.clone(), middle: plane.lifted(&middle) };
-        middles.into_iter().flatten().map(drawing).collect()
-    }
+/// The plane with the middle of what is known and with that of what is observed: disturbed parts move only one of them.
+fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
+    let Some(plane) = common_plane(problem) else { return Vec::new() };
+    let plane = PlaneFrame { origin: plane.origin - problem.origin(), ..plane };
+    let known = |world: &WorldRegion| {
+        let flat = |ring: Vec<Vector3<f64>>| ring.iter().map(|x| plane.flat(&(x - problem.origin()))).collect();
+        Some(world.rings().into_iter().map(flat).collect::<Vec<Vec<_>>>())
+    };
+    let observed = |region: &RegionEquations| {
+        let flat = |ring: &Vec<Vector2<f64>>| ring.iter().map(|point| on_plane(&plane, region, point, pose)).collect();
+        region.outline().rings().iter().map(flat).collect::<Option<Vec<Vec<_>>>>()
+    };
+    let middles = [middle(problem.worlds().iter().map(known)), middle(problem.regions().iter().map(observed))];
+    let drawing = |middle: Vector2<f64>| Drawing { plane: plane.clone(), middle: plane.lifted(&middle) };
+    middles.into_iter().flatten().map(drawing).collect()
+}
+
+/// The plane that all regions lie in, if they lie in one.
+pub(crate) fn common_plane(problem: &Problem) -> Option<PlaneFrame> {
+    let vertices = problem.worlds().iter().flat_map(|world| world.rings()).collect::<Vec<_>>().concat();
+    let plane = PlaneFrame::fit(&vertices).ok()?;
+    let farthest = vertices.iter().map(|x| (x - plane.origin).norm()).fold(0.0, f64::max);
+    vertices.iter().all(|x| plane.height(x).abs() <= FLAT * farthest).then_some(plane)
 }
 
 /// Where a point of a region's chart lies on a plane of the world; `None` where its ray doesn't meet that.
@@ -84,9 +99,9 @@ impl Drawing {
 }
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
-fn least_turns(contours: &[Contour], drawing: &Drawing, behind: bool, pose: &Pose, scale: f64) -> Vec<(f64, Pose)> {
+fn least_turns(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
     let step = 2.0 * std::f64::consts::PI / STEPS as f64;
-    let misfit_at = |angle: f64| misfit(contours, &drawing.turned(pose, angle, behind), scale).unwrap_or(f64::INFINITY);
+    let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
     let misfits: Vec<f64> = (0..STEPS).map(|index| misfit_at(step * index as f64)).collect();
     let is_least = |&index: &usize| {
         let (before, after) = (misfits[(index + STEPS - 1) % STEPS], misfits[(index + 1) % STEPS]);

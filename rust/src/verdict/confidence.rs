@@ -2,7 +2,8 @@
 
 use nalgebra::Matrix6;
 
-use crate::contour::distance::ContourFit;
+use crate::contour::fit::ContourFit;
+use crate::verdict::outliers::log_odds;
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
@@ -24,20 +25,21 @@ pub struct Evidence {
     pub clean_share: f64,
     /// Clean parts of the contours that vary independently.
     pub clean_parts: f64,
-    /// Number of regions.
+    /// Number of regions that belong to the pose.
     pub regions: usize,
 }
 
 impl Evidence {
     /// The evidence of contours at a pose, and of the pose's covariance.
     pub fn new(fit: &ContourFit, covariance: &Matrix6<f64>) -> Self {
-        let clean_share = fit.clean_shares.iter().sum::<f64>() / fit.clean_shares.len().max(1) as f64;
+        let shares = fit.clean_shares();
+        let clean_share = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
         Self {
             rotation_sigma: weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned()).0.to_degrees(),
             scatter: fit.mixture.sigma,
             clean_share,
-            clean_parts: clean_share * fit.independent,
-            regions: fit.clean_shares.len(),
+            clean_parts: clean_share * fit.independent(),
+            regions: log_odds(fit).iter().filter(|&&odds| odds >= 0.0).count(),
         }
     }
 

@@ -1,6 +1,8 @@
 //! What is known of a pose: how likely it is right, how well it is held, what to be warned of.
 
 pub mod confidence;
+pub mod coverage;
 pub mod estimate;
+pub mod outliers;
 pub mod warning;
 pub mod weakness;

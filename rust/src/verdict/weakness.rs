@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use crate::geometry::pose::Pose;
-use crate::region::PlaneFrame;
-use crate::search::candidates::Problem;
+use crate::problem::Problem;
+use crate::search::symmetry::common_plane;
 use crate::verdict::warning::{Cause, Warning};
 
 /// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
@@ -15,9 +15,6 @@ const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
 /// distance to the regions.
 const WEAK_TRANSLATION: f64 = 0.02;
 
-/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one plane.
-const FLAT: f64 = 0.02;
-
 /// Angle between a plane's normal and the ray to it, rad, below which it is seen frontally (15 degrees): the change of its
 /// image with a tilt goes with the sine.
 const FRONTAL: f64 = std::f64::consts::PI / 12.0;
@@ -26,41 +23,31 @@ const FRONTAL: f64 = std::f64::consts::PI / 12.0;
 /// of a plane that is tilted by 50 degrees to half a degree.
 const TINY: f64 = 20.0;
 
-impl Problem {
-    /// The warning of a pose with this covariance of its left increment, where the regions hold it only weakly.
-    pub fn weak_geometry(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<Warning> {
-        let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
-        let (shift, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
-        let weak = !(rotation < WEAK_ROTATION && shift < WEAK_TRANSLATION * self.distance(pose));
-        let degrees = rotation.to_degrees();
-        weak.then(|| Warning::WeakGeometry { degrees, axis, shift, along, causes: self.causes(pose) })
-    }
+/// The warning of a pose with this covariance of its left increment, where the regions hold it only weakly.
+pub fn weak_geometry(problem: &Problem, pose: &Pose, covariance: &Matrix6<f64>) -> Option<Warning> {
+    let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
+    let (shift, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
+    let weak = !(rotation < WEAK_ROTATION && shift < WEAK_TRANSLATION * problem.distance(pose));
+    let degrees = rotation.to_degrees();
+    weak.then(|| Warning::WeakGeometry { degrees, axis, shift, along, causes: causes(problem, pose) })
+}
 
-    fn causes(&self, pose: &Pose) -> Vec<Cause> {
-        let mut causes = Vec::new();
-        let plane = self.common_plane();
-        if plane.is_some() && self.regions().len() > 1 {
-            causes.push(Cause::Coplanar);
-        }
-        let tilt = plane.map(|plane| {
-            let angle = (pose.rotation * plane.axes[2]).angle(&pose.transform(&plane.origin));
-            angle.min(std::f64::consts::PI - angle)
-        });
-        causes.extend(tilt.filter(|&tilt| tilt < FRONTAL).map(|tilt| Cause::Frontal { degrees: tilt.to_degrees() }));
-        let pixels = self.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
-        if pixels < TINY {
-            causes.push(Cause::Tiny { pixels });
-        }
-        causes
+fn causes(problem: &Problem, pose: &Pose) -> Vec<Cause> {
+    let mut causes = Vec::new();
+    let plane = common_plane(problem);
+    if plane.is_some() && problem.regions().len() > 1 {
+        causes.push(Cause::Coplanar);
     }
-
-    /// The plane that all regions lie in, if they lie in one.
-    pub(crate) fn common_plane(&self) -> Option<PlaneFrame> {
-        let vertices = self.worlds().iter().flat_map(|world| world.rings()).collect::<Vec<_>>().concat();
-        let plane = PlaneFrame::fit(&vertices).ok()?;
-        let farthest = vertices.iter().map(|x| (x - plane.origin).norm()).fold(0.0, f64::max);
-        vertices.iter().all(|x| plane.height(x).abs() <= FLAT * farthest).then_some(plane)
+    let tilt = plane.map(|plane| {
+        let angle = (pose.rotation * plane.axes[2]).angle(&pose.transform(&plane.origin));
+        angle.min(std::f64::consts::PI - angle)
+    });
+    causes.extend(tilt.filter(|&tilt| tilt < FRONTAL).map(|tilt| Cause::Frontal { degrees: tilt.to_degrees() }));
+    let pixels = problem.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
+    if pixels < TINY {
+        causes.push(Cause::Tiny { pixels });
     }
+    causes
 }
 
 /// Largest standard deviation and its direction; infinite, and no direction, where the covariance is not known.

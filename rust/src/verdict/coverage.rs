@@ -10,9 +10,6 @@ use crate::region::WorldRegion;
 use crate::view::border::{Border, projected_before};
 use crate::view::chart::Chart;
 
-/// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
-const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
-
 /// Solid angles shared and not shared by an observed region and the projected one; `None` where it cannot be projected.
 pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Option<OverlapAreas> {
     if let Some(border) = observed.border() {
@@ -43,28 +40,4 @@ fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion,
     let unscaled = |ring: &Vec<Vector2<f64>>| ring.iter().map(|p| p / chart.scale).collect();
     let of = |rings: &[Vec<Vector2<f64>>]| PlaneRings::of_simple(rings.iter().map(unscaled).collect());
     overlap_areas(&of(observed.outline().rings()), &of(&predicted.rings))
-}
-
-/// How well all regions fit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit {
-    /// Area of the symmetric differences over the observed area, all regions together.
-    pub overlap_error: f64,
-    /// Standard deviation, in pixels, of the distance between observed and projected boundaries: the area between them over
-    /// the boundary's length is the mean distance.
-    pub boundary_noise: f64,
-}
-
-impl Fit {
-    /// The fit of a pose; `None` where a region cannot be projected.
-    pub fn of(observed: &[RegionEquations], worlds: &[WorldRegion], pose: &Pose) -> Option<Self> {
-        let (mut areas, mut pixels, mut length) = (OverlapAreas::default(), 0.0, 0.0);
-        for (region, world) in observed.iter().zip(worlds) {
-            let overlap = region_overlap(region, world, pose)?;
-            areas = areas + overlap;
-            pixels += overlap.error() * region.pixel_area();
-            length += region.boundary_length() * region.pixel_area().sqrt();
-        }
-        Some(Self { overlap_error: areas.error(), boundary_noise: SIGMA_OVER_MEAN * pixels / length })
-    }
 }

@@ -1,0 +1,247 @@
+//! What the contours show at a pose, and the likeliest pose near one (`docs/math.md`, section 11).
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::correlation::correlation;
+use super::mixture::{Distances, Mixture};
+use super::readings::{Contour, NormalEquations, Reading};
+use crate::geometry::pose::{Pose, Tangent};
+
+/// The finest scale, in pixels: parts of a binary mask's contour scatter by 0.15 to 0.25.
+pub const FINEST_SCALE: f64 = 0.25;
+
+/// From scale to scale.
+const SCALE_STEP: f64 = 2.0;
+
+/// Gauss-Newton steps at one scale at most, and at the finest.
+const STEPS: usize = 4;
+const LAST_STEPS: usize = 12;
+
+/// A step below this, rad and share of the distance, ends the iteration at a scale: a thousandth of a pixel.
+const SETTLED: f64 = 1e-7;
+
+/// Halvings of a step that takes a region out of view.
+const HALVINGS: usize = 6;
+
+/// Longest step, rad and share of the distance.
+const LONGEST_STEP: f64 = 0.1;
+
+/// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is.
+const RIDGE: f64 = 1e-9;
+
+/// A part is astray at this many standard deviations of the clean ones; a clean contour has such parts at corners alone.
+const ASTRAY: f64 = 4.0;
+const FEW_ASTRAY: f64 = 0.02;
+
+/// Standard deviation of the parts' distances, pixels, above which a contour isn't clean, however even they are.
+const CLEAN_SIGMA: f64 = 1.0;
+
+/// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
+const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
+
+/// Variances by which chance alone parts the likelihoods of two poses, from the scatter of their own differences, for a
+/// standard deviation of that: above what the turns of symmetric shapes differ by, below what poses do that fit worse.
+const CHANCE: f64 = 25.0 / (1.2 * 1.2);
+
+/// A pose and what the contours show there.
+#[derive(Debug, Clone)]
+pub struct ContourFit {
+    /// The pose about the problem's origin.
+    pub pose: Pose,
+    /// The distances' distribution.
+    pub mixture: Mixture,
+    readings: Vec<Reading>,
+    /// Number of the readings of each region.
+    counts: Vec<usize>,
+}
+
+impl ContourFit {
+    /// The fit at a pose about the problem's origin, from every `step`-th part of the boundaries; `None` where a region is out
+    /// of view.
+    pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
+        let readings = Readings::at(contours, pose, step)?;
+        let mixture = readings.distances().mixture(FINEST_SCALE);
+        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts })
+    }
+
+    /// The readings of each region, and its number.
+    pub fn regions(&self) -> impl Iterator<Item = (usize, &[Reading])> {
+        split(&self.readings, &self.counts).enumerate()
+    }
+
+    fn of_each<T>(&self, value: impl Fn(usize, &Reading) -> T) -> Vec<T> {
+        let value = &value;
+        self.regions()
+            .flat_map(|(region, readings)| readings.iter().map(move |reading| value(region, reading)))
+            .collect()
+    }
+
+    /// Share of the clean parts of each region.
+    pub fn clean_shares(&self) -> Vec<f64> {
+        let clean = |(region, readings): (usize, &[Reading])| {
+            readings.iter().map(|reading| self.mixture.clean_probability(region, reading)).sum::<f64>()
+                / readings.len().max(1) as f64
+        };
+        self.regions().map(clean).collect()
+    }
+
+    /// Whether the parts scatter by less than a pixel, and hardly one lies far off.
+    pub fn is_clean(&self) -> bool {
+        let limit = ASTRAY * self.mixture.sigma;
+        let astray = self.readings.iter().filter(|reading| reading.misfit > limit).count();
+        self.mixture.sigma < CLEAN_SIGMA && (astray as f64) < FEW_ASTRAY * self.readings.len() as f64
+    }
+
+    /// Parts of the contours that were disturbed, or not, independently of each other.
+    pub fn independent(&self) -> f64 {
+        let clean = self.of_each(|region, reading| self.mixture.clean_probability(region, reading));
+        // A region that is disturbed as a whole says nothing of how long the disturbances are.
+        let about_mean: Vec<f64> = split(&clean, &self.counts).flat_map(centred).collect();
+        clean.len() as f64 / correlation(&about_mean, &self.counts)
+    }
+
+    /// Standard deviation of a normal boundary noise with the same mean distance, pixels (`docs/math.md`, eq. 6.6).
+    pub fn noise(&self) -> f64 {
+        SIGMA_OVER_MEAN * self.readings.iter().map(|reading| reading.distance.abs()).sum::<f64>()
+            / self.readings.len().max(1) as f64
+    }
+
+    /// By how much the log likelihood exceeds that of another pose for the same parts, over those that vary independently.
+    pub fn gain_over(&self, other: &Self) -> f64 {
+        self.independent() * (self.mixture.likelihood - other.mixture.likelihood)
+    }
+
+    /// How much worse another pose fits the same parts, in variances: twice the ratio of the log likelihoods, or what is left
+    /// of that where chance may have decided (`docs/math.md`, eq. 11.7).
+    pub fn against(&self, other: &Self) -> f64 {
+        let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
+        let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
+        let mean = mean(&differences);
+        let scatter = centred(&differences);
+        let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
+        let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
+        (2.0 * self.independent() * mean).min(CHANCE * sigmas * sigmas.abs())
+    }
+}
+
+/// Readings of several regions.
+struct Readings {
+    all: Vec<Reading>,
+    counts: Vec<usize>,
+}
+
+impl Readings {
+    fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
+        let mut all = Vec::with_capacity(contours.iter().map(|contour| contour.count(step)).sum());
+        for contour in contours {
+            contour.read(pose, step, &mut all)?;
+        }
+        Some(Self { all, counts: contours.iter().map(|contour| contour.count(step)).collect() })
+    }
+
+    fn distances(&self) -> Distances {
+        Distances::new(split(&self.all, &self.counts))
+    }
+
+    fn mean_log_density(&self, mixture: &Mixture) -> f64 {
+        let regions = split(&self.all, &self.counts).enumerate();
+        let of = |(region, readings): (usize, &[Reading])| {
+            readings.iter().map(|reading| mixture.log_density(region, reading)).sum::<f64>()
+        };
+        regions.map(of).sum::<f64>() / self.all.len().max(1) as f64
+    }
+}
+
+/// Mean logarithm of the density of every `step`-th part at a pose, by a mixture that is not fitted; `None` where a region is
+/// out of view.
+pub fn rough_likelihood(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<f64> {
+    Some(Readings::at(contours, pose, step)?.mean_log_density(mixture))
+}
+
+/// The most likely pose that is reached from a start on every `step`-th part; the start itself where nothing is likelier.
+///
+/// Expectation and maximization, while the least scale of the clean parts falls from that of all distances: what lies far off
+/// loses its weight step by step. `None` where a region is out of view at the start.
+pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
+    let mut best = ContourFit::at(contours, start, step)?;
+    let spread = Readings { all: best.readings.clone(), counts: best.counts.clone() }.distances().root_mean_square();
+    let (mut pose, mut scale) = (*start, spread.max(FINEST_SCALE));
+    loop {
+        pose = settled(contours, pose, step, scale);
+        let fit = ContourFit::at(contours, &pose, step)?;
+        if fit.mixture.likelihood > best.mixture.likelihood {
+            best = fit;
+        }
+        // The comparison fails for a scale that is not finite, too.
+        if !(scale > FINEST_SCALE && scale.is_finite()) {
+            return Some(best);
+        }
+        scale = (scale / SCALE_STEP).max(FINEST_SCALE);
+    }
+}
+
+/// The pose after Gauss-Newton steps at one scale.
+fn settled(contours: &[Contour], mut pose: Pose, step: usize, scale: f64) -> Pose {
+    let steps = if scale > FINEST_SCALE { STEPS } else { LAST_STEPS };
+    let Some(readings) = Readings::at(contours, &pose, step) else { return pose };
+    let mixture = readings.distances().mixture(scale);
+    for _ in 0..steps {
+        let Some(increment) = gauss_newton(contours, &pose, step, &mixture) else { break };
+        let Some((next, size)) = advanced(contours, &pose, &increment, step) else { break };
+        pose = next;
+        if size < SETTLED {
+            break;
+        }
+    }
+    pose
+}
+
+/// The step to the least weighted squares; `None` where no direction is held.
+fn gauss_newton(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<Tangent> {
+    let mut equations = NormalEquations::default();
+    for (region, contour) in contours.iter().enumerate() {
+        let weight = |reading: &Reading| mixture.weight(region, reading);
+        contour.add_normal_equations(pose, step, weight, &mut equations)?;
+    }
+    let ridge = Matrix6::from_diagonal(&(equations.matrix.diagonal() * RIDGE));
+    let increment: Vector6<f64> = -(equations.matrix + ridge).cholesky()?.solve(&equations.gradient);
+    increment.iter().all(|value| value.is_finite()).then_some(increment)
+}
+
+/// The pose moved by an increment, shortened until every region is in view, and the size of what was gone.
+fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent, step: usize) -> Option<(Pose, f64)> {
+    let mut increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
+    for _ in 0..=HALVINGS {
+        let moved = pose.moved(&increment);
+        if Readings::at(contours, &moved, step).is_some() {
+            return Some((moved, size(&increment, pose)));
+        }
+        increment *= 0.5;
+    }
+    None
+}
+
+/// Size of an increment: radians, or a share of the distance.
+fn size(increment: &Tangent, pose: &Pose) -> f64 {
+    let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
+    increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
+}
+
+/// Consecutive parts of these lengths.
+fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterator<Item = &'a [T]> + 'a {
+    let mut rest = values;
+    lengths.iter().map(move |&length| {
+        let (part, others) = rest.split_at(length);
+        rest = others;
+        part
+    })
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn centred(values: &[f64]) -> Vec<f64> {
+    let mean = mean(values);
+    values.iter().map(|value| value - mean).collect()
+}

@@ -1,0 +1,282 @@
+//! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
+//! section 11).
+
+use nalgebra::{Matrix3, Matrix6, Rotation3, Vector2, Vector3, Vector6};
+
+use super::field::EdgeField;
+use super::pieces::{Piece, edges, pieces};
+use crate::equations::residual::RegionEquations;
+use crate::geometry::pose::Pose;
+use crate::region::{PlaneFrame, WorldRegion};
+use crate::view::border::{edge_before, near_plane};
+
+/// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite does
+/// where that crosses the outline; and what its spread across counts beside its squared distance.
+const ALIGNED: f64 = 3.0;
+const CROSSING: f64 = 4.0;
+
+/// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
+const FAR: f64 = 1e9;
+
+/// The observed contour of one region and the boundary of its world region.
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// `chart_from_camera`.
+    rotation: Rotation3<f64>,
+    /// On the plane z = 1 of the chart's axes.
+    pieces: Vec<Piece>,
+    /// Pixels per unit of that plane.
+    pixels: f64,
+    /// Boundary rings of the world region about the problem's origin.
+    rings: Vec<Vec<Vector3<f64>>>,
+    /// The plane that holds the rings, about the problem's origin, and their edges there; `None` for a surface.
+    plane: Option<(PlaneFrame, EdgeField)>,
+    /// Whether the image's border cuts the region, so that a part of its boundary may be behind the camera.
+    cut: bool,
+}
+
+/// What a piece of a contour shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Signed distance of its mean from the projected boundary, pixels.
+    pub distance: f64,
+    /// Mean square of its points about their mean across the boundary, squared pixels.
+    pub spread: f64,
+    /// How far off it counts: as far as its mean, farther where it runs across the boundary, pixels.
+    pub misfit: f64,
+    /// The edge of the boundary that it is nearest to, counted over all rings.
+    pub edge: u32,
+}
+
+/// Normal equations of the distances of some pieces: `J^T W J` and `J^T W d`.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NormalEquations {
+    /// `J^T W J` by the left increment `[omega (rad), tau (metres)]`.
+    pub matrix: Matrix6<f64>,
+    /// `J^T W d`.
+    pub gradient: Vector6<f64>,
+}
+
+impl Contour {
+    /// The contour of an observed region, without what lies on the image's border, and the boundary of its world region about
+    /// `origin`.
+    pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        let scale = region.chart().scale;
+        let pixels = region.pixel_area().sqrt();
+        let on_border = region.border().map_or(&[][..], |border| border.on_border());
+        let pieces = pieces(region.outline(), on_border, pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
+        let frame = world.frame();
+        let plane = PlaneFrame { origin: frame.origin - origin, axes: frame.axes };
+        Self {
+            rotation: region.chart().rotation,
+            pieces,
+            pixels: pixels * scale,
+            rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
+            plane: world.surface().is_none().then(|| (plane, EdgeField::new(world.outline().rings()))),
+            cut: region.border().is_some(),
+        }
+    }
+
+    /// Number of pieces of which every `step`-th is read.
+    pub fn count(&self, step: usize) -> usize {
+        self.pieces.len().div_ceil(step)
+    }
+
+    /// The straight run of the contour that each piece wholly lies on, by number.
+    pub fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+        self.pieces.iter().map(|piece| piece.run)
+    }
+
+    /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
+    pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
+        let view = self.view(pose)?;
+        into.extend(self.pieces.iter().step_by(step).map(|piece| self.reading(&view, piece).0));
+        Some(())
+    }
+
+    /// The same with the derivatives of each distance by the left increment.
+    pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
+        let view = self.view(pose)?;
+        let back = self.rotation.inverse();
+        into.extend(self.pieces.iter().map(|piece| {
+            let (reading, foot) = self.reading(&view, piece);
+            let row = self.derivative(&view, reading.edge, &foot);
+            let [turning, moving] = [0, 3].map(|first| back * row.fixed_rows::<3>(first));
+            (reading, Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z))
+        }));
+        Some(())
+    }
+
+    /// Adds the normal equations of every `step`-th piece, each with the weight of its reading.
+    pub fn add_normal_equations(
+        &self,
+        pose: &Pose,
+        step: usize,
+        weight: impl Fn(&Reading) -> f64,
+        into: &mut NormalEquations,
+    ) -> Option<()> {
+        let view = self.view(pose)?;
+        let mut sums = NormalEquations::default();
+        for piece in self.pieces.iter().step_by(step) {
+            let (reading, foot) = self.reading(&view, piece);
+            let weight = weight(&reading);
+            let row = self.derivative(&view, reading.edge, &foot);
+            let weighted = row * weight;
+            sums.matrix.ger(1.0, &weighted, &row, 1.0);
+            sums.gradient += weighted * reading.distance;
+        }
+        into.add_turned(&sums, self.rotation.matrix());
+        Some(())
+    }
+
+    /// The projected boundary at a pose; `None` where it isn't wholly before the chart's plane, or for a region that the image's
+    /// border cuts not at all.
+    fn view(&self, pose: &Pose) -> Option<View> {
+        let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
+        let mut projected = Vec::with_capacity(self.rings.iter().map(Vec::len).sum());
+        for ring in &self.rings {
+            let moved: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
+            if moved.iter().all(|x| x.z > 0.0) {
+                projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
+            } else if self.cut && moved.iter().any(|x| x.z > 0.0) {
+                let near = near_plane(&moved);
+                let edge = |ends: Option<[Vector3<f64>; 2]>| ends.map_or_else(Edge::hidden, |[a, b]| Edge::new(a, b));
+                projected.extend(edges(&moved).map(|(from, to)| edge(edge_before(near, &from, &to))));
+            } else {
+                return None;
+            }
+        }
+        let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
+        Some(View { edges: projected, sight })
+    }
+
+    /// The edge of the boundary nearest to a point of the chart's plane z = 1: where the point's ray meets the region's plane,
+    /// the edge that is nearest there.
+    fn nearest(&self, view: &View, point: &Vector2<f64>) -> usize {
+        let place = view.sight.as_ref().and_then(|sight| sight.place(point));
+        if let (Some((_, field)), Some(place)) = (&self.plane, place) {
+            return field.nearest_edge(&place);
+        }
+        let square = |index: &usize| view.edges[*index].foot(point).offset.norm_squared();
+        (0..view.edges.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0)
+    }
+
+    fn reading(&self, view: &View, piece: &Piece) -> (Reading, Foot) {
+        let index = self.nearest(view, &piece.mean);
+        let edge = &view.edges[index];
+        let mut foot = edge.foot(&piece.mean);
+        let length = foot.offset.norm();
+        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
+        let inside = (foot.share > 0.0 && foot.share < 1.0) || length == 0.0;
+        let value = if inside { foot.offset.dot(&foot.normal) } else { length };
+        if !inside {
+            foot.normal = foot.offset / length;
+        }
+        let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));
+        let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
+        let squared = self.pixels * self.pixels;
+        let misfit = (distance * distance + squared * crossing).sqrt();
+        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
+    }
+
+    /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).
+    fn derivative(&self, view: &View, edge: u32, foot: &Foot) -> Vector6<f64> {
+        let edge = &view.edges[edge as usize];
+        // The point of the edge in space that is seen at the foot.
+        let weight = foot.share * edge.from.z / (foot.share * edge.from.z + (1.0 - foot.share) * edge.to.z);
+        let seen = edge.from.lerp(&edge.to, weight);
+        let n = foot.normal * (self.pixels / seen.z);
+        let moving = Vector3::new(-n.x, -n.y, (n.x * seen.x + n.y * seen.y) / seen.z);
+        let turning = seen.cross(&moving);
+        Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
+    }
+}
+
+/// A projected boundary.
+struct View {
+    edges: Vec<Edge>,
+    sight: Option<Sight>,
+}
+
+/// A plane as the chart sees it: `place = (numerators . (x, y, 1)) / (normal . (x, y, 1))`.
+struct Sight {
+    normal: Vector3<f64>,
+    numerators: [Vector3<f64>; 2],
+}
+
+impl Sight {
+    fn new(plane: &PlaneFrame, chart_from_world: &Pose) -> Self {
+        let [u, v, normal] = plane.axes.map(|axis| chart_from_world.rotation * axis);
+        let origin = chart_from_world.transform(&plane.origin);
+        let offset = normal.dot(&origin);
+        // The ray meets the plane at the depth offset / (normal . ray); only before the camera that has the offset's sign.
+        let side = offset.signum();
+        let numerators = [u, v].map(|axis| (axis * offset - normal * axis.dot(&origin)) * side);
+        Self { normal: normal * side, numerators }
+    }
+
+    /// Coordinates in the plane of the point that is seen at a point of the chart's plane z = 1; `None` beyond its horizon.
+    fn place(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let ray = Vector3::new(point.x, point.y, 1.0);
+        let depth = self.normal.dot(&ray);
+        let [x, y] = &self.numerators;
+        (depth > 0.0).then(|| Vector2::new(x.dot(&ray), y.dot(&ray)) / depth)
+    }
+}
+
+/// An edge of the projected boundary: its ends along the chart's axes, and on the plane z = 1.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+    start: Vector2<f64>,
+    step: Vector2<f64>,
+    inverse: f64,
+}
+
+/// The place on an edge nearest to a point.
+struct Foot {
+    /// Where on the edge, 0 to 1.
+    share: f64,
+    /// From there to the point.
+    offset: Vector2<f64>,
+    /// Unit direction in which the distance grows.
+    normal: Vector2<f64>,
+}
+
+impl Edge {
+    /// An edge behind the camera: far from every piece.
+    fn hidden() -> Self {
+        let far = Vector3::new(FAR, FAR, 1.0);
+        Self::new(far, far)
+    }
+
+    fn new(from: Vector3<f64>, to: Vector3<f64>) -> Self {
+        let (start, end) = (from.xy() / from.z, to.xy() / to.z);
+        let step = end - start;
+        Self { from, to, start, step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
+    }
+
+    fn foot(&self, point: &Vector2<f64>) -> Foot {
+        let offset = point - self.start;
+        let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
+        let normal = Vector2::new(self.step.y, -self.step.x) * self.inverse.sqrt();
+        Foot { share, offset: offset - self.step * share, normal }
+    }
+}
+
+impl NormalEquations {
+    /// Adds equations along a chart's axes, to which `rotation` leads from the camera's.
+    fn add_turned(&mut self, chart: &Self, rotation: &Matrix3<f64>) {
+        for row in [0, 3] {
+            for column in [0, 3] {
+                let turned = rotation.transpose() * chart.matrix.fixed_view::<3, 3>(row, column) * rotation;
+                let mut into = self.matrix.fixed_view_mut::<3, 3>(row, column);
+                into += turned;
+            }
+            let turned = rotation.transpose() * chart.gradient.fixed_rows::<3>(row);
+            let mut into = self.gradient.fixed_rows_mut::<3>(row);
+            into += turned;
+        }
+    }
+}

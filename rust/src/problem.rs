@@ -1,0 +1,118 @@
+//! Regions seen in one image and known in the world, paired and ready to be solved.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use crate::contour::readings::Contour;
+use crate::equations::facet::Integration;
+use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
+use crate::equations::system::{System, Weighting};
+use crate::equations::whitening::Orders;
+use crate::error::{Error, Result};
+use crate::geometry::pose::{Pose, Tangent, increment_derivative};
+use crate::region::{ObservedRegion, WorldRegion};
+
+/// Regions seen in one image and known in the world, ready to be solved.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// World coordinates are taken relative to this point, so that large ones lose no digits.
+    origin: Vector3<f64>,
+    regions: Vec<RegionEquations>,
+    worlds: Arc<[WorldRegion]>,
+    contours: Arc<[Contour]>,
+}
+
+impl Problem {
+    /// The problem of these regions, the k-th observed one being the image of the k-th world one, by moments on each region's
+    /// plane, summed over the boundary.
+    ///
+    /// # Errors
+    /// No regions, unequal numbers, or a region that is refused; the message names it.
+    pub fn new(observed: &[ObservedRegion], worlds: &[WorldRegion]) -> Result<Self> {
+        Self::with(observed, worlds, System::Plane, Integration::Boundary)
+    }
+
+    /// The same with the moments of another system, or summed otherwise.
+    ///
+    /// # Errors
+    /// Those of [`Problem::new`], and an integration that the system or a region does not have.
+    pub fn with(
+        observed: &[ObservedRegion],
+        worlds: &[WorldRegion],
+        system: System,
+        integration: Integration,
+    ) -> Result<Self> {
+        if observed.len() != worlds.len() || observed.is_empty() {
+            return Err(Error::Unpaired { observed: observed.len(), world: worlds.len() });
+        }
+        let origin = worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / worlds.len() as f64;
+        let pairs = observed.iter().zip(worlds).enumerate();
+        let regions: Vec<RegionEquations> = pairs
+            .map(|(index, (observed, world))| {
+                RegionEquations::new(observed, world, &origin, system, integration).map_err(|e| e.in_region(index))
+            })
+            .collect::<Result<_>>()?;
+        let contours = regions.iter().zip(worlds).map(|(region, world)| Contour::new(region, world, &origin)).collect();
+        Ok(Self { origin, regions, worlds: worlds.into(), contours })
+    }
+
+    /// The equations of each region.
+    pub fn regions(&self) -> &[RegionEquations] {
+        &self.regions
+    }
+
+    /// The world side of each region.
+    pub fn worlds(&self) -> &[WorldRegion] {
+        &self.worlds
+    }
+
+    /// The observed contour of each region and the boundary of its world region, about the problem's origin.
+    pub fn contours(&self) -> &[Contour] {
+        &self.contours
+    }
+
+    /// The point relative to which world coordinates are taken.
+    pub(crate) fn origin(&self) -> &Vector3<f64> {
+        &self.origin
+    }
+
+    /// The same problem, its moments compared on the scale of a boundary noise in pixels.
+    pub(crate) fn whitened(mut self, noise: f64, orders: Orders) -> Self {
+        self.regions = self.regions.into_iter().map(|region| region.whitened_for(noise, orders)).collect();
+        self
+    }
+
+    /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.
+    pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
+        evaluate(&self.regions, &self.centred(pose), weighting)
+    }
+
+    /// Residuals at a pose moved by a left increment, and their derivatives by that increment.
+    pub fn evaluate_moved(&self, pose: &Pose, increment: &Tangent, weighting: Weighting) -> Option<Evaluation> {
+        let evaluation = self.evaluate(&pose.moved(increment), weighting)?;
+        Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
+    }
+
+    /// The regions that a pose sees from the side away from their viewpoint.
+    pub fn seen_from_behind(&self, pose: &Pose) -> Vec<usize> {
+        let camera = pose.inverse().translation;
+        let behind = |(index, world): (usize, &WorldRegion)| world.is_behind(&camera).then_some(index);
+        self.worlds.iter().enumerate().filter_map(behind).collect()
+    }
+
+    /// Distance from the camera to the middle of the regions.
+    pub fn distance(&self, pose: &Pose) -> f64 {
+        pose.transform(&self.origin).norm()
+    }
+
+    /// The pose for world points about the problem's origin.
+    pub fn centred(&self, pose: &Pose) -> Pose {
+        Pose::new(pose.rotation, pose.transform(&self.origin))
+    }
+
+    /// The pose for world points, of one for points about the problem's origin.
+    pub(crate) fn uncentred(&self, pose: &Pose) -> Pose {
+        Pose::new(pose.rotation, pose.translation - pose.rotation * self.origin)
+    }
+}

@@ -1,0 +1,154 @@
+//! Candidates from the moments: closed forms of each region, led to the minima of the equations.
+
+use super::closed_form::{Turns, closed_form, conjugate, facing};
+use super::corners::triangle_poses;
+use super::poses::{distinct, sorted};
+use crate::equations::least_squares::{Stopping, minimize};
+use crate::equations::residual::{RegionEquations, evaluate};
+use crate::equations::system::Weighting;
+use crate::geometry::pose::Pose;
+use crate::prior::Prior;
+use crate::problem::Problem;
+use crate::region::WorldRegion;
+use crate::search::cuts::cut_worlds;
+
+/// A candidate of one region: enough to tell it from the others, not yet a solution.
+const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
+
+/// A candidate of all regions together.
+const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
+
+/// The paper's start is followed all the way down, from wherever it lies.
+const PAPER: Stopping = Stopping { tolerance: 1e-6, evaluations: 210 };
+
+/// Candidates above the least unweighted cost by this factor are given up.
+const WORTH_A_LOOK: f64 = 1e3;
+
+/// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
+const SMALL_COST: f64 = 1e-4;
+
+/// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
+/// of the symmetric difference is then of the order of the region itself.
+const SINGLE_REGION_COST: f64 = 0.05;
+
+/// Starts of one region that are followed where other regions can tell them apart.
+const STARTS_PER_REGION: usize = 4;
+
+/// Starts of a region that the image's border cuts, of all the cuts that are tried.
+const STARTS_OF_CUT: usize = 48;
+
+/// Candidates carried into the joint system at most.
+const MOST_CANDIDATES: usize = 32;
+
+/// Poses nearer than this are one candidate: radians, and a share of the distance to the regions.
+pub const SAME_CANDIDATE: f64 = 0.01;
+
+/// Minima of the unweighted equations of all regions, about the problem's origin, best first.
+///
+/// From the closed forms of one region after the other, the largest first, until one explains all regions.
+pub fn moment_poses(problem: &Problem, prior: &Prior, turns: Turns, explains: impl Fn(&Pose) -> bool) -> Vec<Pose> {
+    let mut order: Vec<usize> = (0..problem.regions().len()).collect();
+    order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
+    let known: Vec<Pose> = prior.initial.iter().map(|pose| problem.centred(pose)).collect();
+    let mut poses = solved_together(problem, known);
+    for index in order {
+        poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
+        poses = narrowed(problem.regions(), poses);
+        if turns == Turns::Likely && poses.first().is_some_and(&explains) {
+            break;
+        }
+    }
+    poses
+}
+
+/// Poses that single regions give, whatever the others say.
+pub fn single_region_poses(problem: &Problem) -> Vec<Pose> {
+    let of = |index| region_poses(problem, index, &Prior::default(), Turns::All);
+    (0..problem.regions().len()).flat_map(of).collect()
+}
+
+/// Minima of one region's equations near the closed forms that look like it.
+fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: Turns) -> Vec<Pose> {
+    let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
+    let alone = problem.regions().len() == 1;
+    let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
+    poses.extend(triangle_poses(region.chart(), region.outline(), world, origin, region.pixel_area().sqrt().recip()));
+    if prior.up.is_some() {
+        poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
+    }
+    // A wrong view of a region alone may look right where the rest of it is cut off.
+    if region.border().is_some() && (turns == Turns::All || alone) {
+        poses.extend(cut_starts(problem, region, world));
+    }
+    if turns == Turns::Likely && !alone {
+        poses = best_fitting(problem.regions(), poses, STARTS_PER_REGION);
+    }
+    poses.iter().filter_map(|pose| solved_alone(region, pose)).collect()
+}
+
+/// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
+/// cut by lines from all sides.
+fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
+    let closed =
+        |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), Turns::Likely);
+    let poses = cut_worlds(world).iter().flat_map(closed).collect();
+    best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
+}
+
+/// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
+pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+    let regions = problem.regions();
+    let solved = |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, PAPER).pose;
+    let starts = match &prior.initial {
+        Some(initial) => vec![solved(regions, &problem.centred(initial))],
+        None => {
+            let (first, world, origin) = (&regions[..1], &problem.worlds()[0], problem.origin());
+            let facing = facing(first[0].chart(), first[0].outline(), world, origin, prior.up.as_ref());
+            let both = |pose: &Pose| {
+                let pose = solved(first, pose);
+                [pose, solved(first, &conjugate(&pose, world, origin))]
+            };
+            facing.iter().flat_map(both).collect()
+        }
+    };
+    narrowed(regions, solved_together(problem, starts))
+}
+
+/// Minima of all regions' unweighted equations near the starts.
+fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<Pose> {
+    let poses = narrowed(problem.regions(), starts);
+    if problem.regions().len() == 1 {
+        return poses;
+    }
+    let joint = |pose: &Pose| minimize(problem.regions(), pose, Weighting::Uniform, JOINT).pose;
+    poses.iter().map(joint).collect()
+}
+
+/// Distinct poses by their joint unweighted cost, best first, as many as are worth another look.
+fn narrowed(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<Pose> {
+    let costs = poses.into_iter().map(|pose| (cost(regions, &pose), pose)).collect();
+    let kept = distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose);
+    let limit = kept.first().map_or(0.0, |(least, _)| least * WORTH_A_LOOK + SMALL_COST);
+    kept.into_iter().filter(|(cost, _)| *cost <= limit).map(|(_, pose)| pose).collect()
+}
+
+/// The poses at which the regions' unweighted equations fit best.
+fn best_fitting(regions: &[RegionEquations], poses: Vec<Pose>, most: usize) -> Vec<Pose> {
+    let costs = poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect();
+    sorted(costs).into_iter().take(most).map(|(_, pose)| pose).collect()
+}
+
+/// Sum of the squared unweighted residuals; infinite where a region is out of view.
+fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
+    evaluate(regions, pose, Weighting::Uniform).map_or(f64::INFINITY, |e| e.residual.norm_squared())
+}
+
+/// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
+fn solved_alone(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
+    let region = std::slice::from_ref(region);
+    if !cost(region, pose).is_finite() {
+        return None;
+    }
+    let minimum = minimize(region, pose, Weighting::Uniform, SINGLE_REGION);
+    (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
+}

@@ -1,0 +1,27 @@
+//! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, section 11).
+
+use crate::contour::fit::ContourFit;
+
+/// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
+const BY_CHANCE: f64 = 0.06;
+
+/// A region that belongs to the pose may be disturbed so much more than the cleanest one that this share of its share is left.
+const HALF: f64 = 0.5;
+
+/// Natural logarithm of the odds that a region belongs to the pose, for each region; infinite for a region alone.
+///
+/// Of `m` pieces that vary independently a share `q` is clean. Of a region elsewhere each is by chance, with [`BY_CHANCE`]; of
+/// one that belongs to the pose with half the share that the cleanest of the others has.
+pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
+    let shares = fit.clean_shares();
+    let all: usize = fit.regions().map(|(_, readings)| readings.len()).sum();
+    let independent = fit.independent() / all.max(1) as f64;
+    let odds = |(region, pieces): (usize, usize)| {
+        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
+        let Some(own) = others.reduce(f64::max).map(|cleanest| HALF * cleanest) else { return f64::INFINITY };
+        let own = own.max(BY_CHANCE);
+        let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
+        independent * pieces as f64 * (shares[region] * clean + (1.0 - shares[region]) * disturbed)
+    };
+    fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
+}
