@@ -85,7 +85,11 @@ impl Scene {
             let ring = ring.iter().map(|p| world_from_camera.transform(p)).collect();
             WorldRegion::from_rings(&[ring]).expect("the rings are planar and simple")
         };
-        Self { pose, observed: rings.iter().map(|ring| seen(ring)).collect(), worlds: rings.iter().map(world).collect() }
+        Self {
+            pose,
+            observed: rings.iter().map(|ring| seen(ring)).collect(),
+            worlds: rings.iter().map(world).collect(),
+        }
     }
 }
 
@@ -147,6 +151,9 @@ fn main() {
         whitened_equations(&problem, &pose);
         pose_from_nothing(problem);
     }
-    println!("{SCENES} problems, poses, and evaluations of {REGIONS} regions on either scale; {} times", SCENES * REGIONS);
+    println!(
+        "{SCENES} problems, poses, and evaluations of {REGIONS} regions on either scale; {} times",
+        SCENES * REGIONS
+    );
     println!("the whitening, the closed form and the overlap of a region");
 }

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use crate::contour::distance::{Contour, ContourFit, contour_fit, misfit, refined};
-use crate::equations::least_squares::Minimum;
+use crate::equations::least_squares::{Minimum, Termination};
 use crate::equations::system::Weighting;
 use crate::geometry::pose::Pose;
 use crate::prior::Prior;
@@ -273,7 +273,7 @@ impl Problem {
             pose,
             cost: evaluation.map_or(f64::INFINITY, |evaluation| evaluation.residual.norm_squared()),
             converged: true,
-            termination: "led onto the contours from a start of its own".into(),
+            termination: Termination::Foreign("led onto the contours from a start of its own".into()),
             evaluations: 1,
         }
     }
