@@ -65,7 +65,6 @@ KNOWS_NO_POSE = {
 """Modules of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {
-    "levenberg_marquardt": {"least_squares"},
     "rayon": {"batch"},
     "robust": {"rings"},
     "spade": {"mesh"},

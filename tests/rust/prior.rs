@@ -5,7 +5,7 @@ mod support;
 
 use nalgebra::{Rotation3, Vector3};
 use regionpose::equations::facet::Integration;
-use regionpose::equations::least_squares::Minimum;
+use regionpose::equations::least_squares::{Minimum, Termination};
 use regionpose::equations::system::System;
 use regionpose::geometry::pose::Pose;
 use regionpose::prior::{PoseSigma, Prior};
@@ -245,7 +245,7 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         pose: scene.pose,
         cost: 0.0,
         converged,
-        termination: "the limit of evaluations was reached".into(),
+        termination: Termination::EvaluationLimit,
         evaluations: 140,
     };
     let judged = |converged: bool| {

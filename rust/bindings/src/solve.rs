@@ -127,6 +127,7 @@ impl Minimum {
         evaluations: usize,
     ) -> PyResult<Self> {
         let pose = pose(rotation, translation)?;
+        let termination = least_squares::Termination::Foreign(termination);
         Ok(Self(least_squares::Minimum { pose, cost, converged, termination, evaluations }))
     }
 
@@ -151,8 +152,8 @@ impl Minimum {
     }
 
     #[getter]
-    fn termination(&self) -> &str {
-        &self.0.termination
+    fn termination(&self) -> String {
+        self.0.termination.to_string()
     }
 
     #[getter]

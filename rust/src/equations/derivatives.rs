@@ -23,14 +23,18 @@ pub const SPHERE_REACH: usize = 2;
 pub fn plane_derivative(moments: &PlaneMoments, nu: &Vector3<f64>, i: usize, j: usize) -> Row {
     let (p, q) = (i as f64, j as f64);
     let k = p + q;
-    let m = |di: i32, dj: i32| moment_or_zero(moments, i as i32 + di, j as i32 + dj);
+    // A moment with an exponent below zero has the factor zero: any other does in its place.
+    let (left, down) = (i.saturating_sub(1), j.saturating_sub(1));
+    let m = |i: usize, j: usize| moments.get(i, j);
+    let (here, right, up) = (m(i, j), m(i + 1, j), m(i, j + 1));
+    let (falling, rising) = (m(i + 1, down), m(left, j + 1));
     [
-        -(k + 3.0) * m(0, 1) - q * m(0, -1),
-        (k + 3.0) * m(1, 0) + p * m(-1, 0),
-        q * m(1, -1) - p * m(-1, 1),
-        (p + 1.0) * nu.x * m(0, 0) + p * (nu.y * m(-1, 1) + nu.z * m(-1, 0)),
-        (q + 1.0) * nu.y * m(0, 0) + q * (nu.x * m(1, -1) + nu.z * m(0, -1)),
-        -(k + 3.0) * (nu.x * m(1, 0) + nu.y * m(0, 1)) - (k + 2.0) * nu.z * m(0, 0),
+        -(k + 3.0) * up - q * m(i, down),
+        (k + 3.0) * right + p * m(left, j),
+        q * falling - p * rising,
+        (p + 1.0) * nu.x * here + p * (nu.y * rising + nu.z * m(left, j)),
+        (q + 1.0) * nu.y * here + q * (nu.x * falling + nu.z * m(i, down)),
+        -(k + 3.0) * (nu.x * right + nu.y * up) - (k + 2.0) * nu.z * here,
     ]
 }
 
@@ -54,10 +58,6 @@ pub fn sphere_derivative(moments: &SphereMoments, nu: &Vector3<f64>, e: [usize; 
             .sum()
     };
     [turned(0), turned(1), turned(2), shifted(0), shifted(1), shifted(2)]
-}
-
-fn moment_or_zero(moments: &PlaneMoments, i: i32, j: i32) -> f64 {
-    if i < 0 || j < 0 { 0.0 } else { moments.get(i as usize, j as usize) }
 }
 
 fn spatial_moment_or_zero(moments: &SphereMoments, e: [i32; 3]) -> f64 {

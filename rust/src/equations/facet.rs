@@ -10,13 +10,14 @@ use crate::geometry::rings::PlaneRings;
 use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 use crate::mesh::triangulation::{MeshOptions, triangulate};
+use crate::moments::lanes::{LANES, Lanes};
 use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
-use crate::moments::plane::ring_moments;
+use crate::moments::plane::lane_moments;
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{Surface, WorldRegion};
 use crate::view::border::{Border, projected_before};
-use crate::view::chart::Chart;
+use crate::view::chart::{Chart, MIN_COSINE, project_turned};
 
 /// How the integrals are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,8 +54,27 @@ pub struct Facet {
 
 #[derive(Debug, Clone)]
 enum Shape {
-    Rings(Vec<Vec<Vector3<f64>>>),
+    Rings(Vec<SpaceRing>),
     Triangles { vertices: Vec<Vector3<f64>>, triangles: Vec<[usize; 3]> },
+}
+
+/// A closed ring of the world.
+#[derive(Debug, Clone)]
+struct SpaceRing {
+    vertices: Vec<Vector3<f64>>,
+    /// The same in groups, coordinate by coordinate; past the last vertex comes the first again.
+    groups: Vec<[Lanes; 3]>,
+}
+
+impl SpaceRing {
+    fn new(vertices: Vec<Vector3<f64>>) -> Self {
+        let group = |start: usize| {
+            let vertex = |i: usize| vertices.get(start + i).unwrap_or(&vertices[0]);
+            let group: [_; LANES] = std::array::from_fn(vertex);
+            [0, 1, 2].map(|axis| Lanes(group.map(|v| v[axis])))
+        };
+        Self { groups: (0..vertices.len()).step_by(LANES).map(group).collect(), vertices }
+    }
 }
 
 /// The facets of a region, its coordinates taken relative to `origin`: one for a plane, one a triangle for a surface.
@@ -98,7 +118,10 @@ fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, inte
             let mesh = integration_mesh(world.outline(), system, size)?;
             Shape::Triangles { vertices: mesh.vertices.iter().map(lift).collect(), triangles: mesh.triangles }
         }
-        _ => Shape::Rings(world.outline().rings().iter().map(|ring| ring.iter().map(lift).collect()).collect()),
+        _ => {
+            let ring = |ring: &Vec<Vector2<f64>>| SpaceRing::new(ring.iter().map(lift).collect());
+            Shape::Rings(world.outline().rings().iter().map(ring).collect())
+        }
     };
     Ok(Facet { normal: frame.axes[2], offset: frame.axes[2].dot(&(frame.origin - origin)), shape })
 }
@@ -111,7 +134,7 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
         let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
         let shape = match integration {
             Integration::Mesh { .. } => Shape::Triangles { vertices: vec![a, b, c], triangles: vec![[0, 1, 2]] },
-            _ => Shape::Rings(vec![vec![a, b, c]]),
+            _ => Shape::Rings(vec![SpaceRing::new(vec![a, b, c])]),
         };
         Some(Facet { normal, offset: normal.dot(&a), shape })
     };
@@ -128,22 +151,21 @@ impl Facet {
         in_view.then(|| normal / offset)
     }
 
-    /// Signed moments in chart coordinates; `None` where a vertex lies outside the chart.
-    pub fn plane_moments(&self, chart_from_world: &Pose, chart: &Chart, order: usize) -> Option<PlaneMoments> {
-        let project = |x: &Vector3<f64>| chart.project_turned(&chart_from_world.transform(x));
+    /// Signed moments in the chart at scale 1; `None` where a vertex lies outside the chart.
+    pub fn plane_moments(&self, chart_from_world: &Pose, order: usize) -> Option<PlaneMoments> {
         let mut moments = PlaneMoments::zero(order);
         match &self.shape {
             Shape::Rings(rings) => {
-                let mut projected = Vec::new();
                 for ring in rings {
-                    projected.clear();
-                    for x in ring {
-                        projected.push(project(x)?);
+                    let mut view = View::new(chart_from_world);
+                    lane_moments(ring.groups.iter().map(|group| view.projected(group)), order, &mut moments);
+                    if !view.holds_all() {
+                        return None;
                     }
-                    ring_moments(&projected, order, &mut moments);
                 }
             }
             Shape::Triangles { vertices, triangles } => {
+                let project = |x: &Vector3<f64>| project_turned(&chart_from_world.transform(x));
                 let projected: Vec<_> = vertices.iter().map(project).collect::<Option<_>>()?;
                 for t in triangles {
                     moments += &triangle_plane_moments(&t.map(|v| projected[v]), order);
@@ -157,8 +179,8 @@ impl Facet {
     /// behind, where the rings are turned round.
     pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border) -> (Clipped, f64) {
         let Shape::Rings(rings) = &self.shape else { return (Clipped::default(), 1.0) };
-        let seen = |ring: &Vec<Vector3<f64>>| {
-            projected_before(&ring.iter().map(|x| chart_from_world.transform(x)).collect::<Vec<_>>(), chart)
+        let seen = |ring: &SpaceRing| {
+            projected_before(&ring.vertices.iter().map(|x| chart_from_world.transform(x)).collect::<Vec<_>>(), chart)
         };
         border.clipped(rings.iter().map(seen).collect())
     }
@@ -169,7 +191,7 @@ impl Facet {
             Shape::Rings(rings) => {
                 let bearing = |x: &Vector3<f64>| chart_from_world.transform(x).try_normalize(f64::MIN_POSITIVE);
                 let seen: Vec<Vec<_>> =
-                    rings.iter().map(|ring| ring.iter().map(bearing).collect()).collect::<Option<_>>()?;
+                    rings.iter().map(|ring| ring.vertices.iter().map(bearing).collect()).collect::<Option<_>>()?;
                 Some(spherical_moments(seen.iter().map(Vec::as_slice), order))
             }
             Shape::Triangles { vertices, triangles } => {
@@ -177,5 +199,36 @@ impl Facet {
                 mesh_sphere_moments(&moved, triangles, order, SUBDIVISION).ok()
             }
         }
+    }
+}
+
+/// The projection of vertices into a chart at scale 1, and how far off its axis they have been.
+struct View {
+    rows: [[Lanes; 4]; 3],
+    nearest: Lanes,
+    farthest: Lanes,
+}
+
+impl View {
+    fn new(chart_from_world: &Pose) -> Self {
+        let (rotation, translation) = (chart_from_world.rotation.matrix(), &chart_from_world.translation);
+        let entry = |row: usize, column: usize| if column < 3 { rotation[(row, column)] } else { translation[row] };
+        let row = |row: usize| [0, 1, 2, 3].map(|column| Lanes::splat(entry(row, column)));
+        Self { rows: [0, 1, 2].map(row), nearest: Lanes::splat(f64::INFINITY), farthest: Lanes::ZERO }
+    }
+
+    #[inline(always)]
+    fn projected(&mut self, [x, y, z]: &[Lanes; 3]) -> [Lanes; 2] {
+        let [px, py, pz] = self.rows.map(|[a, b, c, d]| a * *x + b * *y + c * *z + d);
+        let inverse = pz.map(|depth| 1.0 / depth);
+        let (u, v) = (px * inverse, py * inverse);
+        self.nearest = self.nearest.lower(pz);
+        self.farthest = self.farthest.upper(u * u + v * v);
+        [u, v]
+    }
+
+    /// Whether all vertices were nearer than 87 degrees to the chart's axis.
+    fn holds_all(&self) -> bool {
+        self.nearest.min() > 0.0 && self.farthest.max() < const { 1.0 / (MIN_COSINE * MIN_COSINE) - 1.0 }
     }
 }

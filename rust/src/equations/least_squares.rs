@@ -1,15 +1,13 @@
-//! Levenberg-Marquardt over a pose.
+//! Levenberg-Marquardt over a pose: Moré's trust region (1978; MINPACK's `lmder`) on the normal equations of six parameters.
+//!
+//! The parameters are a left increment of the pose reached, in radians and in shares of the distance, so that the tolerance
+//! on the pose is too, and the exact derivative needs no chain rule (`docs/math.md`, eq. 6.9).
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
-use nalgebra::storage::Owned;
-use nalgebra::{DVector, Dyn, OMatrix, U6};
+use nalgebra::{Cholesky, Const, Matrix6};
 
-use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
+use crate::equations::residual::{NormalEquations, RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
-use crate::geometry::pose::{Pose, Tangent, increment_derivative};
-
-/// Stands for every residual where a region leaves the view, so that the step there is refused and a shorter one tried.
-pub const OUT_OF_VIEW: f64 = 1e6;
+use crate::geometry::pose::{Pose, Tangent};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +16,42 @@ pub struct Stopping {
     pub tolerance: f64,
     /// Most evaluations of the equations.
     pub evaluations: usize,
+}
+
+/// Why an iteration ended.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Termination {
+    /// The equations hold exactly.
+    #[error("the residuals are zero")]
+    ResidualsZero,
+    /// A minimum by the tolerance on the cost.
+    #[error("the cost changes less than the tolerance")]
+    CostTolerance,
+    /// A minimum by the tolerance on the pose.
+    #[error("the pose changes less than the tolerance")]
+    PoseTolerance,
+    /// With a tolerance near the round-off this is a minimum too.
+    #[error("the cost can fall no further in double precision")]
+    RoundOff,
+    /// As many evaluations as were allowed.
+    #[error("the limit of evaluations was reached")]
+    EvaluationLimit,
+    /// The start is out of view, or every shorter step down the slope leads there.
+    #[error("a region left the view")]
+    OutOfView,
+    /// The numbers overflowed, or no equation is left.
+    #[error("a number is not finite")]
+    NotFinite,
+    /// What another driver said.
+    #[error("{0}")]
+    Foreign(String),
+}
+
+impl Termination {
+    /// Whether the iteration of this module ended at a minimum.
+    fn is_minimum(&self) -> bool {
+        matches!(self, Self::ResidualsZero | Self::CostTolerance | Self::PoseTolerance | Self::RoundOff)
+    }
 }
 
 /// Where the least squares ended.
@@ -29,33 +63,49 @@ pub struct Minimum {
     pub cost: f64,
     /// Whether a minimum was reached.
     pub converged: bool,
-    /// Why the iteration ended, in words.
-    pub termination: String,
+    /// Why the iteration ended.
+    pub termination: Termination,
     /// Evaluations of the equations.
     pub evaluations: usize,
 }
 
+/// First radius of the trust region in sizes of the parameters, one of each: hardly a bound.
+const FIRST_RADIUS: f64 = 100.0;
+
+/// The radius is met to this share.
+const RADIUS_SHARE: f64 = 0.1;
+
+/// Most steps of the search for the damping that meets the radius.
+const DAMPING_STEPS: usize = 10;
+
+/// Share of the largest damping worth a try to begin with.
+const SMALL_DAMPING: f64 = 1e-3;
+
+/// A step is taken that gains this share of what the linear model promised.
+const LEAST_GAIN: f64 = 1e-4;
+
+/// Shares of the promise below and above which the radius shrinks and grows.
+const POOR_GAIN: f64 = 0.25;
+const GOOD_GAIN: f64 = 0.75;
+
+/// Most by which the radius shrinks at once; a cost above the inverse square of it, times the least so far, tells no more.
+const STRONGEST_SHRINK: f64 = 0.1;
+
 /// The minimum of the squared residuals of `regions` that is reached from `start`.
-///
-/// The parameter is one left increment of `start`, with its exact derivative, so that no re-centring is needed; it counts from
-/// [`step_unit`], so that the tolerance on the pose is in radians and in shares of the distance.
 pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting, stopping: Stopping) -> Minimum {
-    let problem = Increment::new(regions, start, weighting);
-    // The crate's limit counts gradients of six parameters plus one.
-    let patience = stopping.evaluations.div_ceil(7).max(1);
-    let solver = LevenbergMarquardt::new()
-        .with_ftol(stopping.tolerance)
-        .with_xtol(stopping.tolerance)
-        .with_gtol(0.0)
-        .with_patience(patience);
-    let (problem, report) = solver.minimize(problem);
-    Minimum {
-        pose: problem.pose(),
-        cost: problem.evaluation.as_ref().map_or(f64::INFINITY, |e| e.residual.norm_squared()),
-        converged: problem.evaluation.is_some() && has_converged(&report.termination),
-        termination: described(&report.termination),
-        evaluations: report.number_of_evaluations,
-    }
+    let evaluate = |pose: &Pose| normal_equations(regions, pose, weighting);
+    let Some(equations) = evaluate(start) else {
+        let termination = Termination::OutOfView;
+        return Minimum { pose: *start, cost: f64::INFINITY, converged: false, termination, evaluations: 1 };
+    };
+    let mut descent = Descent::new(start, equations);
+    let termination = loop {
+        if let Some(termination) = descent.step(evaluate, stopping) {
+            break termination;
+        }
+    };
+    let Descent { pose, equations, evaluations, .. } = descent;
+    Minimum { pose, cost: equations.cost, converged: termination.is_minimum(), termination, evaluations }
 }
 
 /// One radian about each axis, and the distance of the (centred) world's origin along each.
@@ -64,82 +114,190 @@ pub fn step_unit(start: &Pose) -> Tangent {
     Tangent::new(1.0, 1.0, 1.0, distance, distance, distance)
 }
 
-/// The least squares problem in the crate's terms.
-struct Increment<'a> {
-    regions: &'a [RegionEquations],
-    start: Pose,
-    weighting: Weighting,
+/// Where the iteration is.
+struct Descent {
+    pose: Pose,
+    equations: NormalEquations,
     unit: Tangent,
-    x: Tangent,
-    evaluation: Option<Evaluation>,
+    /// Size of each parameter: the largest norm that its column of derivatives has had.
+    sizes: Tangent,
+    /// Largest step, in these sizes.
+    radius: f64,
+    damping: f64,
+    evaluations: usize,
 }
 
-impl<'a> Increment<'a> {
-    fn new(regions: &'a [RegionEquations], start: &Pose, weighting: Weighting) -> Self {
-        let (unit, x) = (step_unit(start), Tangent::zeros());
-        Self { regions, start: *start, weighting, unit, x, evaluation: evaluate(regions, start, weighting) }
+impl Descent {
+    fn new(start: &Pose, equations: NormalEquations) -> Self {
+        let sizes = Tangent::zeros();
+        let (unit, radius) = (step_unit(start), f64::INFINITY);
+        let mut descent = Self { pose: *start, equations, unit, sizes, radius, damping: 0.0, evaluations: 1 };
+        descent.resize();
+        descent.radius = FIRST_RADIUS * descent.sizes.norm();
+        descent
     }
 
-    fn pose(&self) -> Pose {
-        self.start.moved(&self.x)
+    /// Lets the parameters' sizes grow with their columns.
+    fn resize(&mut self) {
+        let columns = self.equations.information.diagonal().map(f64::sqrt).component_mul(&self.unit);
+        self.sizes = self.sizes.zip_map(&columns, f64::max);
     }
 
-    fn count(&self) -> usize {
-        self.regions.iter().map(|region| region.count(self.weighting)).sum()
-    }
-}
-
-impl LeastSquaresProblem<f64, Dyn, U6> for Increment<'_> {
-    type ParameterStorage = Owned<f64, U6>;
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, U6>;
-
-    fn set_params(&mut self, x: &Tangent) {
-        self.x = x - self.unit;
-        self.evaluation = evaluate(self.regions, &self.pose(), self.weighting);
-    }
-
-    fn params(&self) -> Tangent {
-        self.x + self.unit
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        Some(match &self.evaluation {
-            Some(evaluation) => evaluation.residual.clone(),
-            None => DVector::from_element(self.count(), OUT_OF_VIEW),
-        })
-    }
-
-    fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U6>> {
-        self.evaluation.as_ref().map(|evaluation| &evaluation.jacobian * increment_derivative(&self.x))
-    }
-}
-
-fn has_converged(reason: &TerminationReason) -> bool {
-    match reason {
-        TerminationReason::ResidualsZero
-        | TerminationReason::Orthogonal
-        | TerminationReason::Converged { .. }
-        // The cost can fall no further in double precision: with a tolerance near the round-off this is a minimum too.
-        | TerminationReason::NoImprovementPossible(_) => true,
-        _ => false,
-    }
-}
-
-fn described(reason: &TerminationReason) -> String {
-    match reason {
-        TerminationReason::ResidualsZero => "the residuals are zero".into(),
-        TerminationReason::Orthogonal => "the gradient is zero".into(),
-        TerminationReason::Converged { ftol: true, xtol: true } => {
-            "cost and pose change less than the tolerance".into()
+    /// Tries one step and takes it if it leads down; what ended the iteration, if anything.
+    fn step(&mut self, evaluate: impl Fn(&Pose) -> Option<NormalEquations>, stopping: Stopping) -> Option<Termination> {
+        if let Some(termination) = self.over(stopping) {
+            return Some(termination);
         }
-        TerminationReason::Converged { ftol: true, .. } => "the cost changes less than the tolerance".into(),
-        TerminationReason::Converged { .. } => "the pose changes less than the tolerance".into(),
-        TerminationReason::NoImprovementPossible(_) => "the cost can fall no further in double precision".into(),
-        TerminationReason::LostPatience => "the limit of evaluations was reached".into(),
-        TerminationReason::User(_) => "a region left the view".into(),
-        TerminationReason::Numerical(what) => format!("a number that is not finite in {what}"),
-        TerminationReason::WrongDimensions(what) => format!("wrong dimensions: {what}"),
-        TerminationReason::NoParameters | TerminationReason::NoResiduals => "there is nothing to solve".into(),
+        // A parameter that nothing depends on stays where it is.
+        let back = self.unit.zip_map(&self.sizes, |unit, size| if size > 0.0 { unit / size } else { 0.0 });
+        let model = Model::new(&self.equations, &back);
+        let Some((step, damping)) = model.step_within(self.radius, self.damping) else {
+            return Some(Termination::NotFinite);
+        };
+        self.damping = damping;
+        if self.evaluations == 1 {
+            self.radius = self.radius.min(step.norm());
+        }
+        let pose = self.pose.moved(&step.component_mul(&back));
+        let reached = evaluate(&pose);
+        self.evaluations += 1;
+        let gain = Gain::new(&model, &step, damping, self.equations.cost, reached.as_ref());
+        self.adapt_radius(&gain, step.norm());
+        let termination = self.ended(&gain, reached.is_some(), stopping);
+        if let Some(equations) = reached.filter(|_| gain.ratio() >= LEAST_GAIN) {
+            (self.pose, self.equations) = (pose, equations);
+            self.resize();
+        }
+        termination
+    }
+
+    /// What ends the iteration before another step.
+    fn over(&self, stopping: Stopping) -> Option<Termination> {
+        let NormalEquations { cost, gradient, .. } = &self.equations;
+        if !(cost.is_finite() && self.sizes.norm().is_finite()) || self.sizes.norm() == 0.0 {
+            return Some(Termination::NotFinite);
+        }
+        if *cost == 0.0 {
+            return Some(Termination::ResidualsZero);
+        }
+        if gradient.amax() == 0.0 {
+            return Some(Termination::RoundOff);
+        }
+        (self.evaluations >= stopping.evaluations).then_some(Termination::EvaluationLimit)
+    }
+
+    fn adapt_radius(&mut self, gain: &Gain, length: f64) {
+        if gain.ratio() <= POOR_GAIN {
+            let shrink = gain.shrink();
+            self.radius = shrink * self.radius.min(length / STRONGEST_SHRINK);
+            self.damping /= shrink;
+        } else if self.damping == 0.0 || gain.ratio() >= GOOD_GAIN {
+            self.radius = 2.0 * length;
+            self.damping /= 2.0;
+        }
+    }
+
+    /// What ends the iteration after a step.
+    fn ended(&self, gain: &Gain, in_view: bool, stopping: Stopping) -> Option<Termination> {
+        let is_short = |share: f64| self.radius <= share * self.sizes.norm();
+        if gain.is_flat(stopping.tolerance) {
+            return Some(Termination::CostTolerance);
+        }
+        if is_short(stopping.tolerance) {
+            return Some(if in_view { Termination::PoseTolerance } else { Termination::OutOfView });
+        }
+        (gain.is_flat(f64::EPSILON) || is_short(f64::EPSILON)).then_some(Termination::RoundOff)
+    }
+}
+
+/// The normal equations in parameters of size one.
+struct Model {
+    information: Matrix6<f64>,
+    gradient: Tangent,
+}
+
+impl Model {
+    fn new(equations: &NormalEquations, back: &Tangent) -> Self {
+        let information = equations.information.component_mul(&(back * back.transpose()));
+        Self { information, gradient: equations.gradient.component_mul(back) }
+    }
+
+    /// The minimum of the model plus `damping` times the squared step, and the Cholesky factor that it came from.
+    fn damped(&self, damping: f64) -> Option<(Tangent, Cholesky<f64, Const<6>>)> {
+        let factor = (self.information + Matrix6::from_diagonal_element(damping)).cholesky()?;
+        let step = -factor.solve(&self.gradient);
+        step.iter().all(|entry| entry.is_finite()).then_some((step, factor))
+    }
+
+    /// The step to the model's minimum within a radius, and the damping that keeps it there (Moré 1978, section 5).
+    fn step_within(&self, radius: f64, guess: f64) -> Option<(Tangent, f64)> {
+        let full = self.damped(0.0);
+        if let Some((step, _)) = full.as_ref().filter(|(step, _)| step.norm() <= (1.0 + RADIUS_SHARE) * radius) {
+            return Some((*step, 0.0));
+        }
+        let mut low = full.map_or(0.0, |(step, factor)| correction(&step, &factor, radius));
+        let mut high = self.gradient.norm() / radius;
+        let mut damping = guess.max(low).min(high).max(SMALL_DAMPING * high);
+        let mut best = None;
+        for _ in 0..DAMPING_STEPS {
+            let Some((step, factor)) = self.damped(damping) else {
+                low = damping;
+                damping = (low * high).sqrt().max(2.0 * low);
+                continue;
+            };
+            best = Some((step, damping));
+            let excess = step.norm() - radius;
+            if excess.abs() <= RADIUS_SHARE * radius {
+                break;
+            }
+            if excess > 0.0 {
+                low = low.max(damping)
+            } else {
+                high = high.min(damping)
+            }
+            damping = low.max(damping + correction(&step, &factor, radius)).min(high);
+        }
+        best
+    }
+}
+
+/// Newton's correction of the damping of a step whose length should be the radius (Moré 1978, eq. 5.5 and 5.8).
+fn correction(step: &Tangent, factor: &Cholesky<f64, Const<6>>, radius: f64) -> f64 {
+    let length = step.norm();
+    let bent = factor.l_dirty().solve_lower_triangular(&(step / length)).map_or(f64::INFINITY, |v| v.norm_squared());
+    (length - radius) / (radius * bent)
+}
+
+/// What a step gained, in shares of the cost before it.
+struct Gain {
+    actual: f64,
+    predicted: f64,
+    /// Half the slope of the cost along the step.
+    slope: f64,
+}
+
+impl Gain {
+    fn new(model: &Model, step: &Tangent, damping: f64, before: f64, reached: Option<&NormalEquations>) -> Self {
+        let worth = |reached: &&NormalEquations| STRONGEST_SHRINK.powi(2) * reached.cost < before;
+        let actual = reached.filter(worth).map_or(-1.0, |reached| 1.0 - reached.cost / before);
+        let curvature = step.dot(&(model.information * step)) / before;
+        let damped = damping * step.norm_squared() / before;
+        Self { actual, predicted: curvature + 2.0 * damped, slope: -(curvature + damped) }
+    }
+
+    /// The share of the promise that was kept.
+    fn ratio(&self) -> f64 {
+        if self.predicted > 0.0 { self.actual / self.predicted } else { 0.0 }
+    }
+
+    /// Whether neither promise nor gain is above a share of the cost.
+    fn is_flat(&self, share: f64) -> bool {
+        self.actual.abs() <= share && self.predicted <= share && self.ratio() <= 2.0
+    }
+
+    /// The share of the radius to go on with after a poor step: where a parabola through what was seen is lowest.
+    fn shrink(&self) -> f64 {
+        let lowest = if self.actual >= 0.0 { 0.5 } else { 0.5 * self.slope / (self.slope + 0.5 * self.actual) };
+        if self.actual == -1.0 { STRONGEST_SHRINK } else { lowest.max(STRONGEST_SHRINK) }
     }
 }

@@ -1,23 +1,24 @@
 //! Predicted minus observed moments of a set of regions, and their derivatives by the pose: the one place where moments,
 //! poses and regions meet.
 
-use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
+use std::sync::OnceLock;
 
-use crate::equations::derivatives::Row;
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, U6, Vector2, Vector3};
+
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::system::{
-    MOST_EQUATIONS, System, Weighting, add_plane_rows, add_plane_values, add_sphere_rows, add_sphere_values,
-    subtract_flux,
+    MOST_EQUATIONS, System, Weighting, add_plane_derivatives, add_plane_values, add_sphere_derivatives,
+    add_sphere_values, subtract_flux,
 };
 use crate::equations::whitening::{BoundaryCovariance, Orders, Whitening};
 use crate::error::{Error, Result};
-use crate::geometry::pose::Pose;
+use crate::geometry::pose::{Pose, Tangent};
 use crate::geometry::rings::PlaneRings;
-use crate::moments::SphereMoments;
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
+use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::Border;
 use crate::view::chart::Chart;
@@ -41,8 +42,11 @@ pub struct RegionEquations {
     observed: Vec<f64>,
     facets: Vec<Facet>,
     pixel_area: f64,
-    covariance: BoundaryCovariance,
-    whitening: Whitening,
+    /// Noise of the boundary, in pixels, and the orders that the whitened equations are for.
+    noise: (f64, Orders),
+    /// Both are worked out when they are first asked for.
+    covariance: OnceLock<BoundaryCovariance>,
+    whitening: OnceLock<Whitening>,
 }
 
 impl RegionEquations {
@@ -68,15 +72,35 @@ impl RegionEquations {
         };
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        // With the border's edges: moments that vanish on all the others would be trusted without end.
-        let covariance = BoundaryCovariance::new(system, &chart, &outline, pixel_area);
-        let whitening = Whitening::new(&covariance, 0.0, Orders::All);
-        Ok(Self { system, chart, outline, border, observed: values, facets, pixel_area, covariance, whitening })
+        Ok(Self {
+            system,
+            chart,
+            outline,
+            border,
+            observed: values,
+            facets,
+            pixel_area,
+            noise: (0.0, Orders::All),
+            covariance: OnceLock::new(),
+            whitening: OnceLock::new(),
+        })
     }
 
-    /// The same equations, whitened for a boundary noise of `sigma` pixels.
+    /// The same equations, whitened for a boundary noise of `sigma` pixels instead of the least.
     pub fn whitened_for(self, sigma: f64, orders: Orders) -> Self {
-        Self { whitening: Whitening::new(&self.covariance, sigma, orders), ..self }
+        let whitening = OnceLock::from(Whitening::new(self.covariance(), sigma, orders));
+        Self { noise: (sigma, orders), whitening, ..self }
+    }
+
+    /// Over the whole outline, the border's edges too: moments that vanish on all the others would be trusted without end.
+    fn covariance(&self) -> &BoundaryCovariance {
+        let Self { system, chart, outline, pixel_area, .. } = self;
+        self.covariance.get_or_init(|| BoundaryCovariance::new(*system, chart, outline, *pixel_area))
+    }
+
+    fn whitening(&self) -> &Whitening {
+        let (sigma, orders) = self.noise;
+        self.whitening.get_or_init(|| Whitening::new(self.covariance(), sigma, orders))
     }
 
     /// The observed area in pixels.
@@ -108,56 +132,107 @@ impl RegionEquations {
     pub fn count(&self, weighting: Weighting) -> usize {
         match weighting {
             Weighting::Uniform => self.system.count(weighting),
-            Weighting::Whitened => self.whitening.rank(),
+            Weighting::Whitened => self.whitening().rank(),
         }
     }
 
-    /// Residual and derivatives of each equation at a pose of the centred world; `None` where the region is not wholly in
-    /// view of its chart or its plane passes through the camera.
-    fn rows(&self, pose: &Pose, weighting: Weighting) -> Option<Vec<EquationRow>> {
+    /// The equations at a pose of the centred world, derivatives along the chart's axes; `None` where the region is not wholly
+    /// in view of its chart or its plane passes through the camera.
+    fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
+        let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let count = self.system.count(weighting);
-        let mut values = [0.0; MOST_EQUATIONS];
-        let mut derivatives = [[0.0; 6]; MOST_EQUATIONS];
-        let chart_from_world = Pose::new(self.chart.rotation * pose.rotation, self.chart.rotation * pose.translation);
-        for facet in &self.facets {
-            let (values, derivatives) = (&mut values[..count], &mut derivatives[..count]);
-            match &self.border {
-                None => self.add_facet(facet, &chart_from_world, weighting, values, derivatives)?,
-                Some(border) => self.add_cut_facet(facet, border, &chart_from_world, weighting, values, derivatives)?,
-            }
-        }
+        self.add_predicted(pose, weighting, &mut rows[..count])?;
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
-        let side = if values[0] < 0.0 { -1.0 } else { 1.0 };
-        let row = |k: usize| {
-            let [a, b, c, d, e, f] = derivatives[k].map(|derivative: f64| side * derivative);
-            [side * values[k] - self.observed[k], a, b, c, d, e, f]
-        };
-        Some((0..count).map(row).collect())
+        if rows[0][0] < 0.0 {
+            rows[..count].iter_mut().flatten().for_each(|entry| *entry = -*entry);
+        }
+        rows[..count].iter_mut().zip(&self.observed).for_each(|(row, observed)| row[0] -= observed);
+        Some(match weighting {
+            Weighting::Uniform => Rows { rows, count },
+            Weighting::Whitened => Rows { rows: self.whitening().applied(&rows), count: self.whitening().rank() },
+        })
     }
 
-    fn add_facet(
+    /// Adds the predicted values of the equations and, in longer rows, their derivatives.
+    fn add_predicted<const N: usize>(&self, pose: &Pose, weighting: Weighting, rows: &mut [[f64; N]]) -> Option<()> {
+        let turn = self.chart.rotation;
+        let chart_from_world = Pose::new(turn * pose.rotation, turn * pose.translation);
+        let order = self.system.order(weighting) + if N > ALONE { self.system.reach() } else { 0 };
+        self.facets.iter().try_for_each(|facet| {
+            let nu = facet.nu(&chart_from_world)?;
+            match (&self.border, self.system) {
+                (Some(border), _) => self.add_cut_facet(facet, border, &chart_from_world, order, &nu, rows),
+                (None, System::Plane) => {
+                    let moments = facet.plane_moments(&chart_from_world, order)?;
+                    add_plane(&moments, self.chart.scale, &nu, rows);
+                }
+                (None, System::Sphere) => {
+                    let moments = facet.sphere_moments(&chart_from_world, order)?;
+                    add_sphere(&moments, self.chart.scale, &nu, rows);
+                }
+            }
+            Some(())
+        })
+    }
+
+    /// Adds what the image's border leaves visible of a facet: the visible part flows, but for the edges on the border
+    /// (`docs/math.md`, eq. 14.1 and 14.2).
+    fn add_cut_facet<const N: usize>(
         &self,
         facet: &Facet,
+        border: &Border,
         chart_from_world: &Pose,
-        weighting: Weighting,
-        values: &mut [f64],
-        rows: &mut [Row],
-    ) -> Option<()> {
-        let nu = facet.nu(chart_from_world)?;
-        let order = self.system.order(weighting);
+        order: usize,
+        nu: &Vector3<f64>,
+        sums: &mut [[f64; N]],
+    ) {
+        let (clipped, side) = facet.clipped(chart_from_world, &self.chart, border);
+        let rings = clipped.rings.iter().map(Vec::as_slice);
+        let scale = self.chart.scale;
+        let mut rows = [[0.0; N]; MOST_EQUATIONS];
+        let rows = &mut rows[..sums.len()];
         match self.system {
-            System::Plane => {
-                let moments = facet.plane_moments(chart_from_world, &self.chart, order)?;
-                add_plane_values(&moments, values);
-                add_plane_rows(&moments, &self.chart, &nu, rows);
-            }
-            System::Sphere => {
-                let moments = facet.sphere_moments(chart_from_world, order)?;
-                add_sphere_values(&moments, self.chart.scale, values);
-                add_sphere_rows(&moments, &self.chart, &nu, rows);
-            }
+            System::Plane => add_plane(&planar_moments(rings, order).scaled(1.0 / scale), scale, nu, rows),
+            System::Sphere => add_sphere(&lifted_moments(rings, &self.chart, order), scale, nu, rows),
         }
-        Some(())
+        subtract_flux(self.system, &clipped.border, scale, nu, rows);
+        sums.iter_mut().flatten().zip(rows.iter().flatten()).for_each(|(sum, entry)| *sum += side * entry);
+    }
+}
+
+/// Entries of an equation that is evaluated without derivatives: its residual.
+const ALONE: usize = 1;
+
+/// Entries of an equation with derivatives: its residual, then its derivatives by the left increment.
+const DERIVED: usize = 7;
+
+/// The first `count` rows are the equations of a region.
+struct Rows<const N: usize> {
+    rows: [[f64; N]; MOST_EQUATIONS],
+    count: usize,
+}
+
+impl<const N: usize> Rows<N> {
+    fn iter(&self) -> impl Iterator<Item = &[f64; N]> {
+        self.rows[..self.count].iter()
+    }
+
+    fn cost(&self) -> f64 {
+        self.iter().map(|row| row[0] * row[0]).sum()
+    }
+}
+
+fn add_plane<const N: usize>(moments: &PlaneMoments, scale: f64, nu: &Vector3<f64>, rows: &mut [[f64; N]]) {
+    add_plane_values(moments, scale, rows);
+    if N > ALONE {
+        add_plane_derivatives(moments, scale, nu, rows);
+    }
+}
+
+fn add_sphere<const N: usize>(moments: &SphereMoments, scale: f64, nu: &Vector3<f64>, rows: &mut [[f64; N]]) {
+    add_sphere_values(moments, scale, rows);
+    if N > ALONE {
+        add_sphere_derivatives(moments, scale, nu, rows);
     }
 }
 
@@ -169,46 +244,6 @@ fn seen_edges<'a>(
     let on_border = border.into_iter().flat_map(|border| border.on_border().iter().flatten().copied());
     let known = on_border.chain(std::iter::repeat(false));
     outline.edges().zip(known).filter(|(_, on_border)| !on_border).map(|(edge, _)| edge)
-}
-
-/// An equation's residual, then its derivatives by the left increment.
-type EquationRow = [f64; 7];
-
-impl RegionEquations {
-    /// Adds what the image's border leaves visible of a facet: the visible part flows, but for the edges on the border
-    /// (`docs/math.md`, eq. 14.1 and 14.2).
-    fn add_cut_facet(
-        &self,
-        facet: &Facet,
-        border: &Border,
-        chart_from_world: &Pose,
-        weighting: Weighting,
-        values: &mut [f64],
-        rows: &mut [Row],
-    ) -> Option<()> {
-        let nu = facet.nu(chart_from_world)?;
-        let order = self.system.order(weighting);
-        let (clipped, side) = facet.clipped(chart_from_world, &self.chart, border);
-        let rings = clipped.rings.iter().map(Vec::as_slice);
-        let (mut value, mut row) = ([0.0; MOST_EQUATIONS], [Row::default(); MOST_EQUATIONS]);
-        let (value, row) = (&mut value[..values.len()], &mut row[..rows.len()]);
-        match self.system {
-            System::Plane => {
-                let moments = planar_moments(rings, order);
-                add_plane_values(&moments, value);
-                add_plane_rows(&moments, &self.chart, &nu, row);
-            }
-            System::Sphere => {
-                let moments = lifted_moments(rings, &self.chart, order);
-                add_sphere_values(&moments, self.chart.scale, value);
-                add_sphere_rows(&moments, &self.chart, &nu, row);
-            }
-        }
-        subtract_flux(self.system, &clipped.border, &self.chart, &nu, row);
-        values.iter_mut().zip(value).for_each(|(sum, value)| *sum += side * *value);
-        rows.iter_mut().flatten().zip(row.iter().flatten()).for_each(|(sum, entry)| *sum += side * entry);
-        Some(())
-    }
 }
 
 /// The moments on the sphere of rings in a chart.
@@ -226,13 +261,13 @@ fn observed_values(
     system: System,
     integration: Integration,
 ) -> Result<Vec<f64>> {
-    let mut values = vec![0.0; system.count(Weighting::Whitened)];
+    let mut rows = vec![[0.0]; system.count(Weighting::Whitened)];
     let order = system.order(Weighting::Whitened);
     match (system, integration) {
         (System::Sphere, Integration::Pixels) => {
             let pixels = observed.pixels.as_ref().ok_or(Error::NoPixels)?;
             let turned: Vec<_> = pixels.bearings.iter().map(|r| chart.rotation * r).collect();
-            add_sphere_values(&pixel_moments(&turned, &pixels.solid_angles, 3)?, chart.scale, &mut values);
+            add_sphere_values(&pixel_moments(&turned, &pixels.solid_angles, order)?, chart.scale, &mut rows);
         }
         (System::Plane, Integration::Pixels) => {
             return Err(Error::OutOfRange {
@@ -242,40 +277,107 @@ fn observed_values(
             });
         }
         (System::Plane, Integration::Boundary) => {
-            add_plane_values(&planar_moments(slices(outline), order), &mut values);
+            add_plane_values(&planar_moments(slices(outline), order), 1.0, &mut rows);
         }
         (System::Plane, Integration::Mesh { size }) => {
             let mesh = integration_mesh(outline, system, size)?;
-            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, &mut values);
+            add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, 1.0, &mut rows);
         }
         (System::Sphere, Integration::Boundary) => {
-            add_sphere_values(&lifted_moments(slices(outline), chart, order), chart.scale, &mut values);
+            add_sphere_values(&lifted_moments(slices(outline), chart, order), chart.scale, &mut rows);
         }
         (System::Sphere, Integration::Mesh { size }) => {
             let mesh = integration_mesh(outline, system, size)?;
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0);
             let vertices: Vec<_> = mesh.vertices.iter().map(lift).collect();
             let moments = mesh_sphere_moments(&vertices, &mesh.triangles, order, SUBDIVISION)?;
-            add_sphere_values(&moments, chart.scale, &mut values);
+            add_sphere_values(&moments, chart.scale, &mut rows);
         }
     }
-    Ok(values)
+    Ok(rows.into_iter().flatten().collect())
 }
 
 /// Residuals and derivatives of several regions, one after another; `None` where one of them is not in view.
 pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
-    let mut all: Vec<EquationRow> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
+    let mut all: Vec<[f64; DERIVED]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
     for region in regions {
         let rows = region.rows(pose, weighting)?;
-        match weighting {
-            Weighting::Uniform => all.extend(rows),
-            Weighting::Whitened => all.extend(region.whitening.apply(&rows)),
-        }
+        all.extend(rows.iter().map(|row| turned(row, &region.chart)));
     }
     Some(Evaluation {
         residual: DVector::from_iterator(all.len(), all.iter().map(|row| row[0])),
         jacobian: OMatrix::<f64, Dyn, U6>::from_fn(all.len(), |row, column| all[row][column + 1]),
     })
+}
+
+/// An equation with its derivatives along the camera's axes instead of the chart's (`docs/math.md`, eq. 6.2).
+fn turned(row: &[f64; DERIVED], chart: &Chart) -> [f64; DERIVED] {
+    let &[residual, a, b, c, d, e, f] = row;
+    let back = chart.rotation.inverse();
+    let (turning, moving) = (back * Vector3::new(a, b, c), back * Vector3::new(d, e, f));
+    [residual, turning.x, turning.y, turning.z, moving.x, moving.y, moving.z]
+}
+
+/// Sum of squared residuals of several regions; `None` where one of them is not in view.
+pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<f64> {
+    regions.iter().map(|region| region.rows::<ALONE>(pose, weighting).map(|rows| rows.cost())).sum()
+}
+
+/// What least squares need of the equations: with residuals `r` and derivatives `J` by the left increment, the sums over all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalEquations {
+    /// `J^T J`.
+    pub information: Matrix6<f64>,
+    /// `J^T r`.
+    pub gradient: Tangent,
+    /// `r^T r`.
+    pub cost: f64,
+}
+
+/// The normal equations of several regions; `None` where one of them is not in view.
+pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<NormalEquations> {
+    let mut sum = NormalEquations { information: Matrix6::zeros(), gradient: Tangent::zeros(), cost: 0.0 };
+    for region in regions {
+        let rows = region.rows(pose, weighting)?;
+        let one = NormalEquations::along_chart(&rows).turned(&region.chart);
+        sum.information += one.information;
+        sum.gradient += one.gradient;
+        sum.cost += one.cost;
+    }
+    Some(sum)
+}
+
+impl NormalEquations {
+    /// Those of one region by an increment along its chart's axes.
+    fn along_chart(rows: &Rows<DERIVED>) -> Self {
+        let mut sums = [[0.0; DERIVED]; DERIVED];
+        for row in rows.iter() {
+            for (column, sums) in sums.iter_mut().enumerate() {
+                sums[..=column].iter_mut().zip(row).for_each(|(sum, entry)| *sum += row[column] * entry);
+            }
+        }
+        Self {
+            information: Matrix6::from_fn(|a, b| sums[1 + a.max(b)][1 + a.min(b)]),
+            gradient: Tangent::from_fn(|a, _| sums[1 + a][0]),
+            cost: sums[0][0],
+        }
+    }
+
+    /// The same by an increment along the camera's axes (`docs/math.md`, eq. 6.7).
+    fn turned(self, chart: &Chart) -> Self {
+        let turn = chart.rotation.matrix();
+        let mut information = Matrix6::zeros();
+        let mut gradient = Tangent::zeros();
+        for a in [0, 3] {
+            let part = turn.tr_mul(&self.gradient.fixed_rows::<3>(a));
+            gradient.fixed_rows_mut::<3>(a).copy_from(&part);
+            for b in [0, 3] {
+                let block = turn.tr_mul(&(self.information.fixed_view::<3, 3>(a, b) * turn));
+                information.fixed_view_mut::<3, 3>(a, b).copy_from(&block);
+            }
+        }
+        Self { information, gradient, cost: self.cost }
+    }
 }
 
 fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {

@@ -1,9 +1,8 @@
 //! The chosen functions of each system: which moments are compared, and at what scale.
 
-use crate::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
+use crate::equations::derivatives::{PLANE_REACH, SPHERE_REACH, plane_derivative, sphere_derivative};
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::moments::{PlaneMoments, SphereMoments};
-use crate::view::chart::Chart;
 use nalgebra::{Vector2, Vector3};
 
 /// Which integrals are compared.
@@ -120,56 +119,96 @@ impl System {
         }
     }
 
-    /// Order of the moments from which residuals and derivatives follow.
+    /// Order of the moments that are compared.
     pub fn order(self, weighting: Weighting) -> usize {
         match (self, weighting) {
-            (Self::Plane, Weighting::Uniform) => 4 + PLANE_REACH,
-            (Self::Plane, Weighting::Whitened) => 6 + PLANE_REACH,
-            (Self::Sphere, _) => 3 + SPHERE_REACH,
+            (Self::Plane, Weighting::Uniform) => 4,
+            (Self::Plane, Weighting::Whitened) => HIGHEST_ORDER,
+            (Self::Sphere, _) => 3,
+        }
+    }
+
+    /// How many orders above a moment its derivative reaches.
+    pub fn reach(self) -> usize {
+        match self {
+            Self::Plane => PLANE_REACH,
+            Self::Sphere => SPHERE_REACH,
         }
     }
 }
 
-/// Adds the plane system's values of moments that were taken in scaled chart coordinates.
-pub fn add_plane_values(moments: &PlaneMoments, values: &mut [f64]) {
-    for (value, [i, j]) in values.iter_mut().zip(PLANE_EXPONENTS) {
-        *value += moments.get(i, j);
+/// Highest order of the moments that any system compares.
+pub const HIGHEST_ORDER: usize = 6;
+
+/// `scale^(k + 2)` of each order k (`docs/math.md`, eq. 6.2).
+fn order_scales(scale: f64) -> [f64; HIGHEST_ORDER + 1] {
+    let mut power = scale;
+    [(); HIGHEST_ORDER + 1].map(|()| {
+        power *= scale;
+        power
+    })
+}
+
+/// Adds to each row's first entry the plane system's value of moments that were taken at scale 1.
+pub fn add_plane_values<const N: usize>(moments: &PlaneMoments, scale: f64, rows: &mut [[f64; N]]) {
+    let scales = order_scales(scale);
+    for (row, [i, j]) in rows.iter_mut().zip(PLANE_EXPONENTS) {
+        row[0] += scales[i + j] * moments.get(i, j);
     }
 }
 
-/// Adds the sphere system's values: moments along the chart's axes, x and y and the area at the chart's scale.
-pub fn add_sphere_values(moments: &SphereMoments, scale: f64, values: &mut [f64]) {
-    for (value, [l, m, n]) in values.iter_mut().zip(SPHERE_EXPONENTS) {
-        *value += moments.get(l, m, n) * scale.powi((l + m + 2) as i32);
+/// Adds to each row's first entry the sphere system's value of moments along the chart's axes, x and y and the area taken at
+/// the chart's scale.
+pub fn add_sphere_values<const N: usize>(moments: &SphereMoments, scale: f64, rows: &mut [[f64; N]]) {
+    let scales = order_scales(scale);
+    for (row, [l, m, n]) in rows.iter_mut().zip(SPHERE_EXPONENTS) {
+        row[0] += scales[l + m] * moments.get(l, m, n);
     }
 }
 
-/// Adds the derivatives of [`add_plane_values`] by the camera's left increment.
+/// Adds to each row's further entries the derivatives of [`add_plane_values`] by a left increment along the chart's axes.
 ///
 /// `nu` is the plane `nu . P = 1` along the chart's axes (`docs/math.md`, eq. 5.2 and 6.2).
-pub fn add_plane_rows(moments: &PlaneMoments, chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
-    let unscaled = moments.scaled(1.0 / chart.scale);
+pub fn add_plane_derivatives<const N: usize>(
+    moments: &PlaneMoments,
+    scale: f64,
+    nu: &Vector3<f64>,
+    rows: &mut [[f64; N]],
+) {
+    let scales = order_scales(scale);
     for (row, [i, j]) in rows.iter_mut().zip(PLANE_EXPONENTS) {
-        let factor = chart.scale.powi((i + j + 2) as i32);
-        add_turned(&plane_derivative(&unscaled, nu, i, j), factor, chart, row);
+        let derivative = plane_derivative(moments, nu, i, j);
+        row[1..].iter_mut().zip(derivative).for_each(|(sum, entry)| *sum += scales[i + j] * entry);
     }
 }
 
-/// Adds the derivatives of [`add_sphere_values`] by the camera's left increment (`docs/math.md`, eq. 5.4 and 6.2).
-pub fn add_sphere_rows(moments: &SphereMoments, chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
+/// Adds to each row's further entries the derivatives of [`add_sphere_values`] by a left increment along the chart's axes
+/// (`docs/math.md`, eq. 5.4 and 6.2).
+pub fn add_sphere_derivatives<const N: usize>(
+    moments: &SphereMoments,
+    scale: f64,
+    nu: &Vector3<f64>,
+    rows: &mut [[f64; N]],
+) {
+    let scales = order_scales(scale);
     for (row, [l, m, n]) in rows.iter_mut().zip(SPHERE_EXPONENTS) {
-        let factor = chart.scale.powi((l + m + 2) as i32);
-        add_turned(&sphere_derivative(moments, nu, [l, m, n]), factor, chart, row);
+        let derivative = sphere_derivative(moments, nu, [l, m, n]);
+        row[1..].iter_mut().zip(derivative).for_each(|(sum, entry)| *sum += scales[l + m] * entry);
     }
 }
 
 /// Exact on the plane for moments of order 6; on the sphere good to 1e-9 over 60 degrees.
 const FLUX: [Node; 12] = gauss_legendre();
 
-/// Takes off the derivatives of a region that flows what of it flows out through edges that stand still, given in chart
+/// Takes off the derivatives, in each row's further entries, of a region that flows what of it flows out through edges that stand still, given in chart
 /// coordinates with the region on their left (`docs/math.md`, eq. 14.2).
-pub fn subtract_flux(system: System, still: &[[Vector2<f64>; 2]], chart: &Chart, nu: &Vector3<f64>, rows: &mut [Row]) {
-    let scale = chart.scale;
+pub fn subtract_flux<const N: usize>(
+    system: System,
+    still: &[[Vector2<f64>; 2]],
+    scale: f64,
+    nu: &Vector3<f64>,
+    rows: &mut [[f64; N]],
+) {
     for ends in still {
         let [a, b] = ends.map(|p| Vector3::new(p.x / scale, p.y / scale, 1.0));
         let outward = -a.cross(&b);
@@ -180,24 +219,12 @@ pub fn subtract_flux(system: System, still: &[[Vector2<f64>; 2]], chart: &Chart,
                 System::Sphere => (point.normalize(), weight / point.norm_squared()),
             };
             let (turning, moving) = (at.cross(&outward), outward * nu.dot(&at));
-            let mut flux = Row::default();
-            let along = [turning.x, turning.y, turning.z, moving.x, moving.y, moving.z];
-            add_turned(&along, length * scale * scale, chart, &mut flux);
+            let flux = [turning.x, turning.y, turning.z, moving.x, moving.y, moving.z];
             for (k, row) in rows.iter_mut().enumerate() {
                 let value = system.function(k, &Vector3::new(at.x * scale, at.y * scale, at.z));
-                row.iter_mut().zip(flux).for_each(|(entry, flux)| *entry -= value * flux);
+                let factor = value * length * scale * scale;
+                row[1..].iter_mut().zip(flux).for_each(|(entry, flux)| *entry -= factor * flux);
             }
-        }
-    }
-}
-
-/// Adds a row of derivatives along the chart's axes, turned to the camera's and scaled.
-fn add_turned(along_chart: &Row, factor: f64, chart: &Chart, row: &mut Row) {
-    let c = chart.rotation.matrix();
-    for half in [0, 3] {
-        for axis in 0..3 {
-            let turned: f64 = (0..3).map(|k| along_chart[half + k] * c[(k, axis)]).sum();
-            row[half + axis] += factor * turned;
         }
     }
 }

@@ -1,10 +1,13 @@
 //! The scale on which moments are compared: their covariance under independent noise of the observed boundary.
 
-use nalgebra::{DMatrix, DVector, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
-use crate::equations::system::{PLANE_EXPONENTS, SPHERE_EXPONENTS, System, Weighting};
+use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
+use crate::moments::lanes::{LANES, Lanes};
+use crate::moments::plane::planar_moments;
 use crate::moments::quadrature::{Node, gauss_legendre};
+use crate::moments::{plane_count, plane_index};
 use crate::view::chart::Chart;
 
 /// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
@@ -40,9 +43,10 @@ pub enum Orders {
 /// terms of second order keep them from being trusted without end.
 #[derive(Debug, Clone)]
 pub struct BoundaryCovariance {
-    first: DMatrix<f64>,
-    second: DMatrix<f64>,
-    bias: DVector<f64>,
+    /// Both matrices by [`packed`].
+    first: Vec<f64>,
+    second: Vec<f64>,
+    bias: Vec<f64>,
     /// Number of the leading functions, those of low order.
     low: usize,
 }
@@ -50,40 +54,55 @@ pub struct BoundaryCovariance {
 impl BoundaryCovariance {
     /// That of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
     pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
-        let count = system.count(Weighting::Whitened);
-        let (mut first, mut second) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
-        let mut bias = DVector::zeros(count);
-        for (a, b) in rings.edges() {
-            let length = (b - a).norm();
-            let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
-            let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
-            for &(at, weight) in nodes {
-                let (value, slope) = functions(system, chart, &(a + (b - a) * at), &normal);
-                first.ger(weight * length, &value, &value, 1.0);
-                second.ger(weight * length, &slope, &slope, 1.0);
-                bias.axpy(weight * length, &slope, 1.0);
-            }
-        }
+        let products = match system {
+            System::Plane => plane_products(rings),
+            System::Sphere => sphere_products(chart, rings),
+        };
         let pixel = pixel_area.sqrt().recip();
+        let scaled = |values: Vec<f64>, factor: f64| values.into_iter().map(|value| value * factor).collect();
         Self {
-            first: first * pixel.powi(3),
-            second: second * (0.5 * pixel.powi(5)),
-            bias: bias * (0.5 * pixel * pixel),
+            first: scaled(products.values, pixel.powi(3)),
+            second: scaled(products.slopes, 0.5 * pixel.powi(5)),
+            bias: scaled(products.bias, 0.5 * pixel * pixel),
             low: system.low_count(),
         }
     }
 
     /// The covariance for a noise of standard deviation `sigma` pixels, over its variance.
-    fn at(&self, sigma: f64, orders: Orders) -> DMatrix<f64> {
+    fn at(&self, sigma: f64, orders: Orders) -> Covariance {
         let variance = sigma.max(LEAST_NOISE).powi(2);
-        let mut covariance = &self.first + &self.second * variance;
-        covariance.ger(variance, &self.bias, &self.bias, 1.0);
         let count = match orders {
-            Orders::All => covariance.nrows(),
+            Orders::All => self.bias.len(),
             Orders::Low => self.low,
         };
-        covariance.view((0, 0), (count, count)).into_owned()
+        let mut entries = [[0.0; MOST_EQUATIONS]; MOST_EQUATIONS];
+        for a in 0..count {
+            for b in 0..=a {
+                let (at, bias) = (packed(a, b), self.bias[a] * self.bias[b]);
+                entries[a][b] = self.first[at] + variance * (self.second[at] + bias);
+                entries[b][a] = entries[a][b];
+            }
+        }
+        Covariance { entries, count }
     }
+}
+
+/// Place of the entry in row `a` and column `b <= a` of a symmetric matrix that is held by the rows of its lower triangle.
+const fn packed(a: usize, b: usize) -> usize {
+    a * (a + 1) / 2 + b
+}
+
+/// Integrals along a boundary: `w w^T` and `w_n w_n^T` by [`packed`], and `w_n`.
+struct Products {
+    values: Vec<f64>,
+    slopes: Vec<f64>,
+    bias: Vec<f64>,
+}
+
+/// A symmetric matrix in its leading `count` rows and columns.
+struct Covariance {
+    entries: [[f64; MOST_EQUATIONS]; MOST_EQUATIONS],
+    count: usize,
 }
 
 /// The inverse square root of the moments' covariance: scales residuals to pixels of boundary noise.
@@ -91,18 +110,19 @@ impl BoundaryCovariance {
 pub struct Whitening {
     /// Functions in the order of their pivots; those that depend on the others are left out.
     pivots: Vec<usize>,
-    /// Lower triangular inverse of the Cholesky factor of the pivots' covariance, row after row.
-    inverse: Vec<f64>,
+    /// Lower triangular Cholesky factor of the pivots' covariance by [`packed`], with the inverse of its diagonal.
+    factor: Vec<f64>,
 }
 
 impl Whitening {
     /// The whitening for a boundary noise of `sigma` pixels.
     pub fn new(covariance: &BoundaryCovariance, sigma: f64, orders: Orders) -> Self {
-        let (pivots, factor) = pivoted_cholesky(covariance.at(sigma, orders));
-        let identity = DMatrix::identity(pivots.len(), pivots.len());
-        let inverse = factor.solve_lower_triangular(&identity).unwrap_or(identity);
-        let rows = (0..pivots.len()).flat_map(|row| (0..=row).map(move |column| (row, column)));
-        Self { inverse: rows.map(|at| inverse[at]).collect(), pivots }
+        let (pivots, columns) = pivoted_cholesky(&covariance.at(sigma, orders));
+        let row = |k: usize| {
+            let before = columns[..k].iter().map(|column| column[pivots[k]]).collect::<Vec<_>>();
+            before.into_iter().chain(std::iter::once(columns[k][pivots[k]].recip()))
+        };
+        Self { factor: (0..pivots.len()).flat_map(row).collect(), pivots }
     }
 
     /// Number of independent equations.
@@ -110,64 +130,164 @@ impl Whitening {
         self.pivots.len()
     }
 
-    /// The whitened rows; each row of `rows` holds one equation's residual and derivatives.
-    pub fn apply<const N: usize>(&self, rows: &[[f64; N]]) -> impl Iterator<Item = [f64; N]> {
-        let mut start = 0;
-        (0..self.pivots.len()).map(move |row| {
-            let weights = &self.inverse[start..start + row + 1];
-            start += row + 1;
-            let mut sum = [0.0; N];
-            for (weight, &pivot) in weights.iter().zip(&self.pivots) {
-                for (total, value) in sum.iter_mut().zip(&rows[pivot]) {
-                    *total += weight * value;
-                }
+    /// The whitened rows, as many as the rank, by forward substitution; each row of `rows` holds one equation's residual and
+    /// derivatives (`docs/math.md`, eq. 6.5).
+    pub fn applied<const N: usize>(&self, rows: &[[f64; N]; MOST_EQUATIONS]) -> [[f64; N]; MOST_EQUATIONS] {
+        let mut whitened = [[0.0; N]; MOST_EQUATIONS];
+        for (k, &pivot) in self.pivots.iter().enumerate() {
+            let weights = &self.factor[packed(k, 0)..=packed(k, k)];
+            let mut row = rows[pivot];
+            for (weight, before) in weights.iter().zip(&whitened[..k]) {
+                row.iter_mut().zip(before).for_each(|(entry, value)| *entry -= weight * value);
             }
-            sum
-        })
+            whitened[k] = row.map(|entry| entry * weights[k]);
+        }
+        whitened
     }
 }
 
-/// Cholesky's factor of a positive semidefinite matrix, largest pivot first, up to round-off: the pivots and the lower
-/// triangular factor of their rows and columns.
-fn pivoted_cholesky(mut rest: DMatrix<f64>) -> (Vec<usize>, DMatrix<f64>) {
-    let count = rest.nrows();
-    let (mut pivots, mut columns) = (Vec::new(), Vec::new());
-    let largest = rest.diagonal().max();
-    for _ in 0..count {
-        let (pivot, value) = rest.diagonal().argmax();
-        if value <= PIVOT_CUT * largest || value.is_nan() {
-            break;
+/// Cholesky's factor of a positive semidefinite matrix, largest pivot first, up to round-off: the pivots and the columns.
+fn pivoted_cholesky(matrix: &Covariance) -> (Vec<usize>, Vec<[f64; MOST_EQUATIONS]>) {
+    let (mut pivots, mut columns) = (Vec::new(), Vec::<[f64; MOST_EQUATIONS]>::new());
+    let mut rest: [f64; MOST_EQUATIONS] = std::array::from_fn(|k| matrix.entries[k][k]);
+    let cut = PIVOT_CUT * rest.iter().copied().fold(0.0, f64::max);
+    while let Some((pivot, value)) = largest(&rest[..matrix.count]).filter(|(_, value)| *value > cut) {
+        let mut column = matrix.entries[pivot];
+        for other in &columns {
+            let share = other[pivot];
+            column.iter_mut().zip(other).for_each(|(entry, value)| *entry -= share * value);
         }
-        let column = rest.column(pivot) / value.sqrt();
-        rest.ger(-1.0, &column, &column, 1.0);
+        let inverse = value.sqrt().recip();
+        column.iter_mut().for_each(|entry| *entry *= inverse);
+        column[pivot] = value.sqrt();
+        rest.iter_mut().zip(&column).for_each(|(rest, entry)| *rest -= entry * entry);
         // What is left of an eliminated pivot is round-off.
-        rest[(pivot, pivot)] = 0.0;
+        rest[pivot] = 0.0;
         pivots.push(pivot);
         columns.push(column);
     }
-    let rank = pivots.len();
-    let factor =
-        DMatrix::from_fn(rank, rank, |row, column| if row < column { 0.0 } else { columns[column][pivots[row]] });
-    (pivots, factor)
+    (pivots, columns)
 }
 
-/// The system's functions at a chart point, and their derivatives along a direction.
-fn functions(system: System, chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DVector<f64>) {
-    match system {
-        System::Plane => plane_functions(at, along),
-        System::Sphere => sphere_functions(chart, at, along),
+/// The largest number and where it is; `None` where there is none.
+fn largest(numbers: &[f64]) -> Option<(usize, f64)> {
+    let finite = numbers.iter().copied().enumerate().filter(|(_, number)| number.is_finite());
+    finite.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A point of the boundary with its weight, the length that it stands for, and the outward normal there.
+struct BoundaryNode {
+    at: Vector2<f64>,
+    weight: f64,
+    normal: Vector2<f64>,
+}
+
+/// The points of a quadrature along a boundary.
+fn boundary_nodes(rings: &PlaneRings) -> impl Iterator<Item = BoundaryNode> {
+    rings.edges().flat_map(|(a, b)| {
+        let length = (b - a).norm();
+        let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
+        let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
+        let node = move |&(at, weight): &Node| BoundaryNode { at: a + (b - a) * at, weight: weight * length, normal };
+        nodes.iter().map(node)
+    })
+}
+
+/// Functions of the sphere system.
+const SPHERE_COUNT: usize = SPHERE_EXPONENTS.len();
+
+/// Degree of a product of two of the plane system's functions, and of two of their derivatives.
+const VALUE_DEGREE: usize = 2 * HIGHEST_ORDER;
+const SLOPE_DEGREE: usize = VALUE_DEGREE - 2;
+
+/// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree up to `DEGREE`.
+fn monomial_sums<const DEGREE: usize, const COUNT: usize>(
+    nodes: &[BoundaryNode],
+    of_normal: impl Fn(&Vector2<f64>) -> f64,
+) -> [f64; COUNT] {
+    let mut sums = [Lanes::ZERO; COUNT];
+    for group in nodes.chunks(LANES) {
+        let lanes =
+            |entry: &dyn Fn(&BoundaryNode) -> f64| Lanes(std::array::from_fn(|k| group.get(k).map_or(0.0, entry)));
+        let (x, y) = (lanes(&|node| node.at.x), lanes(&|node| node.at.y));
+        let mut row = lanes(&|node| node.weight * of_normal(&node.normal));
+        for j in 0..=DEGREE {
+            let mut term = row;
+            for i in 0..=DEGREE - j {
+                sums[plane_index(i, j)] += term;
+                term = term * x;
+            }
+            row = row * y;
+        }
     }
+    sums.map(Lanes::sum)
 }
 
-fn plane_functions(at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DVector<f64>) {
-    let (x, y) = (powers(at.x), powers(at.y));
-    let value = PLANE_EXPONENTS.iter().map(|&[i, j]| x[i] * y[j]);
-    let slope = PLANE_EXPONENTS.iter().map(|&[i, j]| along.x * lowered(i, &x) * y[j] + along.y * x[i] * lowered(j, &y));
-    (DVector::from_iterator(PLANE_EXPONENTS.len(), value), DVector::from_iterator(PLANE_EXPONENTS.len(), slope))
+/// The plane system's: the entries are a few integrals of monomials each (`docs/math.md`, eq. 6.8).
+fn plane_products(rings: &PlaneRings) -> Products {
+    let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
+    let plain = monomial_sums::<VALUE_DEGREE, { plane_count(VALUE_DEGREE) }>(&nodes, |_| 1.0);
+    let along_x = monomial_sums::<SLOPE_DEGREE, { plane_count(SLOPE_DEGREE) }>(&nodes, |n| n.x * n.x);
+    let mixed = monomial_sums::<SLOPE_DEGREE, { plane_count(SLOPE_DEGREE) }>(&nodes, |n| n.x * n.y);
+    let at = |i: usize, j: usize| plane_index(i, j);
+    let value = |[i, j]: [usize; 2], [k, l]: [usize; 2]| plain[at(i + k, j + l)];
+    let slope = |[i, j]: [usize; 2], [k, l]: [usize; 2]| {
+        // A term with an exponent below zero has the factor zero.
+        let (x, y) = (i + k, j + l);
+        let (xx, xy, yy) = ((i * k) as f64, (i * l + j * k) as f64, (j * l) as f64);
+        let (in_x, in_y) = (at(x.max(2) - 2, y), at(x, y.max(2) - 2));
+        let mut sum = 0.0;
+        if i * k > 0 {
+            sum += xx * along_x[in_x];
+        }
+        if i * l + j * k > 0 {
+            sum += xy * mixed[at(x - 1, y - 1)];
+        }
+        if j * l > 0 {
+            sum += yy * (plain[in_y] - along_x[in_y]);
+        }
+        sum
+    };
+    let triangle = |entry: &dyn Fn([usize; 2], [usize; 2]) -> f64| {
+        let row = |a: usize| PLANE_EXPONENTS[..=a].iter().map(move |&b| entry(PLANE_EXPONENTS[a], b));
+        (0..PLANE_EXPONENTS.len()).flat_map(row).collect()
+    };
+    Products { values: triangle(&value), slopes: triangle(&slope), bias: plane_bias(rings) }
+}
+
+/// The integrals of the normal derivatives along the boundary: of the Laplacians over the region.
+fn plane_bias(rings: &PlaneRings) -> Vec<f64> {
+    let moments = planar_moments(rings.rings().iter().map(Vec::as_slice), HIGHEST_ORDER - 2);
+    let twice = |k: usize, moment: &dyn Fn() -> f64| if k < 2 { 0.0 } else { (k * (k - 1)) as f64 * moment() };
+    let bias = |&[i, j]: &[usize; 2]| twice(i, &|| moments.get(i - 2, j)) + twice(j, &|| moments.get(i, j - 2));
+    PLANE_EXPONENTS.iter().map(bias).collect()
+}
+
+/// The sphere system's, node after node.
+fn sphere_products(chart: &Chart, rings: &PlaneRings) -> Products {
+    let count = SPHERE_EXPONENTS.len();
+    let entries = packed(count, 0);
+    let mut sums = Products { values: vec![0.0; entries], slopes: vec![0.0; entries], bias: vec![0.0; count] };
+    for BoundaryNode { at, weight, normal } in boundary_nodes(rings) {
+        let (values, slopes) = sphere_functions(chart, &at, &normal);
+        for a in 0..count {
+            let (value, slope) = (weight * values[a], weight * slopes[a]);
+            sums.bias[a] += slope;
+            for b in 0..=a {
+                sums.values[packed(a, b)] += value * values[b];
+                sums.slopes[packed(a, b)] += slope * slopes[b];
+            }
+        }
+    }
+    sums
 }
 
 /// The functions on the sphere, on the scale of [`crate::equations::system::add_sphere_values`], with the sphere's area element.
-fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (DVector<f64>, DVector<f64>) {
+fn sphere_functions(
+    chart: &Chart,
+    at: &Vector2<f64>,
+    along: &Vector2<f64>,
+) -> ([f64; SPHERE_COUNT], [f64; SPHERE_COUNT]) {
     let point = Vector3::new(at.x / chart.scale, at.y / chart.scale, 1.0);
     let step = Vector3::new(along.x, along.y, 0.0) / chart.scale;
     let depth = point.norm();
@@ -177,25 +297,21 @@ fn sphere_functions(chart: &Chart, at: &Vector2<f64>, along: &Vector2<f64>) -> (
     // The element falls with the distance from the axis: its relative slope.
     let fall = -3.0 * r.dot(&step) / depth;
     let (x, y, z) = (powers(r.x * chart.scale), powers(r.y * chart.scale), powers(r.z));
-    let value = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| element * x[l] * y[m] * z[n]);
-    let slope = SPHERE_EXPONENTS.iter().map(|&[l, m, n]| {
+    let value = SPHERE_EXPONENTS.map(|[l, m, n]| element * x[l] * y[m] * z[n]);
+    let slope = SPHERE_EXPONENTS.map(|[l, m, n]| {
         let (dx, dy) = (dr.x * chart.scale * lowered(l, &x), dr.y * chart.scale * lowered(m, &y));
         let of_element = fall * x[l] * y[m] * z[n];
         element * (of_element + dx * y[m] * z[n] + x[l] * dy * z[n] + x[l] * y[m] * dr.z * lowered(n, &z))
     });
-    (DVector::from_iterator(SPHERE_EXPONENTS.len(), value), DVector::from_iterator(SPHERE_EXPONENTS.len(), slope))
+    (value, slope)
 }
 
-/// Powers of x from 0 to 6.
-fn powers(x: f64) -> [f64; 7] {
-    let mut powers = [1.0; 7];
-    for k in 1..powers.len() {
-        powers[k] = powers[k - 1] * x;
-    }
-    powers
+/// Powers of x from 0 to the highest of the sphere system's exponents.
+fn powers(x: f64) -> [f64; 3] {
+    [1.0, x, x * x]
 }
 
 /// Derivative of `x^k` from the powers of x.
-fn lowered(k: usize, powers: &[f64; 7]) -> f64 {
+fn lowered(k: usize, powers: &[f64; 3]) -> f64 {
     if k == 0 { 0.0 } else { k as f64 * powers[k - 1] }
 }

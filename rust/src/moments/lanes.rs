@@ -29,6 +29,39 @@ impl Lanes {
         out
     }
 
+    /// For each edge the smaller number; the other one's where this is not a number.
+    #[inline(always)]
+    pub(crate) fn lower(self, other: Self) -> Self {
+        self.zipped(other, |a, b| if a < b { a } else { b })
+    }
+
+    /// For each edge the larger number; the other one's where this is not a number.
+    #[inline(always)]
+    pub(crate) fn upper(self, other: Self) -> Self {
+        self.zipped(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn zipped(mut self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        for i in 0..LANES {
+            self.0[i] = f(self.0[i], other.0[i]);
+        }
+        self
+    }
+
+    /// The numbers one edge on, `last` being that after the last.
+    #[inline(always)]
+    pub(crate) fn shifted(self, last: f64) -> Self {
+        let [_, a, b, c] = self.0;
+        Self([a, b, c, last])
+    }
+
+    /// The smallest number.
+    #[inline(always)]
+    pub(crate) fn min(self) -> f64 {
+        self.0.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
     /// The largest number.
     #[inline(always)]
     pub(crate) fn max(self) -> f64 {

@@ -3,9 +3,9 @@
 //! Moments know no pose and no camera. [`plane`] and [`sphere`] hold the boundary form, exact sums over edges;
 //! [`mesh`] holds the form over triangles; [`pixels`] the sum over the pixels of a mask.
 
-mod lanes;
 use std::ops::AddAssign;
 
+pub(crate) mod lanes;
 pub mod mesh;
 pub mod pixels;
 pub mod plane;

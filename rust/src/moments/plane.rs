@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::lanes::{LANES, Lanes};
 use super::quadrature::{Node, gauss_legendre};
-use super::{PlaneMoments, plane_index};
+use super::{MAX_ORDER, PlaneMoments, plane_index};
 
 /// Moments `integral of x^i y^j dA`, `i + j <= order`, of the region bounded by closed `rings`.
 ///
@@ -32,73 +32,82 @@ pub fn planar_moments<'a>(rings: impl IntoIterator<Item = &'a [Vector2<f64>]>, o
 /// that are exact (`docs/math.md`, eq. 2.3). Meant for rings near the origin; [`planar_moments`] serves the others.
 /// `order` is at most that of `into`, whose higher moments stay as they are.
 pub fn ring_moments(ring: &[Vector2<f64>], order: usize, into: &mut PlaneMoments) {
+    lane_moments(vertex_groups(ring), order, into);
+}
+
+/// Adds the signed moments of one closed ring, given as groups of vertices; past its last vertex comes the first again.
+#[inline(always)]
+pub(crate) fn lane_moments(groups: impl Iterator<Item = [Lanes; 2]>, order: usize, into: &mut PlaneMoments) {
     let sums = into.values_mut();
     match order {
-        0 => add_edges::<0, 1, 1>(ring, sums),
-        1 => add_edges::<1, 1, 3>(ring, sums),
-        2 => add_edges::<2, 2, 6>(ring, sums),
-        3 => add_edges::<3, 2, 10>(ring, sums),
-        4 => add_edges::<4, 3, 15>(ring, sums),
-        5 => add_edges::<5, 3, 21>(ring, sums),
-        6 => add_edges::<6, 4, 28>(ring, sums),
-        7 => add_edges::<7, 4, 36>(ring, sums),
-        _ => add_edges::<8, 5, 45>(ring, sums),
+        0 => add_edges::<0, 1, 1>(groups, sums),
+        1 => add_edges::<1, 1, 3>(groups, sums),
+        2 => add_edges::<2, 2, 6>(groups, sums),
+        3 => add_edges::<3, 2, 10>(groups, sums),
+        4 => add_edges::<4, 3, 15>(groups, sums),
+        5 => add_edges::<5, 3, 21>(groups, sums),
+        6 => add_edges::<6, 4, 28>(groups, sums),
+        7 => add_edges::<7, 4, 36>(groups, sums),
+        _ => add_edges::<8, 5, 45>(groups, sums),
     }
 }
 
+/// The vertices of a ring in groups; past the last one comes the first again, so that the edges there add nothing.
+#[inline(always)]
+fn vertex_groups(ring: &[Vector2<f64>]) -> impl Iterator<Item = [Lanes; 2]> {
+    (0..ring.len()).step_by(LANES).map(|start| {
+        let vertex = |i: usize| ring.get(start + i).unwrap_or(&ring[0]);
+        let vertices: [_; LANES] = std::array::from_fn(vertex);
+        [Lanes(vertices.map(|v| v.x)), Lanes(vertices.map(|v| v.y))]
+    })
+}
+
 /// Adds the boundary sums of a ring for all `COUNT` monomials up to `ORDER`, exact with `NODES >= (ORDER + 1) / 2`.
-fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(ring: &[Vector2<f64>], into: &mut [f64]) {
+#[inline(always)]
+fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(
+    mut groups: impl Iterator<Item = [Lanes; 2]>,
+    into: &mut [f64],
+) {
     let rule = const { gauss_legendre::<NODES>() };
     let mut sums = [Lanes::ZERO; COUNT];
-    let mut start = 0;
-    while start < ring.len() {
-        add_edge_group::<ORDER, NODES, COUNT>(&edge_group(ring, start), &rule, &mut sums);
-        start += LANES;
+    let Some(first) = groups.next() else { return };
+    let mut starts = first;
+    loop {
+        let next = groups.next();
+        let ends = next.unwrap_or(first);
+        let ends = [0, 1].map(|c| starts[c].shifted(ends[c].0[0]));
+        add_edge_group::<ORDER, NODES, COUNT>(starts, ends, &rule, &mut sums);
+        let Some(next) = next else { break };
+        starts = next;
     }
     for k in 0..=ORDER {
         for j in 0..=k {
             let index = plane_index(k - j, j);
             if let Some(moment) = into.get_mut(index) {
-                *moment += sums[index].sum() / (k + 2) as f64;
+                *moment += sums[index].sum() * const { order_factors() }[k];
             }
         }
     }
 }
 
-/// Start and end coordinates of a group of edges.
-struct EdgeGroup {
-    ax: Lanes,
-    ay: Lanes,
-    bx: Lanes,
-    by: Lanes,
-}
-
-/// The edges from vertex `start` on; past the ring's last edge come edges of zeros, which add nothing.
-#[inline(always)]
-fn edge_group(ring: &[Vector2<f64>], start: usize) -> EdgeGroup {
-    let mut group = EdgeGroup { ax: Lanes::ZERO, ay: Lanes::ZERO, bx: Lanes::ZERO, by: Lanes::ZERO };
-    if let Some(vertices) = ring.get(start..start + LANES + 1) {
-        for i in 0..LANES {
-            (group.ax.0[i], group.ay.0[i]) = (vertices[i].x, vertices[i].y);
-            (group.bx.0[i], group.by.0[i]) = (vertices[i + 1].x, vertices[i + 1].y);
-        }
-        return group;
+/// `1 / (k + 2)` of every order k (`docs/math.md`, eq. 2.3).
+const fn order_factors() -> [f64; MAX_ORDER + 1] {
+    let mut factors = [0.0; MAX_ORDER + 1];
+    let mut k = 0;
+    while k <= MAX_ORDER {
+        factors[k] = 1.0 / (k + 2) as f64;
+        k += 1;
     }
-    let ends = ring[start..].iter().skip(1).chain(ring.first());
-    for (i, (a, b)) in ring[start..].iter().zip(ends).enumerate() {
-        (group.ax.0[i], group.ay.0[i]) = (a.x, a.y);
-        (group.bx.0[i], group.by.0[i]) = (b.x, b.y);
-    }
-    group
+    factors
 }
 
 #[inline(always)]
 fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
-    edges: &EdgeGroup,
+    [ax, ay]: [Lanes; 2],
+    [bx, by]: [Lanes; 2],
     rule: &[Node; NODES],
     sums: &mut [Lanes; COUNT],
 ) {
-    let EdgeGroup { ax, ay, bx, by } = *edges;
     let cross = ax * by - ay * bx;
     let (dx, dy) = (bx - ax, by - ay);
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);

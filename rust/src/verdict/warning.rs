@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 use thiserror::Error as Message;
 
+use crate::equations::least_squares::Termination;
+
 /// Poses that a warning spells out; of more, it says how many are left.
 const SPELT_OUT: usize = 3;
 
@@ -22,7 +24,7 @@ pub enum Warning {
     #[error("the least squares did not converge: {termination}")]
     NotConverged {
         /// Why it ended.
-        termination: String,
+        termination: Termination,
     },
     /// A projected region does not cover the observed one.
     #[error("region {region} projected with this pose misses the observed one by {percent:.1} % of its area")]

@@ -68,9 +68,14 @@ impl Chart {
 
     /// Chart coordinates of a point whose coordinates are along the chart's axes already.
     pub fn project_turned(&self, p: &Vector3<f64>) -> Option<Vector2<f64>> {
-        let inside = p.z > 0.0 && p.z * p.z > MIN_COSINE * MIN_COSINE * p.norm_squared();
-        inside.then(|| Vector2::new(p.x, p.y) * (self.scale / p.z))
+        project_turned(p).map(|flat| flat * self.scale)
     }
+}
+
+/// Chart coordinates, at scale 1, of a point along the chart's axes; `None` where it lies 87 degrees or more off them.
+pub fn project_turned(p: &Vector3<f64>) -> Option<Vector2<f64>> {
+    let inside = p.z > 0.0 && p.z * p.z > MIN_COSINE * MIN_COSINE * p.norm_squared();
+    inside.then(|| Vector2::new(p.x, p.y) / p.z)
 }
 
 fn too_wide() -> Error {
