@@ -193,12 +193,11 @@ def _pixel_sums(camera: Camera, region: rp.ImageRegion, system: System) -> Array
     """Sums over the mask's pixels of value times area element (paper eq. 6, 7; reference 46)."""
     if region.mask is None:
         raise ValueError("the image region is a polygon; pixel-wise sums need a region from a mask")
-    rows, columns = np.nonzero(region.mask > 0.0)
-    pixels = np.column_stack([columns, rows]).astype(np.float64)
+    pixels, coverage = region.mask.covered_pixels()
     bearings = camera.bearings(pixels)
     half = 0.5 * np.eye(2)
     across, down = (camera.bearings(pixels + step) - camera.bearings(pixels - step) for step in half)
-    areas = np.linalg.norm(np.cross(across, down), axis=1) * region.mask[rows, columns]
+    areas = np.linalg.norm(np.cross(across, down), axis=1) * coverage
     if system == "plane":
         # A patch of the sphere is 1 / z^3 as large on the plane z = 1.
         moments: Array = planar_monomials(bearings[:, :2] / bearings[:, 2:]) @ (areas / bearings[:, 2] ** 3)

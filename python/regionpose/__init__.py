@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.fusion import blend_colors, colorize
     from regionpose.intrinsics import CameraRefinement
+    from regionpose.mask import MaskWindow
     from regionpose.matching import RegionMatches, match_regions
     from regionpose.pose import Pose
     from regionpose.regions import ImageRegion, WorldRegion
@@ -46,6 +47,7 @@ __all__ = [
     "FrameFit",
     "ImageRegion",
     "Influence",
+    "MaskWindow",
     "OcamCamera",
     "PinholeCamera",
     "Pose",
@@ -87,6 +89,7 @@ _MODULES = {
     "drawing": ("overlay_depth", "overlay_regions"),
     "fusion": ("blend_colors", "colorize"),
     "intrinsics": ("CameraRefinement",),
+    "mask": ("MaskWindow",),
     "matching": ("RegionMatches", "match_regions"),
     "pose": ("Pose",),
     "regions": ("ImageRegion", "WorldRegion"),

@@ -17,6 +17,7 @@ __all__ = [
     "alpha_shape",
     "estimate_batch",
     "even_mesh",
+    "mask_contours",
     "mesh_planar_moments",
     "mesh_spherical_moments",
     "moved_pose",
@@ -51,6 +52,11 @@ def quad_solid_angles(corners: ArrayLike) -> NDArray[np.float64]:
 
 def plane_rings(rings: Iterable[ArrayLike], *, polygon: bool = True) -> list[NDArray[np.float64]]:
     """Rings (n, 2) checked and oriented; with `polygon`, every ring after the first has to be a hole in it."""
+
+def mask_contours(
+    mask: NDArray[np.generic],
+) -> tuple[list[NDArray[np.float64]], tuple[int, int, int, int], bool]:
+    """Rings (n, 2) of a mask (h, w), its window (left, top, right, bottom), and whether it is binary."""
 
 def triangulate(
     rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None

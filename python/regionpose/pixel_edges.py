@@ -83,7 +83,10 @@ def line_bearings(camera: Camera, line: Array) -> Array:
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
     """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
-    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), f"ring {index}", BEND_TOLERANCE_PX)
+    item = f"ring {index}"
+    if camera.straight_lines:
+        return _visible(camera, ring, item)
+    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), item, BEND_TOLERANCE_PX)
 
 
 def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, tolerance: float) -> Array:
@@ -102,9 +105,8 @@ def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, toleranc
 
 def _visible(camera: Camera, pixels: Array, item: str) -> Array:
     bearings = camera.bearings(pixels)
-    blind = np.flatnonzero(~np.isfinite(bearings).all(axis=1))
-    if len(blind):
-        x, y = pixels[blind[0]]
+    if not np.isfinite(bearings).all():
+        x, y = pixels[~np.isfinite(bearings).all(axis=1)][0]
         raise ValueError(f"{item} passes pixel ({x:.2f}, {y:.2f}), where the camera's model sees no ray")
     return bearings
 

@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
-from skimage.measure import find_contours
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.mask import MaskWindow, traced_mask
 from regionpose.outline import outline_of_points
 from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.float64]
-Window = tuple[slice, slice]
-
-CONTOUR_LEVEL = 0.5
-"""Share of a pixel at which the contour of a mask runs."""
-
-SIMPLIFY_TOLERANCE_PX = 0.01
-"""Vertices of a mask's contour within this distance (pixels) of the line through their neighbours are redundant."""
 
 ON_BORDER_PX = 1e-6
 """The contour of a mask that the border cuts runs along it, but for rounding."""
@@ -56,7 +48,7 @@ class ImageRegion:
 
     `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
     the first.
-    `mask`: the (h, w) coverage in [0, 1] that the rings were traced from, None for a polygon.
+    `mask`: the coverage that the rings were traced from, in its window of the image; None for a polygon.
     `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
     outermost centres; None stands for the camera's.
 
@@ -65,7 +57,7 @@ class ImageRegion:
     """
 
     rings: tuple[Array, ...]
-    mask: Mask | None = None
+    mask: MaskWindow | None = None
     border: Border | None = None
 
     @classmethod
@@ -87,22 +79,28 @@ class ImageRegion:
         is cut there by the border of the image, half a pixel outside the outermost centres. ValueError for another
         shape or type, an empty mask, or values outside [0, 1].
         """
-        coverage, window = _checked_mask(mask)
-        height, width = coverage.shape
-        border = (-0.5, -0.5, width - 0.5, height - 0.5)
-        return cls(tuple(_core.plane_rings(_contours(coverage, window), polygon=False)), coverage, border)
+        rings, window = traced_mask(mask)
+        height, width = window.shape
+        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5))
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Area in pixels."""
         return float(sum(_signed_area(ring) for ring in self.rings))
+
+    @cached_property
+    def _bounds(self) -> Border:
+        """Left, top, right and bottom of the vertices, pixels."""
+        x, y = (self.rings[0] if len(self.rings) == 1 else np.concatenate(self.rings)).T
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
     def bearings(self, camera: Camera) -> list[Array]:
         """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
 
         Edges drawn along the border are moved onto it. ValueError where the camera sees no ray at a vertex.
         """
-        rings = [self._on_sides(camera, ring)[0] for ring in self.rings]
+        clear = self._is_clear_of(self._border(camera))
+        rings = self.rings if clear else [self._on_sides(camera, ring)[0] for ring in self.rings]
         return [ring_bearings(camera, ring, index) for index, ring in enumerate(rings)]
 
     def on_border(self, camera: Camera) -> list[NDArray[np.bool_]]:
@@ -116,9 +114,11 @@ class ImageRegion:
         beside the region, by the size of the region, as far as the camera sees rays; around the whole image it ends in
         its first bearing.
         """
-        sides = np.any([self._on_sides(camera, ring)[1].any(axis=1) for ring in self.rings], axis=0)
         border = self._border(camera)
-        if border is None or not sides.any():
+        if border is None or self._is_clear_of(border):
+            return []
+        sides = np.any([self._on_sides(camera, ring)[1].any(axis=1) for ring in self.rings], axis=0)
+        if not sides.any():
             return []
         lines = border_lines(border, np.concatenate(self.rings), [bool(side) for side in sides])
         return [line_bearings(camera, part) for line in lines for part in seen_part(camera, line)]
@@ -128,15 +128,23 @@ class ImageRegion:
             return self.border
         return (-0.5, -0.5, camera.width - 0.5, camera.height - 0.5)
 
+    @property
+    def _within(self) -> float:
+        """Distance from the border, pixels, up to which an edge may lie along it."""
+        return POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
+
+    def _is_clear_of(self, border: Border | None) -> bool:
+        """Whether all vertices are too far inside the border for an edge to lie along it."""
+        if border is None or not self.rings:
+            return True
+        (left, top, right, bottom), within = self._bounds, self._within
+        return min(left - border[0], top - border[1], border[2] - right, border[3] - bottom) > within
+
     def _on_sides(self, camera: Camera, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The ring with edges along the border moved onto it, and whether each edge lies on each side, (4, n)."""
-        border = self._border(camera)
+        border, within = self._border(camera), self._within
         on_side = np.zeros((4, len(ring)), dtype=np.bool_)
-        if border is None:
-            return ring, on_side
-        within = POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
-        (left, top), (right, bottom) = ring.min(axis=0), ring.max(axis=0)
-        if min(left - border[0], top - border[1], border[2] - right, border[3] - bottom) > within:
+        if border is None or self._is_clear_of(border):
             return ring, on_side
         moved = ring.copy()
         step = np.abs(np.roll(ring, -1, axis=0) - ring)
@@ -158,15 +166,14 @@ class ImageRegion:
         """
         if self.mask is None:
             raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
-        rows, columns = np.nonzero(self.mask > 0.0)
-        centres = np.column_stack([columns, rows]).astype(np.float64)
+        centres, coverage = self.mask.covered_pixels()
         offsets = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
         corners = np.concatenate([camera.bearings(centres + offset) for offset in offsets])
         bearings = camera.bearings(centres)
         if not (np.isfinite(bearings).all() and np.isfinite(corners).all()):
             raise ValueError("the mask holds pixels along which the camera's model sees no ray")
         solid_angles = _core.quad_solid_angles(corners.reshape(4, -1, 3).transpose(1, 0, 2).reshape(-1, 3))
-        return bearings, solid_angles * self.mask[rows, columns]
+        return bearings, solid_angles * coverage
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,74 +364,10 @@ def _real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
     return array
 
 
-def _checked_mask(mask: ArrayLike) -> tuple[Mask, Window]:
-    """The coverage (h, w) and the window of its rows and columns that hold any."""
-    try:
-        given = np.asarray(mask)
-    except (TypeError, ValueError) as error:
-        raise ValueError("mask has rows of unequal length; needed (h, w)") from error
-    if given.ndim != 2 or 0 in given.shape:
-        raise ValueError(f"mask has shape {given.shape}; needed (h, w)")
-    if given.dtype.kind not in "biuf":
-        raise ValueError(f"mask has type {given.dtype}; needed bool, integers or floats in [0, 1]")
-    if given.dtype.kind in "iu":
-        given = _two_valued(given)
-    low, high = float(given.min()), float(given.max())
-    if not (low >= 0.0 and high <= 1.0):
-        raise ValueError(f"mask holds values from {low} to {high}; needed coverage in [0, 1]")
-    if not high > CONTOUR_LEVEL:
-        raise ValueError("mask is empty; needed at least one pixel that is covered by more than half")
-    window = _window(given)
-    # A region is a small part of its frame: pages of zeros that are never written cost nothing.
-    coverage = np.zeros(given.shape)
-    coverage[window] = given[window]
-    return coverage, window
-
-
-def _two_valued(mask: NDArray[np.generic]) -> NDArray[np.bool_]:
-    covered = np.asarray(mask != 0)
-    low, high = mask.min(), mask.max()
-    if low != high and (low != 0 or np.count_nonzero(mask == high) != np.count_nonzero(covered)):
-        raise ValueError(
-            f"mask holds {len(np.unique(mask))} integer values; needed 0 and one other (for labels, pass mask == label)"
-        )
-    return covered
-
-
-def _window(mask: NDArray[np.generic]) -> Window:
-    """The rows and columns of a mask (h, w) from the first to the last that hold anything."""
-    rows = np.flatnonzero(mask.any(axis=1))
-    within = slice(int(rows[0]), int(rows[-1]) + 1)
-    columns = np.flatnonzero(mask[within].any(axis=0))
-    return within, slice(int(columns[0]), int(columns[-1]) + 1)
-
-
-def _contours(coverage: Mask, window: Window) -> list[Array]:
-    """Closed contours in pixels, traced on the window that holds the mask with a border of zeros.
-
-    Beside the border of the image the mask is taken to go on for a pixel, and the contour is cut at the border.
-    """
-    held = coverage[window]
-    # A value exactly at the level would let the contour touch itself at a pixel's centre.
-    held = np.where(held == CONTOUR_LEVEL, np.nextafter(CONTOUR_LEVEL, 1.0), held)
-    beyond = [(int(part.start == 0), int(part.stop == size)) for part, size in zip(window, coverage.shape, strict=True)]
-    padded = np.pad(np.pad(held, beyond, mode="edge"), 1)
-    offset = np.array([part.start - 1 - before for part, (before, _) in zip(window, beyond, strict=True)][::-1])
-    contours: list[Array] = find_contours(padded, CONTOUR_LEVEL)  # type: ignore[no-untyped-call]
-    last = np.array(coverage.shape)[::-1] - 0.5
-    return [_simplified(np.clip(contour[:, ::-1] + offset, -0.5, last)) for contour in contours]
-
-
-def _simplified(ring: Array) -> Array:
-    """A closed contour without its redundant vertices and its repeated end."""
-    # As a line, not as a ring: of a ring the start may go too, which adds up to more than the tolerance.
-    kept = shapely.get_coordinates(shapely.simplify(shapely.LineString(ring), SIMPLIFY_TOLERANCE_PX))[:-1]
-    return kept if len(kept) >= 3 else ring[:-1]
-
-
 def _signed_area(ring: Array) -> float:
-    x, y = (ring - ring[0]).T
-    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    # The last edge adds nothing: it ends in the vertex that all are counted from.
+    x, y = np.ascontiguousarray((ring - ring[0]).T)
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
 
 
 def _counter_clockwise(ring: Array) -> Array:

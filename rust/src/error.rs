@@ -105,6 +105,21 @@ pub enum Error {
     /// Sums over pixels were asked for without pixels.
     #[error("the observed region holds no pixels; integration over pixels needs a region made from a mask")]
     NoPixels,
+    /// A mask of integers tells more than two kinds of pixels apart.
+    #[error("mask holds {found} integer values; needed 0 and one other (for labels, pass mask == label)")]
+    MaskIntegers {
+        /// Number of distinct values.
+        found: usize,
+    },
+    /// A mask of coverage holds what is none.
+    #[error("mask holds values from {found}; needed coverage in [0, 1]")]
+    MaskCoverage {
+        /// The least and the largest value.
+        found: String,
+    },
+    /// A mask without a contour.
+    #[error("mask is empty; needed at least one pixel that is covered by more than half")]
+    EmptyMask,
     /// The two sides do not pair up.
     #[error("there are {observed} observed and {world} world regions; there need to be as many of each, at least 1")]
     Unpaired {

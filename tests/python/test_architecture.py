@@ -39,7 +39,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "scan_lines"),
-    ("outline", "pixel_edges"),
+    ("mask", "outline", "pixel_edges"),
     ("regions",),
     ("contours", "segmentation", "solver"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),

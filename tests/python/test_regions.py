@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,11 +12,11 @@ import shapely
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from hypothesis.extra.numpy import array_shapes, arrays
+from numpy.typing import ArrayLike, NDArray
 from regionpose.cameras import Camera
 from regionpose.evaluation import area_coverage, binary_mask, load_templates
 from regionpose.pixel_edges import BEND_TOLERANCE_PX
-from regionpose.regions import SIMPLIFY_TOLERANCE_PX
 from scipy.spatial.transform import Rotation
 from shapely.geometry.base import BaseGeometry
 from skimage.measure import find_contours
@@ -23,6 +24,9 @@ from skimage.measure import find_contours
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 240, 180
+
+SIMPLIFY_TOLERANCE_PX = 0.01
+"""Vertices of a mask's contour within this distance of the line through their neighbours are left out."""
 
 COVERAGE_EDGE_PX = 0.1
 """Distance of a coverage's contour from a straight edge: linear interpolation is off by 0.09 on some diagonals."""
@@ -116,7 +120,8 @@ def test_masks_of_every_type_are_one_region(dtype: type) -> None:
     expected = rp.ImageRegion.from_mask(mask)
     region = rp.ImageRegion.from_mask(given_mask)
     assert all(np.array_equal(a, b) for a, b in zip(region.rings, expected.rings, strict=True))
-    assert region.mask is not None and region.mask.dtype == np.float64 and region.mask.max() == 1.0
+    assert region.mask is not None and region.mask.coverage.dtype == np.bool_
+    np.testing.assert_array_equal(region.mask.full(), mask)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +147,77 @@ def test_a_mask_is_kept_whole() -> None:
     coverage[-1, -1] = 0.25
     region = rp.ImageRegion.from_mask(coverage)
     assert region.mask is not None and len(region.rings) == 1
-    np.testing.assert_array_equal(region.mask, coverage)
+    np.testing.assert_array_equal(region.mask.full(), coverage)
+
+
+def test_a_mask_keeps_its_window_alone() -> None:
+    mask = np.zeros((1000, 2000), dtype=np.float32)
+    mask[300:310, 500:520] = 0.75
+    window = rp.ImageRegion.from_mask(mask).mask
+    assert window is not None and window.coverage.base is None and window.coverage.dtype == np.float32
+    assert (window.coverage.shape, window.offset, window.shape) == ((10, 20), (500, 300), (1000, 2000))
+    pixels, coverage = window.covered_pixels()
+    assert len(pixels) == 200 and set(coverage) == {0.75}
+    assert pixels.min(axis=0).tolist() == [500.0, 300.0] and pixels.max(axis=0).tolist() == [519.0, 309.0]
+
+
+@pytest.mark.parametrize("offset", [(-1, 0), (0, 7), (9, 0)])
+def test_a_window_that_leaves_its_image_is_refused(offset: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match=r"leaves the image of shape \(10, 12\); needed one inside"):
+        rp.MaskWindow(np.ones((4, 4), dtype=np.bool_), offset, (10, 12))
+
+
+LAYOUTS: dict[str, Callable[[NDArray[np.bool_]], ArrayLike]] = {
+    "transposed": np.asfortranarray,
+    "sliced": lambda mask: np.repeat(mask, 2, axis=1)[:, ::2],
+    "turned": lambda mask: mask[::-1, ::-1].copy()[::-1, ::-1],
+    "wide": lambda mask: mask.astype(np.longdouble),
+    "half": lambda mask: mask.astype(np.float16),
+    "foreign": lambda mask: mask.astype(">i4"),
+    "negative": lambda mask: -mask.astype(np.int64),
+    "listed": lambda mask: mask.astype(int).tolist(),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_masks_of_every_layout_are_one_region(layout: str) -> None:
+    mask = binary_mask([disc(40.0, (100.0, 80.0))], WIDTH, HEIGHT)
+    region, expected = rp.ImageRegion.from_mask(LAYOUTS[layout](mask)), rp.ImageRegion.from_mask(mask)
+    assert all(np.array_equal(a, b) for a, b in zip(region.rings, expected.rings, strict=True))
+    assert region.mask is not None and np.array_equal(region.mask.full(), mask)
+
+
+COVERAGES = st.sampled_from([0.0, 0.125, 0.375, 0.5, 0.625, 1.0])
+
+
+@settings(max_examples=200, deadline=None)
+@given(arrays(np.float64, array_shapes(min_dims=2, max_dims=2, max_side=8), elements=COVERAGES))
+def test_every_coverage_has_simple_rings_around_the_pixels_above_a_half(mask: Array) -> None:
+    """With the level itself among the values, where a contour that passes a centre could touch itself."""
+    if mask.max() <= 0.5:
+        with pytest.raises(ValueError, match="mask is empty"):
+            rp.ImageRegion.from_mask(mask)
+        return
+    region = rp.ImageRegion.from_mask(mask)
+    assert all(shapely.LinearRing(ring).is_simple for ring in region.rings)
+    assert region.mask is not None and np.array_equal(region.mask.full(), mask)
+    rows, columns = np.mgrid[: mask.shape[0], : mask.shape[1]]
+    inside = shapely.contains_xy(polygon_of(region.rings), columns, rows)
+    assert np.array_equal(inside | (mask == 0.5), mask >= 0.5)
+
+
+@settings(max_examples=200, deadline=None)
+@given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12)))
+def test_the_contour_of_a_binary_mask_is_that_of_scikit_image(mask: NDArray[np.bool_]) -> None:
+    padded = np.pad(mask, 1).astype(np.float64)
+    contours = [contour[:, ::-1] - 1.0 for contour in find_contours(padded, 0.5)]  # type: ignore[no-untyped-call]
+    if not contours:
+        return
+    # Far from the border of the array nothing is cut.
+    region = rp.ImageRegion.from_mask(np.pad(mask, 3))
+    traced = polygon_of([ring - 3.0 for ring in region.rings])
+    assert len(region.rings) == len(contours)
+    assert traced.symmetric_difference(polygon_of(contours)).area < 1e-9
 
 
 def test_a_region_at_the_border_is_closed_half_a_pixel_outside() -> None:

@@ -83,13 +83,13 @@ def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> 
     """`mapping` of the columns of `rows`, block by block; NaN rows where anything is not finite."""
     mapped = np.empty((len(rows), columns))
     for start in range(0, len(rows), BLOCK_ROWS):
-        block = rows[start : start + BLOCK_ROWS]
-        finite_input = np.isfinite(block).all(axis=1)
-        values = mapped[start : start + BLOCK_ROWS]
+        block, values = rows[start : start + BLOCK_ROWS], mapped[start : start + BLOCK_ROWS]
         with np.errstate(all="ignore"):
             for column, component in enumerate(mapping(*np.ascontiguousarray(block.T))):
                 values[:, column] = component
-        values[~(finite_input & np.isfinite(values).all(axis=1))] = np.nan
+        # Row by row only where it matters: for a hundred rows the checks would take longer than the mapping.
+        if not (np.isfinite(block).all() and np.isfinite(values).all()):
+            values[~(np.isfinite(block).all(axis=1) & np.isfinite(values).all(axis=1))] = np.nan
     return mapped
 
 

@@ -156,7 +156,7 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
     for index, region in enumerate(held["regions"]):
         observed, world = sides.image_regions[index], sides.world_sides[index]
         if observed.mask is not None:
-            picture = Image.fromarray(np.where(observed.mask > MASK_LEVEL, 255, 0).astype(np.uint8))
+            picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
             region["image"] = {"mask": _mask_name(index, region["name"])}
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
         if world.indices is not None:

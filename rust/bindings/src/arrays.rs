@@ -59,8 +59,17 @@ pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult
         let found = array.shape();
         return Err(PyValueError::new_err(format!("{item} has shape {found:?}; it needs to be {needed}")));
     }
-    let values: Vec<f64> = array.as_array().iter().copied().collect();
-    Ok(values.chunks_exact(D).map(SVector::from_column_slice).collect())
+    Ok(rows(&array))
+}
+
+/// The rows of an (n, D) array of checked shape, read in place where they follow one another in memory.
+fn rows<const D: usize>(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<SVector<f64, D>> {
+    let split = |values: &[f64]| values.chunks_exact(D).map(SVector::from_column_slice).collect();
+    let view = array.as_array();
+    match view.as_slice() {
+        Some(values) => split(values),
+        None => split(&view.iter().copied().collect::<Vec<f64>>()),
+    }
 }
 
 /// Rows of an (n, D) array, refused where one is not finite.
@@ -120,7 +129,8 @@ pub fn pose(rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyRe
 
 /// An (n, D) array.
 pub fn array<'py, const D: usize>(py: Python<'py>, rows: &[SVector<f64, D>]) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let values: Vec<f64> = rows.iter().flat_map(|row| row.iter().copied()).collect();
+    let mut values = Vec::with_capacity(D * rows.len());
+    rows.iter().for_each(|row| values.extend_from_slice(row.as_slice()));
     PyArray1::from_vec(py, values).reshape([rows.len(), D])
 }
 

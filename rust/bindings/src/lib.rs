@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod masks;
 mod mesh;
 mod moments;
 mod regions;
@@ -12,6 +13,8 @@ mod solve;
 /// Kernels of regionpose.
 #[pyo3::pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::masks::mask_contours;
     #[pymodule_export]
     use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
     #[pymodule_export]

@@ -3,3 +3,4 @@
 pub mod bearing_rings;
 pub mod border;
 pub mod chart;
+pub mod mask;

@@ -28,8 +28,9 @@ from regionpose.evaluation.noise import (
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
-from regionpose.evaluation.studies.conditions import Condition, Value, solver_options
+from regionpose.evaluation.studies.conditions import Condition, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
+from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
@@ -211,27 +212,24 @@ def given_region(scene: Scene, index: int, patch: Patch, condition: Condition, s
     if condition.masks == "polygon":
         pose = scene.rotation, scene.translation
         return ImageRegion.from_polygon(project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX))
-    keep_mask = solver_options(condition.solver).get("integration") == "pixels"
-    return image_region(patch, scene.camera, keep_mask, shown)
+    return image_region(patch, scene.camera, shown)
 
 
-def image_region(patch: Patch, camera: Camera, keep_mask: bool, shown: Window | None = None) -> ImageRegion:
-    """The region that the mask's contour bounds, in an image of which a window is shown (all of it without).
-
-    With the whole mask only where pixels are to be summed.
-    """
-    size = image_size(camera)
-    left, top, right, bottom = shown if shown is not None else Window(0, 0, *size)
+def image_region(patch: Patch, camera: Camera, shown: Window | None = None) -> ImageRegion:
+    """The region that the mask's contour bounds, in an image of which a window is shown (all of it without)."""
+    width, height = image_size(camera)
+    left, top, right, bottom = shown if shown is not None else Window(0, 0, width, height)
     window = patch.window
     seen = Window(max(window.left, left), max(window.top, top), min(window.right, right), min(window.bottom, bottom))
     # Empty pixels around tell what is not the image's border.
     around = ((seen.top > top, seen.bottom < bottom), (seen.left > left, seen.right < right))
     values = patch.values[seen.seen_from(window.left, window.top).block]
-    region = ImageRegion.from_mask(np.pad(values, np.array(around, dtype=int)))
-    corner = np.array([seen.left - around[1][0], seen.top - around[0][0]], dtype=np.float64)
-    mask = patch.whole(*size).astype(np.float64) if keep_mask else None
+    rings, held = traced_mask(np.pad(values, np.array(around, dtype=int)))
+    corner = np.array([seen.left - around[1][0], seen.top - around[0][0]])
+    x, y = (corner + held.offset).tolist()
+    mask = MaskWindow(held.coverage, (x, y), (height, width))
     border = (left - 0.5, top - 0.5, right - 0.5, bottom - 0.5)
-    return ImageRegion(tuple(ring + corner for ring in region.rings), mask, border)
+    return ImageRegion(tuple(ring + corner for ring in rings), mask, border)
 
 
 def world_sides(

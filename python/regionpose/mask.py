@@ -1,0 +1,81 @@
+"""The window of a mask that holds its region, and the contours traced in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose import _core
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MaskWindow:
+    """The part of a mask that holds any coverage; all other pixels are empty.
+
+    `coverage`: (rows, columns) of the window, bool for a binary mask, else floats in [0, 1]. `offset`: column and row
+    (x, y) of its first pixel in the image. `shape`: (h, w) of the whole mask. ValueError for a window of another shape
+    or one that leaves the image.
+    """
+
+    coverage: NDArray[Any]
+    offset: tuple[int, int]
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        """Check that the window lies in the image."""
+        if self.coverage.ndim != 2:
+            raise ValueError(f"coverage has shape {self.coverage.shape}; needed (rows, columns)")
+        (rows, columns), (left, top), (height, width) = self.coverage.shape, self.offset, self.shape
+        if min(left, top) < 0 or left + columns > width or top + rows > height:
+            raise ValueError(
+                f"a window of {rows} rows and {columns} columns at (x, y) = {self.offset} leaves the image of shape"
+                f" {self.shape}; needed one inside"
+            )
+
+    def full(self) -> NDArray[Any]:
+        """The whole mask (h, w), of the coverage's type."""
+        mask = np.zeros(self.shape, dtype=self.coverage.dtype)
+        (rows, columns), (left, top) = self.coverage.shape, self.offset
+        mask[top : top + rows, left : left + columns] = self.coverage
+        return mask
+
+    def covered_pixels(self) -> tuple[Array, Array]:
+        """Centres (m, 2) of the pixels that hold any coverage, in the image, and the coverage (m,) of each."""
+        rows, columns = np.nonzero(self.coverage)
+        pixels = np.column_stack([columns, rows]).astype(np.float64) + self.offset
+        return pixels, self.coverage[rows, columns].astype(np.float64)
+
+
+def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
+    """Rings (n, 2) of a mask's contour, pixels, and its window; ValueError as of `ImageRegion.from_mask`."""
+    given = _mask_array(mask)
+    rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
+    held = given[top:bottom, left:right]
+    coverage = held != 0 if binary else _native(held).copy()
+    return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
+
+
+def _mask_array(mask: ArrayLike) -> NDArray[Any]:
+    try:
+        given = np.asarray(mask)
+    except (TypeError, ValueError) as error:
+        raise ValueError("mask has rows of unequal length; needed (h, w)") from error
+    if given.ndim != 2 or 0 in given.shape:
+        raise ValueError(f"mask has shape {given.shape}; needed (h, w)")
+    if given.dtype.kind not in "biuf":
+        raise ValueError(f"mask has type {given.dtype}; needed bool, integers or floats in [0, 1]")
+    return given
+
+
+def _native(mask: NDArray[Any]) -> NDArray[Any]:
+    """The mask in one of the types that the core reads, in place where it is."""
+    if mask.dtype.kind == "b":
+        return mask.view(np.uint8)
+    if mask.dtype.kind == "f":
+        return mask.astype(np.float32 if mask.dtype.itemsize <= 4 else np.float64, copy=False)
+    return mask.astype(mask.dtype.newbyteorder("="), copy=False)

@@ -1,0 +1,57 @@
+//! Contours of masks.
+
+use numpy::{Element, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regionpose::view::mask::{Mask, MaskContours, MaskValue};
+
+use crate::arrays::value_error;
+use crate::mesh::ring_arrays;
+
+type TracedMask<'py> = (Vec<Bound<'py, PyArray2<f64>>>, (usize, usize, usize, usize), bool);
+
+/// Rings (n, 2) of the contour of a mask (h, w), as of `plane_rings`; the window left, top, right, bottom (the last two
+/// excluded) that holds its coverage; and whether every pixel is covered as a whole or not at all.
+///
+/// `mask`: integers, 0 and one other, or coverage in [0, 1], float32 or float64. One whose rows follow one another in
+/// memory is read in place. ValueError for another type, other values, or a mask without a pixel that is covered by more
+/// than half.
+#[pyfunction]
+pub fn mask_contours<'py>(mask: &Bound<'py, PyAny>) -> PyResult<TracedMask<'py>> {
+    let readers = [
+        contours_of::<u8>,
+        contours_of::<f32>,
+        contours_of::<f64>,
+        contours_of::<i8>,
+        contours_of::<i16>,
+        contours_of::<u16>,
+        contours_of::<i32>,
+        contours_of::<u32>,
+        contours_of::<i64>,
+        contours_of::<u64>,
+    ];
+    let contours = readers.iter().find_map(|read| read(mask));
+    let refused = || PyValueError::new_err("mask is no array (h, w) of integers, float32 or float64");
+    let MaskContours { rings, rows, columns, binary } = contours.ok_or_else(refused)??;
+    let window = (columns.start, rows.start, columns.end, rows.end);
+    Ok((ring_arrays(mask.py(), rings.rings())?, window, binary))
+}
+
+/// The contours of a mask of this type; `None` for one of another.
+///
+/// The interpreter's lock is kept: nothing else may write into the mask, which is not copied.
+fn contours_of<T: MaskValue + Element>(mask: &Bound<'_, PyAny>) -> Option<PyResult<MaskContours>> {
+    let array: PyReadonlyArray2<'_, T> = mask.extract().ok()?;
+    let columns = array.shape()[1];
+    let view = array.as_array();
+    let contours = match view.as_slice() {
+        Some(values) => traced(values, columns),
+        None => traced(&view.iter().copied().collect::<Vec<T>>(), columns),
+    };
+    Some(contours)
+}
+
+fn traced<T: MaskValue>(values: &[T], columns: usize) -> PyResult<MaskContours> {
+    let mask = Mask::new(values, columns).ok_or_else(|| PyValueError::new_err("mask has no pixels; needed (h, w)"))?;
+    MaskContours::of(mask).map_err(value_error)
+}

@@ -1,0 +1,87 @@
+//! From a mask to the rings that bound its region.
+//!
+//! One pass over the mask (`scan`) finds its values, the window that holds them and each row's runs; what follows costs
+//! as much as the contour is long: marching squares between the rows' runs (`trace`), then redundant vertices go
+//! (`thinning`).
+
+mod scan;
+mod thinning;
+mod trace;
+
+use std::ops::Range;
+
+use nalgebra::Vector2;
+
+use crate::error::{Error, Result};
+use crate::geometry::rings::PlaneRings;
+use scan::Scan;
+
+pub use scan::MaskValue;
+
+/// Share of a pixel at which the contour of a mask runs.
+pub const CONTOUR_LEVEL: f64 = 0.5;
+
+/// A mask, row by row.
+#[derive(Debug, Clone, Copy)]
+pub struct Mask<'a, T> {
+    values: &'a [T],
+    columns: usize,
+}
+
+impl<'a, T: MaskValue> Mask<'a, T> {
+    /// The mask of `values` in rows of `columns`; `None` where they fill no whole rows or there are none.
+    pub fn new(values: &'a [T], columns: usize) -> Option<Self> {
+        let fills = columns > 0 && !values.is_empty() && values.len().is_multiple_of(columns);
+        fills.then_some(Self { values, columns })
+    }
+
+    fn rows(&self) -> usize {
+        self.values.len() / self.columns
+    }
+
+    fn row(&self, index: usize) -> &'a [T] {
+        &self.values[index * self.columns..(index + 1) * self.columns]
+    }
+}
+
+/// What a mask says of its region.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MaskContours {
+    /// Rings in pixels (integer = pixel centre, x right, y down), as of [`PlaneRings::new`].
+    pub rings: PlaneRings,
+    /// Rows from the first to the last that hold any coverage.
+    pub rows: Range<usize>,
+    /// Columns of the same.
+    pub columns: Range<usize>,
+    /// Whether every pixel is covered as a whole or not at all.
+    pub binary: bool,
+}
+
+impl MaskContours {
+    /// The contours at which the linearly interpolated coverage is [`CONTOUR_LEVEL`], without vertices that lie within
+    /// 0.01 px of a line.
+    ///
+    /// Covered pixels that touch at a corner alone are apart. Beside the border of the image the mask goes on for a
+    /// pixel, and the contour is cut half a pixel outside the outermost centres.
+    ///
+    /// # Errors
+    /// Integers of more than two values, or of two other than 0; coverage outside [0, 1]; no pixel that is covered by
+    /// more than half.
+    pub fn of<T: MaskValue>(mask: Mask<'_, T>) -> Result<Self> {
+        let Scan { rows, columns, binary, runs } = Scan::of(mask)?;
+        let traced = trace::contours(mask, rows.start, &runs);
+        if traced.is_empty() {
+            return Err(Error::EmptyMask);
+        }
+        let thinned = traced.iter().map(|ring| thinning::thinned(ring)).collect();
+        // Rings that nearly touch may cross once vertices between them are gone.
+        let rings = PlaneRings::new(thinned).or_else(|_| PlaneRings::new(open(traced)))?;
+        Ok(Self { rings, rows, columns, binary })
+    }
+}
+
+/// The rings without their repeated ends.
+fn open(mut closed: Vec<Vec<Vector2<f64>>>) -> Vec<Vec<Vector2<f64>>> {
+    closed.iter_mut().for_each(|ring| ring.truncate(ring.len() - 1));
+    closed
+}

@@ -1,0 +1,202 @@
+//! The values of a mask, in one pass: what they are, where they lie, and which run above the level.
+
+use std::ops::Range;
+
+use super::{CONTOUR_LEVEL, Mask};
+use crate::error::{Error, Result};
+
+/// Values that are compared at once: some registers of the processor for every type.
+const CHUNK: usize = 64;
+
+/// A pixel's value: an integer, 0 or one other, or coverage in [0, 1].
+pub trait MaskValue: Copy + PartialEq {
+    /// Share of the pixel that is covered.
+    fn coverage(self) -> f64;
+
+    /// Whether a mask that holds `other` than 0 may hold this value.
+    fn is_valid(self, other: Option<Self>) -> bool;
+
+    /// What is wrong with the values of a mask that holds one that is not valid.
+    fn refusal(values: &[Self]) -> Error;
+}
+
+macro_rules! integer_values {
+    ($($integer:ty),*) => {$(
+        impl MaskValue for $integer {
+            fn coverage(self) -> f64 {
+                if self == 0 { 0.0 } else { 1.0 }
+            }
+
+            fn is_valid(self, other: Option<Self>) -> bool {
+                self == 0 || other.is_none_or(|other| self == other)
+            }
+
+            fn refusal(values: &[Self]) -> Error {
+                let distinct: std::collections::BTreeSet<_> = values.iter().collect();
+                Error::MaskIntegers { found: distinct.len() }
+            }
+        }
+    )*};
+}
+
+macro_rules! coverage_values {
+    ($($float:ty),*) => {$(
+        impl MaskValue for $float {
+            fn coverage(self) -> f64 {
+                f64::from(self)
+            }
+
+            fn is_valid(self, _: Option<Self>) -> bool {
+                (0.0..=1.0).contains(&self)
+            }
+
+            fn refusal(values: &[Self]) -> Error {
+                // Unlike the least of f64::min, NaN stays.
+                let least = |low: f64, value: f64| if low <= value || low.is_nan() { low } else { value };
+                let shares = || values.iter().map(|&value| f64::from(value));
+                let low = shares().fold(f64::INFINITY, least);
+                let high = -shares().map(|share| -share).fold(f64::INFINITY, least);
+                Error::MaskCoverage { found: format!("{low:?} to {high:?}").to_lowercase() }
+            }
+        }
+    )*};
+}
+
+integer_values!(u8, i8, u16, i16, u32, i32, u64, i64);
+coverage_values!(f32, f64);
+
+/// Columns at which rows change sides of the level, each row's in turn.
+#[derive(Debug, Default)]
+pub(super) struct Runs {
+    /// Where runs at or above the level begin, and where they end (excluded), in turns.
+    changes: Vec<usize>,
+    /// Number of changes before the end of each row.
+    ends: Vec<usize>,
+}
+
+impl Runs {
+    /// The changes of a row.
+    pub(super) fn row(&self, index: usize) -> &[usize] {
+        let begin = if index == 0 { 0 } else { self.ends[index - 1] };
+        &self.changes[begin..self.ends[index]]
+    }
+
+    /// Number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.ends.len()
+    }
+}
+
+/// What one pass over a mask finds.
+pub(super) struct Scan {
+    /// Rows from the first to the last that hold any coverage, and columns of the same.
+    pub(super) rows: Range<usize>,
+    pub(super) columns: Range<usize>,
+    pub(super) binary: bool,
+    /// Runs of those rows.
+    pub(super) runs: Runs,
+}
+
+impl Scan {
+    /// # Errors
+    /// As of [`super::MaskContours::of`].
+    pub(super) fn of<T: MaskValue>(mask: Mask<'_, T>) -> Result<Self> {
+        let mut pass = Pass::new();
+        for index in 0..mask.rows() {
+            let held = pass.takes(mask.row(index)).ok_or_else(|| T::refusal(mask.values))?;
+            pass.ends_row(index, held);
+        }
+        // A pixel at the level itself is no more than a point of the contour.
+        if pass.highest > CONTOUR_LEVEL { Ok(pass.scan()) } else { Err(Error::EmptyMask) }
+    }
+}
+
+/// A scan under way.
+struct Pass<T> {
+    /// The least and the largest row and column that hold any coverage.
+    rows: Option<[usize; 2]>,
+    columns: [usize; 2],
+    /// The first value other than 0.
+    other: Option<T>,
+    highest: f64,
+    binary: bool,
+    /// Runs of the rows from the first that holds any coverage on.
+    runs: Runs,
+}
+
+impl<T: MaskValue> Pass<T> {
+    fn new() -> Self {
+        let (columns, runs) = ([usize::MAX, 0], Runs::default());
+        Self { rows: None, columns, other: None, highest: 0.0, binary: true, runs }
+    }
+
+    /// Whether a row holds any coverage; `None` where a value is not valid. The row's runs are kept.
+    fn takes(&mut self, row: &[T]) -> Option<bool> {
+        let (mut above, mut held) = (false, false);
+        for (column, count, value) in value_runs(row) {
+            let share = self.checked_share(value)?;
+            if (share >= CONTOUR_LEVEL) != above {
+                above = !above;
+                self.runs.changes.push(column);
+            }
+            if share > 0.0 {
+                held = true;
+                self.columns = [self.columns[0].min(column), self.columns[1].max(column + count - 1)];
+            }
+        }
+        if above {
+            self.runs.changes.push(row.len());
+        }
+        Some(held)
+    }
+
+    /// The coverage of a valid value.
+    fn checked_share(&mut self, value: T) -> Option<f64> {
+        if !value.is_valid(self.other) {
+            return None;
+        }
+        let share = value.coverage();
+        if share > 0.0 {
+            self.other = self.other.or(Some(value));
+            self.highest = self.highest.max(share);
+            self.binary &= share == 1.0;
+        }
+        Some(share)
+    }
+
+    fn ends_row(&mut self, index: usize, held: bool) {
+        if held {
+            self.rows = Some([self.rows.map_or(index, |[first, _]| first), index]);
+        }
+        if self.rows.is_some() {
+            self.runs.ends.push(self.runs.changes.len());
+        }
+    }
+
+    /// What the pass found, without the rows below the last one that holds coverage.
+    fn scan(mut self) -> Scan {
+        let range = |[first, last]: [usize; 2]| first..last + 1;
+        let rows = self.rows.map_or(0..0, range);
+        self.runs.ends.truncate(rows.len());
+        Scan { rows, columns: range(self.columns), binary: self.binary, runs: self.runs }
+    }
+}
+
+/// Where each run of one value begins, its length, and that value.
+fn value_runs<T: MaskValue>(row: &[T]) -> impl Iterator<Item = (usize, usize, T)> + '_ {
+    let mut begin = 0;
+    std::iter::from_fn(move || {
+        let value = *row.get(begin)?;
+        let run = (begin, run_length(&row[begin..], value), value);
+        begin += run.1;
+        Some(run)
+    })
+}
+
+/// Number of values up to the first that is another.
+fn run_length<T: MaskValue>(values: &[T], value: T) -> usize {
+    // Without an early end within a chunk, which would keep the compiler from comparing its values at once.
+    let is_same = |chunk: &&[T]| !chunk.iter().fold(false, |differs, &other| differs | (other != value));
+    let same = CHUNK * values.chunks_exact(CHUNK).take_while(is_same).count();
+    values[same..].iter().position(|&other| other != value).map_or(values.len(), |more| same + more)
+}
