@@ -4,7 +4,7 @@ use super::closed_form::{Turns, closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
 use crate::equations::least_squares::{Stopping, minimize};
-use crate::equations::residual::{RegionEquations, evaluate};
+use crate::equations::residual::{self, RegionEquations};
 use crate::equations::system::Weighting;
 use crate::geometry::pose::Pose;
 use crate::prior::Prior;
@@ -140,7 +140,7 @@ fn best_fitting(regions: &[RegionEquations], poses: Vec<Pose>, most: usize) -> V
 
 /// Sum of the squared unweighted residuals; infinite where a region is out of view.
 fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
-    evaluate(regions, pose, Weighting::Uniform).map_or(f64::INFINITY, |e| e.residual.norm_squared())
+    residual::cost(regions, pose, Weighting::Uniform).unwrap_or(f64::INFINITY)
 }
 
 /// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
