@@ -158,37 +158,42 @@ pub fn rough_likelihood(contours: &[Contour], pose: &Pose, step: usize, mixture:
     Some(Readings::at(contours, pose, step)?.mean_log_density(mixture))
 }
 
-/// The most likely pose that is reached from a start on every `step`-th part; the start itself where nothing is likelier.
+/// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
 ///
-/// Expectation and maximization, while the least scale of the clean parts falls from that of all distances: what lies far off
-/// loses its weight step by step. `None` where a region is out of view at the start.
-pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
-    let mut best = ContourFit::at(contours, start, step)?;
-    let spread = Readings { all: best.readings.clone(), counts: best.counts.clone() }.distances().root_mean_square();
-    let (mut pose, mut scale) = (*start, spread.max(FINEST_SCALE));
+/// Expectation and maximization, while the scale of the clean pieces falls from `scale` to the finest: what lies far off loses
+/// its weight step by step. `None` where a region is out of view at the start.
+pub fn refined(contours: &[Contour], start: &Pose, step: usize, scale: Option<f64>) -> Option<ContourFit> {
+    let mut readings = Readings::at(contours, start, step)?;
+    let spread = readings.distances().root_mean_square();
+    let (mut pose, mut scale) = (*start, scale.unwrap_or(spread).max(FINEST_SCALE));
+    let mut best = (f64::NEG_INFINITY, *start);
     loop {
-        pose = settled(contours, pose, step, scale);
-        let fit = ContourFit::at(contours, &pose, step)?;
-        if fit.mixture.likelihood > best.mixture.likelihood {
-            best = fit;
+        let distances = readings.distances();
+        let mixture = distances.mixture_of(scale, distances.root_mean_square());
+        if mixture.likelihood > best.0 {
+            best = (mixture.likelihood, pose);
         }
+        pose = settled(contours, pose, step, &mixture);
         // The comparison fails for a scale that is not finite, too.
         if !(scale > FINEST_SCALE && scale.is_finite()) {
-            return Some(best);
+            break;
         }
+        readings = Readings::at(contours, &pose, step)?;
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
+    let fits = [*start, best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
+    fits.max_by(|a, b| a.mixture.likelihood.total_cmp(&b.mixture.likelihood))
 }
 
-/// The pose after Gauss-Newton steps at one scale.
-fn settled(contours: &[Contour], mut pose: Pose, step: usize, scale: f64) -> Pose {
-    let steps = if scale > FINEST_SCALE { STEPS } else { LAST_STEPS };
-    let Some(readings) = Readings::at(contours, &pose, step) else { return pose };
-    let mixture = readings.distances().mixture(scale);
+/// The pose after Gauss-Newton steps by the weights of one mixture.
+fn settled(contours: &[Contour], start: Pose, step: usize, mixture: &Mixture) -> Pose {
+    let steps = if mixture.sigma > FINEST_SCALE { STEPS } else { LAST_STEPS };
+    let mut pose = start;
+    let mut equations = equations_at(contours, &pose, step, mixture);
     for _ in 0..steps {
-        let Some(increment) = gauss_newton(contours, &pose, step, &mixture) else { break };
-        let Some((next, size)) = advanced(contours, &pose, &increment, step) else { break };
-        pose = next;
+        let Some(increment) = equations.as_ref().and_then(gauss_newton) else { break };
+        let Some((next, moved, size)) = advanced(contours, &pose, &increment, step, mixture) else { break };
+        (pose, equations) = (next, Some(moved));
         if size < SETTLED {
             break;
         }
@@ -196,25 +201,36 @@ fn settled(contours: &[Contour], mut pose: Pose, step: usize, scale: f64) -> Pos
     pose
 }
 
-/// The step to the least weighted squares; `None` where no direction is held.
-fn gauss_newton(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<Tangent> {
+/// The normal equations of the distances by the weights of a mixture; `None` where a region is out of view.
+fn equations_at(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
     for (region, contour) in contours.iter().enumerate() {
         let weight = |reading: &Reading| mixture.weight(region, reading);
         contour.add_normal_equations(pose, step, weight, &mut equations)?;
     }
+    Some(equations)
+}
+
+/// The step to the least weighted squares; `None` where no direction is held.
+fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
     let ridge = Matrix6::from_diagonal(&(equations.matrix.diagonal() * RIDGE));
     let increment: Vector6<f64> = -(equations.matrix + ridge).cholesky()?.solve(&equations.gradient);
     increment.iter().all(|value| value.is_finite()).then_some(increment)
 }
 
-/// The pose moved by an increment, shortened until every region is in view, and the size of what was gone.
-fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent, step: usize) -> Option<(Pose, f64)> {
+/// The pose moved by an increment, shortened until every region is in view, the equations there and the size of what was gone.
+fn advanced(
+    contours: &[Contour],
+    pose: &Pose,
+    increment: &Tangent,
+    step: usize,
+    mixture: &Mixture,
+) -> Option<(Pose, NormalEquations, f64)> {
     let mut increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
     for _ in 0..=HALVINGS {
         let moved = pose.moved(&increment);
-        if Readings::at(contours, &moved, step).is_some() {
-            return Some((moved, size(&increment, pose)));
+        if let Some(equations) = equations_at(contours, &moved, step, mixture) {
+            return Some((moved, equations, size(&increment, pose)));
         }
         increment *= 0.5;
     }

@@ -5,10 +5,10 @@ use super::readings::Reading;
 
 /// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales.
 const FIRST_BIN: f64 = 0.05;
-const BIN_RATIO: f64 = 1.15;
+const BIN_RATIO: f64 = 1.2;
 
-/// Bins, up to 6e4 pixels.
-const BINS: usize = 100;
+/// Bins, up to 1e5 pixels.
+const BINS: usize = 80;
 
 /// Ratio of neighbouring scales that are tried.
 const SCALE_RATIO: f64 = 1.5;
@@ -41,28 +41,25 @@ impl Mixture {
         Self { sigma, wide: 10.0 * sigma, disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
-    /// Probability that a part of a region is clean.
+    /// Probability that a piece of a region is clean.
     pub fn clean_probability(&self, region: usize, reading: &Reading) -> f64 {
-        let [clean, other] = self.densities(region, reading);
-        clean / (clean + other).max(f64::MIN_POSITIVE)
+        let square = reading.misfit * reading.misfit;
+        let disturbed = self.disturbed[region];
+        let fall = 0.5 * (self.sigma.powi(-2) - self.wide.powi(-2)) * square;
+        1.0 / (1.0 + disturbed / (1.0 - disturbed) * (self.sigma / self.wide) * fall.exp())
     }
 
-    /// Logarithm of the density at a part of a region, in 1 / pixels.
+    /// Logarithm of the density at a piece of a region, in 1 / pixels.
     pub fn log_density(&self, region: usize, reading: &Reading) -> f64 {
-        self.densities(region, reading).iter().sum::<f64>().max(f64::MIN_POSITIVE).ln()
+        let square = reading.misfit * reading.misfit;
+        let disturbed = self.disturbed[region];
+        log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide))
     }
 
-    /// Weight of a part's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
+    /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
     pub fn weight(&self, region: usize, reading: &Reading) -> f64 {
         let clean = self.clean_probability(region, reading);
         clean + (1.0 - clean) * (self.sigma / self.wide).powi(2)
-    }
-
-    /// Densities of the clean parts and of the others.
-    fn densities(&self, region: usize, reading: &Reading) -> [f64; 2] {
-        let square = reading.misfit * reading.misfit;
-        let disturbed = self.disturbed[region];
-        [(1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide)]
     }
 }
 
@@ -116,48 +113,54 @@ impl Distances {
     }
 
     /// The likeliest shares and wide scale for a narrow scale, by expectation and maximization.
-    fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
-        let mut wide = (1.2 * spread).max(WIDE * sigma);
-        let mut disturbed = vec![0.3; self.regions.len()];
-        let mut likelihood = 0.0;
+    pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
+        let mut mixture = Mixture {
+            sigma,
+            wide: (1.2 * spread).max(WIDE * sigma),
+            disturbed: vec![0.3; self.regions.len()],
+            likelihood: f64::NAN,
+        };
+        let narrow: Vec<Vec<f64>> =
+            self.regions.iter().map(|bins| bins.iter().map(|bin| density(bin.0, sigma)).collect()).collect();
         for _ in 0..ITERATIONS {
-            let (mut others, mut squares) = (0.0, 0.0);
-            likelihood = 0.0;
-            for (region, share) in self.regions.iter().zip(&mut disturbed) {
-                let expected = Expected::of(region, sigma, wide, *share);
-                others += expected.others;
-                squares += expected.squares;
-                likelihood += expected.likelihood;
-                *share = (expected.others / expected.count.max(1.0)).clamp(SHARES.0, SHARES.1);
+            self.improve(&mut mixture, &narrow);
+        }
+        mixture.likelihood = self.likelihood(&mixture, &narrow);
+        mixture
+    }
+
+    /// One step of expectation and maximization; `narrow` holds each bin's density among the clean pieces.
+    fn improve(&self, mixture: &mut Mixture, narrow: &[Vec<f64>]) {
+        let (mut others, mut squares) = (0.0, 0.0);
+        for ((bins, narrow), share) in self.regions.iter().zip(narrow).zip(&mut mixture.disturbed) {
+            let (mut count, mut disturbed) = (0.0, 0.0);
+            for (&(square, held), &narrow) in bins.iter().zip(narrow) {
+                let other = *share * density(square, mixture.wide);
+                let expected = held * other / ((1.0 - *share) * narrow + other).max(f64::MIN_POSITIVE);
+                count += held;
+                disturbed += expected;
+                squares += square * expected;
             }
-            wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * sigma);
+            others += disturbed;
+            *share = (disturbed / f64::max(count, 1.0)).clamp(SHARES.0, SHARES.1);
         }
-        // Of the densities before the last step.
-        Mixture { sigma, wide, disturbed, likelihood: likelihood / self.count.max(1.0) }
+        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * mixture.sigma);
+    }
+
+    /// Mean logarithm of the density over all pieces.
+    fn likelihood(&self, mixture: &Mixture, narrow: &[Vec<f64>]) -> f64 {
+        let of = |((bins, narrow), share): ((&Vec<(f64, f64)>, &Vec<f64>), &f64)| {
+            let log = |(&(square, held), &narrow): (&(f64, f64), &f64)| {
+                held * log_sum((1.0 - share) * narrow, share * density(square, mixture.wide))
+            };
+            bins.iter().zip(narrow).map(log).sum::<f64>()
+        };
+        self.regions.iter().zip(narrow).zip(&mixture.disturbed).map(of).sum::<f64>() / self.count.max(1.0)
     }
 }
 
-/// What a mixture expects of a region: number and sum of squares of the disturbed parts, and the parts' log likelihood.
-struct Expected {
-    count: f64,
-    others: f64,
-    squares: f64,
-    likelihood: f64,
-}
-
-impl Expected {
-    fn of(bins: &[(f64, f64)], sigma: f64, wide: f64, disturbed: f64) -> Self {
-        let mut sums = Self { count: 0.0, others: 0.0, squares: 0.0, likelihood: 0.0 };
-        for &(square, held) in bins {
-            let other = disturbed * density(square, wide);
-            let total = ((1.0 - disturbed) * density(square, sigma) + other).max(f64::MIN_POSITIVE);
-            sums.count += held;
-            sums.others += held * other / total;
-            sums.squares += held * square * other / total;
-            sums.likelihood += held * total.ln();
-        }
-        sums
-    }
+fn log_sum(clean: f64, disturbed: f64) -> f64 {
+    (clean + disturbed).max(f64::MIN_POSITIVE).ln()
 }
 
 /// Normal density at a squared distance.

@@ -58,6 +58,10 @@ const SAME_FURTHER: f64 = 0.05;
 /// Poses that are led from few parts onto all at most.
 const MOST_LED: usize = 16;
 
+/// How many times as many pieces follow a refinement on few, and from how many times the scale that it found.
+const MORE_PIECES: usize = 5;
+const SHARPENED: f64 = 4.0;
+
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 const SAME_PLACE: f64 = 1e-3;
 
@@ -236,27 +240,35 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
 fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = sketch_step(contours);
-    let led =
-        |poses: Vec<Pose>, step| poses.iter().filter_map(|pose| refined(contours, pose, step)).collect::<Vec<_>>();
+    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few, None)).collect::<Vec<_>>();
     let known = prior.initial.iter().map(|pose| problem.centred(pose));
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
-    let mut found = led(starts, few);
+    let mut found = led(starts);
     if !found.iter().any(is_found) {
-        found.extend(led(further_poses(problem, few), few));
+        found.extend(led(further_poses(problem, few)));
     }
-    let mut all = led(likely(problem, found, prior), 1);
-    all = once(all, usize::MAX, SAME_PLACE);
+    let mut all = sharpened(problem, found, few, prior);
     if let Some(best) = all.first() {
-        let turned = led(turned_poses(problem, &best.pose, few), few);
-        all.extend(led(likely(problem, turned, prior), 1));
+        let turned = led(turned_poses(problem, &best.pose, few));
+        all.extend(sharpened(problem, turned, few, prior));
     }
     could_be(problem, once(all, usize::MAX, SAME_PLACE), prior)
 }
 
-/// The poses of the fits that could be as likely as the best, each once.
-fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Pose> {
-    let fits = could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior);
-    fits.into_iter().map(|fit| fit.pose).collect()
+/// The fits led on from every `step`-th piece to all, those that could be as likely as the best.
+fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prior: &Prior) -> Vec<ContourFit> {
+    while step > 1 {
+        step = (step / MORE_PIECES).max(1);
+        let likely = likely(problem, fits, prior);
+        let scale = |fit: &ContourFit| Some(SHARPENED * fit.mixture.sigma);
+        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step, scale(fit))).collect();
+    }
+    once(fits, usize::MAX, SAME_PLACE)
+}
+
+/// The fits that could be as likely as the best, each once.
+fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
+    could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior)
 }
 
 /// Whether enough of the contours is explained to look no further.
