@@ -269,7 +269,7 @@ def _start_and_prior(initial: Pose | str | None, initial_sigma: tuple[float, flo
 
 def scipy_minimum(problem: _core.Problem, rotation: Array, translation: Array) -> _core.Minimum:
     """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
-    # Half of the package's import, for a driver that batches do without.
+    # Loaded when first used: batches and the native driver do without.
     from scipy.optimize import leastsq
 
     increments = _Increments(problem, rotation, translation)
