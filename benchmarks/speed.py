@@ -1,9 +1,16 @@
 """Time of a pose from nothing against OpenCV's iterative PnP on the same points, in one run.
 
-Three regions of 100 vertices each; regionpose sees contours without correspondences or a start, one thread, by the
-batch; OpenCV sees the 300 vertices with their exact correspondences.
+Three regions of 100 vertices each; regionpose sees contours without correspondences or a start, on one thread; OpenCV
+sees the 300 vertices with their exact correspondences. Each row is the median over rounds that alternate between all
+rows and their references:
 
-    python benchmarks/speed.py [--scenes 40] [--rounds 15]
+    batch      `estimate_poses` on exact outlines
+    single     one `estimate_pose` a scene, by scipy's least squares
+    bitten     the batch, a notch of 5 % of its area cut out of each image outline
+    masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand
+    from_mask  tracing such a mask, over `cv2.findContours` on it
+
+    python benchmarks/speed.py [--rows batch single ...] [--scenes 20] [--rounds 11]
 """
 
 from __future__ import annotations
@@ -11,17 +18,63 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import regionpose as rp
+import shapely
 from numpy.typing import NDArray
-from regionpose.evaluation import perspective_scene
+from regionpose.cameras import Camera
+from regionpose.evaluation import perspective_scene, perspective_setup
+from regionpose.evaluation.studies.conditions import Condition
+from regionpose.evaluation.studies.problems import draw_problem
+from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
+Problem = tuple[Camera, Sequence[rp.ImageRegion], Sequence[rp.WorldRegion]]
+
 VERTICES = 100
 REGIONS = 3
+
+BITE = 0.05
+"""Share of an outline's area that a notch takes."""
+
+MASK_ERRORS = 0.2
+"""Share of a mask's area that errors along its boundary change."""
+
+MASKS = 8
+"""Masks that are traced in a round: together they are larger than a processor's cache."""
+
+
+class Outlined(NamedTuple):
+    """A scene by its outlines: (n, 3) in the world, (n, 2) in the image."""
+
+    camera: rp.PinholeCamera
+    world: list[Array]
+    image: list[Array]
+
+    @classmethod
+    def of_seed(cls, seed: int) -> Outlined:
+        """The scene of a seed, each outline as `VERTICES` vertices."""
+        scene = perspective_scene(seed, REGIONS, world="arbitrary")
+        world = [resampled(rings[0]) for rings in scene.regions]
+        image = [scene.camera.project(ring @ scene.rotation.T + scene.translation) for ring in world]
+        return cls(scene.camera, world, image)
+
+    def problem(self, change: Callable[[Array], Array] = np.asarray) -> Problem:
+        """The regions of both sides, of the image's after a change."""
+        images = [rp.ImageRegion.from_polygon([change(ring)]) for ring in self.image]
+        return self.camera, images, [rp.WorldRegion.from_polygon([ring]) for ring in self.world]
+
+
+class Row(NamedTuple):
+    """What is timed, the poses or masks in it, and the name of its reference."""
+
+    run: Callable[[], object]
+    items: int
+    reference: str
 
 
 def resampled(ring: Array) -> Array:
@@ -35,45 +88,112 @@ def resampled(ring: Array) -> Array:
     return np.asarray(ring[edge] * (1.0 - share) + following[edge] * share)
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Wall time of one call."""
+def bitten(ring: Array) -> Array:
+    """The ring without the square about one of its vertices that takes the share `BITE` of its area.
+
+    About the first vertex at which that leaves one part without a hole.
+    """
+    outline = shapely.Polygon(ring)
+    target, reach = BITE * outline.area, float(np.ptp(ring, axis=0).max())
+    for vertex in ring:
+
+        def square(half: float, centre: Array = vertex) -> shapely.Polygon:
+            return shapely.box(*(centre - half), *(centre + half))
+
+        half = brentq(lambda half, at=square: outline.intersection(at(half)).area - target, 0.0, reach)
+        rest = outline.difference(square(half))
+        if isinstance(rest, shapely.Polygon) and not rest.interiors:
+            return np.asarray(shapely.get_coordinates(rest)[:-1])
+    raise ValueError(f"a notch of {BITE:.0%} cuts the outline apart wherever it is")
+
+
+def masked(seeds: Sequence[int]) -> list[Problem]:
+    """Problems on masks with errors, as the studies draw them."""
+    condition = Condition(planes=REGIONS, noise=MASK_ERRORS)
+    drawn = [draw_problem(perspective_setup(), condition, seed) for seed in seeds]
+    return [(problem.camera, problem.image_regions, problem.world_regions) for problem in drawn]
+
+
+def whole_masks(seeds: Sequence[int]) -> list[NDArray[Any]]:
+    """A whole mask of each of the first seeds."""
+    regions = [images[0] for _, images, _ in masked(seeds[:MASKS])]
+    return [region.mask.full() for region in regions if region.mask is not None]
+
+
+def batch(problems: Sequence[Problem]) -> Row:
+    """The batch on one thread."""
+    return Row(lambda: rp.estimate_poses(problems, threads=1), len(problems), "solvePnP")
+
+
+def single(problems: Sequence[Problem]) -> Row:
+    """One call for each."""
+    return Row(lambda: [rp.estimate_pose(*problem) for problem in problems], len(problems), "solvePnP")
+
+
+def traced(masks: Sequence[NDArray[Any]]) -> Row:
+    """The contours of masks."""
+    return Row(lambda: [rp.ImageRegion.from_mask(mask) for mask in masks], len(masks), "findContours")
+
+
+def pnp(scenes: Sequence[Outlined]) -> Row:
+    """OpenCV's iterative PnP on the vertices."""
+    points = [(np.concatenate(scene.world), np.concatenate(scene.image), scene.camera.matrix) for scene in scenes]
+    flags = cv2.SOLVEPNP_ITERATIVE
+    return Row(lambda: [cv2.solvePnP(*held, None, flags=flags) for held in points], len(points), "")
+
+
+def contours(masks: Sequence[NDArray[Any]]) -> Row:
+    """OpenCV's contours of masks."""
+    pixels = [mask.view(np.uint8) for mask in masks]
+    kind = (cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return Row(lambda: [cv2.findContours(mask, *kind) for mask in pixels], len(pixels), "")
+
+
+ROWS = ("batch", "single", "bitten", "masks", "from_mask")
+
+
+def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row], dict[str, Row]]:
+    """The chosen rows and what they are compared with."""
+    scenes = [Outlined.of_seed(seed) for seed in seeds]
+    masks = whole_masks(seeds) if "from_mask" in names else []
+    make: dict[str, Callable[[], Row]] = {
+        "batch": lambda: batch([scene.problem() for scene in scenes]),
+        "single": lambda: single([scene.problem() for scene in scenes]),
+        "bitten": lambda: batch([scene.problem(bitten) for scene in scenes]),
+        "masks": lambda: batch(masked(seeds)),
+        "from_mask": lambda: traced(masks),
+    }
+    rows = {name: make[name]() for name in ROWS if name in names}
+    references = {"solvePnP": pnp(scenes), "findContours": contours(masks)}
+    return rows, {name: references[name] for name in {row.reference for row in rows.values()}}
+
+
+def milliseconds(row: Row) -> float:
+    """Wall time of one pose or mask."""
     start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
+    row.run()
+    return 1e3 * (time.perf_counter() - start) / row.items
 
 
 def main() -> None:
-    """Print both times and their ratio, the median over rounds that alternate between the two."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=40)
-    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=ROWS)
+    parser.add_argument("--scenes", type=int, default=20)
+    parser.add_argument("--rounds", type=int, default=11)
     arguments = parser.parse_args()
-
-    problems, points = [], []
-    for seed in range(arguments.scenes):
-        scene = perspective_scene(seed, REGIONS, world="arbitrary")
-        world = [resampled(rings[0]) for rings in scene.regions]
-        image = [scene.camera.project(ring @ scene.rotation.T + scene.translation) for ring in world]
-        image_regions = [rp.ImageRegion.from_polygon([ring]) for ring in image]
-        problems.append((scene.camera, image_regions, [rp.WorldRegion.from_polygon([ring]) for ring in world]))
-        points.append((np.concatenate(world), np.concatenate(image), scene.camera.matrix))
-
     cv2.setNumThreads(1)
-
-    def run_opencv() -> None:
-        for world_points, pixels, matrix in points:
-            cv2.solvePnP(world_points, pixels, matrix, None, flags=cv2.SOLVEPNP_ITERATIVE)
-
-    ours, theirs = [], []
-    for _ in range(arguments.rounds):
-        theirs.append(seconds(run_opencv) / arguments.scenes)
-        ours.append(seconds(lambda: rp.estimate_poses(problems, threads=1)) / arguments.scenes)
-    ratio = statistics.median(a / b for a, b in zip(ours, theirs, strict=True))
-    print(f"regionpose {rp.__version__}, {REGIONS} regions x {VERTICES} vertices, no start, one thread:")
-    print(f"  {1e3 * statistics.median(ours):.3f} ms a pose")
-    print(f"cv2 {cv2.__version__} solvePnP ITERATIVE, the same {REGIONS * VERTICES} points with correspondences:")
-    print(f"  {1e3 * statistics.median(theirs):.3f} ms a pose")
-    print(f"ratio of the two, median over {arguments.rounds} rounds: {ratio:.1f}")
+    rows, references = rows_of(arguments.rows, range(arguments.scenes))
+    rounds = [
+        {name: milliseconds(row) for name, row in {**references, **rows}.items()} for _ in range(arguments.rounds)
+    ]
+    print(f"regionpose {rp.__version__}, cv2 {cv2.__version__}, {arguments.scenes} scenes, {arguments.rounds} rounds\n")
+    print(f"{'row':<10} {'ms':>8}  {'over':<12} {'ms':>8} {'ratio':>7}")
+    for name, row in rows.items():
+        ours, theirs = ([times[key] for times in rounds] for key in (name, row.reference))
+        ratio = statistics.median(a / b for a, b in zip(ours, theirs, strict=True))
+        medians = statistics.median(ours), statistics.median(theirs)
+        print(f"{name:<10} {medians[0]:>8.3f}  {row.reference:<12} {medians[1]:>8.3f} {ratio:>7.2f}")
 
 
 if __name__ == "__main__":

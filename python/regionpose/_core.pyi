@@ -170,6 +170,10 @@ class Minimum:
         """(3, 3)."""
 
     @property
+    def quaternion(self) -> NDArray[np.float64]:
+        """(4,), the same rotation as x, y, z, w."""
+
+    @property
     def translation(self) -> NDArray[np.float64]:
         """(3,)."""
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,10 +84,21 @@ def line_bearings(camera: Camera, line: Array) -> Array:
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
     """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
-    item = f"ring {index}"
-    if camera.straight_lines:
-        return _visible(camera, ring, item)
-    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), item, BEND_TOLERANCE_PX)
+    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), f"ring {index}", BEND_TOLERANCE_PX)
+
+
+def straight_bearings(camera: Camera, rings: Sequence[Array]) -> list[Array] | None:
+    """Bearings (n, 3) along rings of pixels (n, 2), mapped at once: a call for each takes longer than the mapping.
+
+    None for a camera that bends straight lines, or where it sees no ray.
+    """
+    if not (camera.straight_lines and rings):
+        return None
+    bearings = camera.bearings(np.concatenate(rings))
+    if not np.isfinite(bearings).all():
+        return None
+    ends = accumulate(map(len, rings))
+    return [bearings[end - len(ring) : end] for ring, end in zip(rings, ends, strict=True)]
 
 
 def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, tolerance: float) -> Array:

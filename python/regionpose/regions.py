@@ -91,17 +91,23 @@ class ImageRegion:
     @cached_property
     def _bounds(self) -> Border:
         """Left, top, right and bottom of the vertices, pixels."""
-        x, y = (self.rings[0] if len(self.rings) == 1 else np.concatenate(self.rings)).T
-        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+        vertices = self.rings[0] if len(self.rings) == 1 else np.concatenate(self.rings)
+        left, top = np.minimum.reduce(vertices).tolist()
+        right, bottom = np.maximum.reduce(vertices).tolist()
+        return left, top, right, bottom
 
     def bearings(self, camera: Camera) -> list[Array]:
         """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
 
         Edges drawn along the border are moved onto it. ValueError where the camera sees no ray at a vertex.
         """
-        clear = self._is_clear_of(self._border(camera))
-        rings = self.rings if clear else [self._on_sides(camera, ring)[0] for ring in self.rings]
-        return [ring_bearings(camera, ring, index) for index, ring in enumerate(rings)]
+        return [ring_bearings(camera, ring, index) for index, ring in enumerate(self.rings_on_border(camera))]
+
+    def rings_on_border(self, camera: Camera) -> Sequence[Array]:
+        """The rings (n, 2), edges drawn along the border of the image moved onto it."""
+        if self._is_clear_of(self._border(camera)):
+            return self.rings
+        return [self._on_sides(camera, ring)[0] for ring in self.rings]
 
     def on_border(self, camera: Camera) -> list[NDArray[np.bool_]]:
         """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.pixel_edges import straight_bearings
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
@@ -37,6 +38,14 @@ GRADIENT_TOLERANCE = 1e-15
 
 MOST_EVALUATIONS = 140
 """Evaluations of the equations for one minimum, as of the native driver."""
+
+TERMINATIONS = {
+    1: "the cost changes less than the tolerance",
+    2: "the pose changes less than the tolerance",
+    3: "cost and pose change less than the tolerance",
+    4: "the gradient is zero",
+}
+"""What ended an iteration that converged, by MINPACK's code, in the words of the native driver."""
 
 OUT_OF_VIEW = 1e6
 """Residual where a region leaves the view, so that the step there is refused."""
@@ -229,16 +238,19 @@ def observed_regions(
     camera: Camera, regions: Sequence[ImageRegion], integration: Integration
 ) -> list[_core.ObservedRegion]:
     """The regions as the core takes them; ValueError naming the first that holds pixels without a ray."""
-    observed = []
+    rings = [region.rings_on_border(camera) for region in regions]
+    straight = straight_bearings(camera, [ring for held in rings for ring in held])
+    following, observed = iter(straight or ()), []
     for index, region in enumerate(regions):
         try:
-            rings, borders = region.bearings(camera), region.border_bearings(camera)
+            bearings = list(islice(following, len(rings[index]))) if straight else region.bearings(camera)
+            borders = region.border_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
             raise ValueError(f"image region {index}: {error}") from error
         observed.append(
             _core.ObservedRegion(
-                rings, region.area, borders=borders, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1]
+                bearings, region.area, borders=borders, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1]
             )
         )
     return observed
@@ -257,20 +269,23 @@ def _start_and_prior(initial: Pose | str | None, initial_sigma: tuple[float, flo
 
 def scipy_minimum(search: _core.Search, rotation: Array, translation: Array) -> _core.Minimum:
     """The whitened minimum that scipy's Levenberg-Marquardt (MINPACK) reaches by one left increment of a candidate."""
+    # Loaded when first used: batches and the native driver do without.
+    from scipy.optimize import leastsq
+
     increments = _Increments(search, rotation, translation)
-    result = least_squares(
+    counted, _, details, message, code = leastsq(
         increments.residual,
         increments.unit,
-        jac=increments.jacobian,
-        method="lm",
-        x_scale="jac",
+        Dfun=increments.jacobian,
+        full_output=True,
         ftol=TOLERANCE,
         xtol=TOLERANCE,
         gtol=GRADIENT_TOLERANCE,
-        max_nfev=MOST_EVALUATIONS,
+        maxfev=MOST_EVALUATIONS,
     )
-    moved = _core.moved_pose(rotation, translation, result.x - increments.unit)
-    return _core.Minimum(*moved, 2.0 * result.cost, bool(result.success), str(result.message), int(result.nfev))
+    moved = _core.moved_pose(rotation, translation, counted - increments.unit)
+    cost, termination = float(details["fvec"] @ details["fvec"]), TERMINATIONS.get(code, " ".join(message.split()))
+    return _core.Minimum(*moved, cost, code in TERMINATIONS, termination, int(details["nfev"]))
 
 
 class _Increments:
@@ -284,7 +299,7 @@ class _Increments:
         first = search.evaluate(rotation, translation, np.zeros(6))
         distance = search.distance(rotation, translation)
         self.unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
-        self._at, self._evaluation = self.unit, first
+        self._at, self._evaluation = self.unit.tobytes(), first
         self._search, self._start = search, (rotation, translation)
         self._count = 0 if first is None else len(first[0])
 
@@ -299,8 +314,10 @@ class _Increments:
         return np.zeros((self._count, 6)) if evaluation is None else evaluation[1]
 
     def _evaluated(self, counted: Array) -> tuple[Array, Array] | None:
-        if not np.array_equal(counted, self._at):
-            self._at = counted.copy()
+        # As bytes: numpy takes longer to compare six numbers than to copy them.
+        at = counted.tobytes()
+        if at != self._at:
+            self._at = at
             self._evaluation = self._search.evaluate(*self._start, counted - self.unit)
         return self._evaluation
 
@@ -339,4 +356,5 @@ def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | 
 
 
 def _pose_parts(solution: _core.Solution) -> tuple[Rotation, Array]:
-    return Rotation.from_matrix(solution.rotation), solution.translation
+    # From a matrix, of which scipy checks that it is a rotation, it takes five times as long.
+    return Rotation.from_quat(solution.quaternion), solution.translation

@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -172,6 +172,13 @@ impl Solution {
     #[getter]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         rotation(py, &self.0.pose)
+    }
+
+    /// The same rotation as x, y, z, w, (4,).
+    #[getter]
+    fn quaternion<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let quaternion = UnitQuaternion::from_rotation_matrix(&self.0.pose.rotation);
+        PyArray1::from_slice(py, quaternion.coords.as_slice())
     }
 
     #[getter]
