@@ -393,7 +393,7 @@ impl Search {
         let c = self.0.problem().contours();
         let q = self.0.problem().centred(&p);
         let fit = if refine > 0 {
-            regionpose::contour::fit::refined(c, &q, step, None)
+            regionpose::contour::fit::refined(c, &q, step)
         } else {
             regionpose::contour::fit::ContourFit::at(c, &q, step)
         };

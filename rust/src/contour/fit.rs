@@ -10,15 +10,18 @@ use crate::geometry::pose::{Pose, Tangent};
 /// The finest scale, in pixels: parts of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
 
+/// The first scale over that of the clean pieces at the start.
+const FIRST_SCALE: f64 = 2.0;
+
 /// From scale to scale.
 const SCALE_STEP: f64 = 2.0;
 
 /// Gauss-Newton steps at one scale at most, and at the finest.
-const STEPS: usize = 4;
+const STEPS: usize = 3;
 const LAST_STEPS: usize = 12;
 
-/// A step below this, rad and share of the distance, ends the iteration at a scale: a thousandth of a pixel.
-const SETTLED: f64 = 1e-7;
+/// A step below this, rad and share of the distance, ends the iteration at a scale: a hundredth of what a contour is good to.
+const SETTLED: f64 = 1e-6;
 
 /// Halvings of a step that takes a region out of view.
 const HALVINGS: usize = 6;
@@ -160,13 +163,13 @@ pub fn rough_likelihood(contours: &[Contour], pose: &Pose, step: usize, mixture:
 
 /// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
 ///
-/// Expectation and maximization, while the scale of the clean pieces falls from `scale` to the finest: what lies far off loses
-/// its weight step by step. `None` where a region is out of view at the start.
-pub fn refined(contours: &[Contour], start: &Pose, step: usize, scale: Option<f64>) -> Option<ContourFit> {
+/// Expectation and maximization, while the scale of the clean pieces falls from what it is at the start to the finest: what lies
+/// far off loses its weight step by step. `None` where a region is out of view at the start.
+pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
-    let spread = readings.distances().root_mean_square();
-    let (mut pose, mut scale) = (*start, scale.unwrap_or(spread).max(FINEST_SCALE));
-    let mut best = (f64::NEG_INFINITY, *start);
+    let first = readings.distances().mixture(FINEST_SCALE);
+    let (mut pose, mut scale) = (*start, FIRST_SCALE * first.sigma);
+    let mut best = (first.likelihood, *start);
     loop {
         let distances = readings.distances();
         let mixture = distances.mixture_of(scale, distances.root_mean_square());
@@ -181,7 +184,7 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize, scale: Option<f6
         readings = Readings::at(contours, &pose, step)?;
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
-    let fits = [*start, best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
+    let fits = [best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
     fits.max_by(|a, b| a.mixture.likelihood.total_cmp(&b.mixture.likelihood))
 }
 

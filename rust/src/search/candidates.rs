@@ -34,7 +34,7 @@ const DECISIVE: f64 = 10.0;
 
 /// Clean share of every region's boundary from which a pose of several regions is found, and of one alone: three sides of a
 /// region can be led onto any three lines.
-const FOUND: f64 = 0.5;
+const FOUND: f64 = 0.2;
 const FOUND_ALONE: f64 = 0.9;
 
 /// Parts of each boundary on which candidates are compared.
@@ -43,8 +43,14 @@ const SKETCHED: usize = 40;
 /// Distance, pixels, within which a part speaks for a pose that is not refined: that of corners' noise.
 pub const ROUGH: f64 = 3.0;
 
+/// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
+const MOST_SOLVED: usize = 32;
+
 /// Candidates that are led onto the contours, those of each kind that are likeliest.
 const MOST_REFINED: usize = 12;
+
+/// Further poses that are led onto the contours.
+const MOST_FURTHER: usize = 24;
 
 /// Poses from corners that are compared on more than a few parts.
 const FIRST_LOOK: usize = 250;
@@ -58,9 +64,8 @@ const SAME_FURTHER: f64 = 0.05;
 /// Poses that are led from few parts onto all at most.
 const MOST_LED: usize = 16;
 
-/// How many times as many pieces follow a refinement on few, and from how many times the scale that it found.
+/// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
-const SHARPENED: f64 = 4.0;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 const SAME_PLACE: f64 = 1e-3;
@@ -185,7 +190,7 @@ fn sketch_step(contours: &[Contour]) -> usize {
 fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let few = sketch_step(problem.contours());
     let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE).pose;
-    let poses = likeliest(problem.contours(), poses, few, MOST_REFINED);
+    let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
     could_be(problem, ranked(problem.contours(), poses.into_iter().map(solved), few), prior)
 }
 
@@ -240,7 +245,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
 fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = sketch_step(contours);
-    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few, None)).collect::<Vec<_>>();
+    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few)).collect::<Vec<_>>();
     let known = prior.initial.iter().map(|pose| problem.centred(pose));
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
@@ -260,8 +265,7 @@ fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prio
     while step > 1 {
         step = (step / MORE_PIECES).max(1);
         let likely = likely(problem, fits, prior);
-        let scale = |fit: &ContourFit| Some(SHARPENED * fit.mixture.sigma);
-        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step, scale(fit))).collect();
+        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
 }
@@ -281,20 +285,14 @@ fn is_found(fit: &ContourFit) -> bool {
 /// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
 fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
-    let corners = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
-    let mut poses = apart_ones(contours, corners, few);
+    let mut poses = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
     if contours.len() > 1 {
-        poses.extend(apart_ones(contours, single_region_poses(problem), few));
+        poses.extend(single_region_poses(problem));
     }
-    poses
-}
-
-/// The likeliest poses that are well apart.
-fn apart_ones(contours: &[Contour], poses: Vec<Pose>, step: usize) -> Vec<Pose> {
     let mixture = Mixture::rough(ROUGH, contours.len());
-    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, step, &mixture)?, pose));
+    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, few, &mixture)?, pose));
     let scored = poses.into_iter().filter_map(scored).collect();
-    distinct(scored, 2 * MOST_REFINED, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
+    distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.
