@@ -148,6 +148,7 @@ fn main() {
             overlap(region, world, &pose);
             black_box(whitening(region.clone()));
         }
+        problem.regions().iter().for_each(|region| _ = region.count(Weighting::Whitened));
         whitened_equations(&problem, &pose);
         pose_from_nothing(problem);
     }

@@ -80,11 +80,11 @@ fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(
         let Some(next) = next else { break };
         starts = next;
     }
-    for k in 0..=ORDER {
-        for j in 0..=k {
-            let index = plane_index(k - j, j);
-            if let Some(moment) = into.get_mut(index) {
-                *moment += sums[index].sum() * const { order_factors() }[k];
+    let mut sums = sums.into_iter().map(Lanes::sum);
+    for j in 0..=ORDER {
+        for i in 0..=ORDER - j {
+            if let (Some(sum), Some(moment)) = (sums.next(), into.get_mut(plane_index(i, j))) {
+                *moment += sum * const { order_factors() }[i + j];
             }
         }
     }
@@ -108,24 +108,52 @@ fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     rule: &[Node; NODES],
     sums: &mut [Lanes; COUNT],
 ) {
+    // Sums of x^i y^j by j, then by i.
     let cross = ax * by - ay * bx;
     let (dx, dy) = (bx - ax, by - ay);
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
     let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
     let mut row = rule.map(|(_, weight)| Lanes::splat(weight) * cross);
+    let mut start = 0;
     for j in 0..=ORDER {
-        let mut term = row;
-        for i in 0..=ORDER - j {
-            let mut sum = sums[plane_index(i, j)];
-            for g in 0..NODES {
-                sum += term[g];
-                term[g] = term[g] * x[g];
-            }
-            sums[plane_index(i, j)] = sum;
-        }
+        let length = ORDER + 1 - j;
+        add_row(&row, &x, &mut sums[start..start + length]);
+        start += length;
         for g in 0..NODES {
             row[g] = row[g] * y[g];
         }
+    }
+}
+
+/// Adds the sums over the nodes of `row x^i`; a loop of known length for each length, so that the numbers stay in registers.
+#[inline(always)]
+fn add_row<const NODES: usize>(row: &[Lanes; NODES], x: &[Lanes; NODES], sums: &mut [Lanes]) {
+    match sums.len() {
+        1 => add_powers::<NODES, 1>(row, x, sums),
+        2 => add_powers::<NODES, 2>(row, x, sums),
+        3 => add_powers::<NODES, 3>(row, x, sums),
+        4 => add_powers::<NODES, 4>(row, x, sums),
+        5 => add_powers::<NODES, 5>(row, x, sums),
+        6 => add_powers::<NODES, 6>(row, x, sums),
+        7 => add_powers::<NODES, 7>(row, x, sums),
+        8 => add_powers::<NODES, 8>(row, x, sums),
+        _ => add_powers::<NODES, 9>(row, x, sums),
+    }
+}
+
+#[inline(always)]
+fn add_powers<const NODES: usize, const LENGTH: usize>(row: &[Lanes; NODES], x: &[Lanes; NODES], sums: &mut [Lanes]) {
+    let Some(sums) = sums.first_chunk_mut::<LENGTH>() else { return };
+    let mut term = *row;
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let mut total = *sum;
+        for g in 0..NODES {
+            total += term[g];
+            if i + 1 < LENGTH {
+                term[g] = term[g] * x[g];
+            }
+        }
+        *sum = total;
     }
 }
 
