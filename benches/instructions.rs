@@ -21,7 +21,7 @@ use regionpose::geometry::pose::Pose;
 use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, WorldRegion};
 use regionpose::search::candidates::{Problem, Start};
-use regionpose::search::closed_form::{Turns, closed_form};
+use regionpose::search::closed_form::{WantedTurns, closed_form};
 use regionpose::search::fit::region_overlap;
 use regionpose::verdict::estimate::Refinement;
 
@@ -128,7 +128,7 @@ fn whitening(region: RegionEquations) -> RegionEquations {
 
 #[inline(never)]
 fn closed_form_poses(region: &RegionEquations, world: &WorldRegion) {
-    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros(), Turns::Likely));
+    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros(), WantedTurns::Likely));
 }
 
 #[inline(never)]

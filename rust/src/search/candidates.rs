@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::prior::{BELIEVED, Prior};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::search::closed_form::{Turns, closed_form, conjugate, facing};
+use crate::search::closed_form::{WantedTurns, closed_form, conjugate, facing};
 use crate::search::corners::triangle_poses;
 use crate::search::fit::Fit;
 use crate::view::border::cut_worlds;
@@ -165,12 +165,12 @@ impl Problem {
     /// observed regions much better, as it does where only high orders tell the turns of a symmetric shape apart.
     pub fn search(self, start: Start, prior: &Prior) -> Search {
         let mut poses = match start {
-            Start::Global => self.solved_together(self.global_starts(prior, Turns::Likely)),
+            Start::Global => self.solved_together(self.global_starts(prior, WantedTurns::Likely)),
             Start::Paper => self.solved_together(self.paper_starts(prior)),
         };
         let mut fit = self.fit_of_best(&poses);
         if start == Start::Global && fit.is_none_or(|fit| fit.overlap_error > SECOND_LOOK) {
-            poses = self.solved_together(self.global_starts(prior, Turns::All));
+            poses = self.solved_together(self.global_starts(prior, WantedTurns::All));
             fit = self.fit_of_best(&poses);
         }
         let (noise, penalty) = (fit.map_or(0.0, |fit| fit.boundary_noise), self.most_penalty(prior));
@@ -270,7 +270,7 @@ impl Problem {
         pose.transform(&self.origin).norm()
     }
 
-    fn global_starts(&self, prior: &Prior, turns: Turns) -> Vec<Pose> {
+    fn global_starts(&self, prior: &Prior, turns: WantedTurns) -> Vec<Pose> {
         let mut starts: Vec<Pose> = prior.initial.iter().map(|pose| self.centred(pose)).collect();
         for (region, world) in self.regions.iter().zip(&self.worlds) {
             let mut poses = closed_form(region.chart(), region.outline(), world, &self.origin, turns);
@@ -280,10 +280,10 @@ impl Problem {
                 poses.extend(facing(region.chart(), region.outline(), world, &self.origin, prior.up.as_ref()));
             }
             // A wrong view of a region alone may look right where the rest of it is cut off.
-            if region.border().is_some() && (turns == Turns::All || self.regions.len() == 1) {
+            if region.border().is_some() && (turns == WantedTurns::All || self.regions.len() == 1) {
                 poses.extend(self.cut_starts(region, world));
             }
-            if turns == Turns::Likely && self.regions.len() > 1 {
+            if turns == WantedTurns::Likely && self.regions.len() > 1 {
                 poses = self.best_together(poses);
             }
             starts.extend(poses.iter().filter_map(|pose| single_region(region, pose)));
@@ -295,14 +295,14 @@ impl Problem {
     /// cut by lines from all sides.
     fn cut_starts(&self, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
         let closed =
-            |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, &self.origin, Turns::Likely);
+            |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, &self.origin, WantedTurns::Likely);
         let poses = cut_worlds(world).iter().flat_map(closed).collect();
         best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
     }
 
     /// Poses of single regions, about the problem's origin, whatever the others say.
     pub(crate) fn single_region_poses(&self) -> Vec<Pose> {
-        self.global_starts(&Prior::default(), Turns::All)
+        self.global_starts(&Prior::default(), WantedTurns::All)
     }
 
     /// The starts of one region at which the others fit best, those out of view last.
