@@ -138,53 +138,52 @@ fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     rule: &[Node; NODES],
     sums: &mut [Lanes; COUNT],
 ) {
-    // Sums of x^i y^j by j, then by i.
     let cross = ax * by - ay * bx;
     let (dx, dy) = (bx - ax, by - ay);
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
     let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
     let mut row = rule.map(|(_, weight)| Lanes::splat(weight) * cross);
-    let mut start = 0;
-    for j in 0..=ORDER {
-        let length = ORDER + 1 - j;
-        add_row(&row, &x, &mut sums[start..start + length]);
-        start += length;
-        for g in 0..NODES {
-            row[g] = row[g] * y[g];
-        }
-    }
+    // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
+    let mut rest = &mut sums[..];
+    rest = add_row::<ORDER, NODES>(0, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(1, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(2, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(3, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(4, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(5, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(6, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(7, &mut row, &x, &y, rest);
+    add_row::<ORDER, NODES>(8, &mut row, &x, &y, rest);
 }
 
-/// Adds the sums over the nodes of `row x^i`; a loop of known length for each length, so that the numbers stay in registers.
+/// Adds the sums over the nodes of `row x^i` for `i + j <= ORDER`, and multiplies the row by y; the sums of the rows to come.
 #[inline(always)]
-fn add_row<const NODES: usize>(row: &[Lanes; NODES], x: &[Lanes; NODES], sums: &mut [Lanes]) {
-    match sums.len() {
-        1 => add_powers::<NODES, 1>(row, x, sums),
-        2 => add_powers::<NODES, 2>(row, x, sums),
-        3 => add_powers::<NODES, 3>(row, x, sums),
-        4 => add_powers::<NODES, 4>(row, x, sums),
-        5 => add_powers::<NODES, 5>(row, x, sums),
-        6 => add_powers::<NODES, 6>(row, x, sums),
-        7 => add_powers::<NODES, 7>(row, x, sums),
-        8 => add_powers::<NODES, 8>(row, x, sums),
-        _ => add_powers::<NODES, 9>(row, x, sums),
+fn add_row<'a, const ORDER: usize, const NODES: usize>(
+    j: usize,
+    row: &mut [Lanes; NODES],
+    x: &[Lanes; NODES],
+    y: &[Lanes; NODES],
+    sums: &'a mut [Lanes],
+) -> &'a mut [Lanes] {
+    if j > ORDER {
+        return sums;
     }
-}
-
-#[inline(always)]
-fn add_powers<const NODES: usize, const LENGTH: usize>(row: &[Lanes; NODES], x: &[Lanes; NODES], sums: &mut [Lanes]) {
-    let Some(sums) = sums.first_chunk_mut::<LENGTH>() else { return };
+    let (here, rest) = sums.split_at_mut(ORDER + 1 - j);
     let mut term = *row;
-    for (i, sum) in sums.iter_mut().enumerate() {
+    for (i, sum) in here.iter_mut().enumerate() {
         let mut total = *sum;
         for g in 0..NODES {
             total += term[g];
-            if i + 1 < LENGTH {
+            if i + j < ORDER {
                 term[g] = term[g] * x[g];
             }
         }
         *sum = total;
     }
+    for g in 0..NODES {
+        row[g] = row[g] * y[g];
+    }
+    rest
 }
 
 impl PlaneMoments {
