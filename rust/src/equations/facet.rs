@@ -234,7 +234,9 @@ impl VertexGroups for View<'_> {
     #[inline(always)]
     fn group(&mut self, index: usize) -> [Lanes; 2] {
         let [x, y, z] = self.ring.groups[index];
-        let [px, py, pz] = self.rows.map(|[a, b, c, d]| a * x + b * y + c * z + d);
+        let along = |[a, b, c, d]: [Lanes; 4]| a * x + b * y + c * z + d;
+        let [first, second, third] = self.rows;
+        let (px, py, pz) = (along(first), along(second), along(third));
         let inverse = pz.map(|depth| 1.0 / depth);
         let (u, v) = (px * inverse, py * inverse);
         self.nearest = self.nearest.lower(pz);

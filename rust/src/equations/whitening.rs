@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::moments::lanes::{LANES, Lanes};
+use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::view::chart::Chart;
@@ -216,26 +216,40 @@ const GROUPS: usize = 2;
 type Sums<const SIZE: usize> = [[f64; SIZE]; SIZE];
 
 /// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree below `SIZE`.
-fn monomial_sums<const SIZE: usize>(nodes: &[BoundaryNode], of_normal: impl Fn(&Vector2<f64>) -> f64) -> Sums<SIZE> {
-    let mut sums = [[Lanes::ZERO; SIZE]; SIZE];
-    for block in nodes.chunks(GROUPS * LANES) {
-        let mut groups = block.chunks(LANES);
-        let groups: [&[BoundaryNode]; GROUPS] = std::array::from_fn(|_| groups.next().unwrap_or_default());
-        let x = groups.map(|group| lanes(group, |node| node.at.x));
-        let y = groups.map(|group| lanes(group, |node| node.at.y));
-        let mut row = groups.map(|group| lanes(group, |node| node.weight * of_normal(&node.normal)));
-        for (i, sums) in sums.iter_mut().enumerate() {
-            add_powers(row, &y, &mut sums[..SIZE - i]);
-            row = std::array::from_fn(|g| row[g] * x[g]);
+struct MonomialSums<'a, const SIZE: usize, F> {
+    nodes: &'a [BoundaryNode],
+    of_normal: F,
+}
+
+impl<const SIZE: usize, F: Fn(&Vector2<f64>) -> f64> NullaryFnOnce for MonomialSums<'_, SIZE, F> {
+    type Output = Sums<SIZE>;
+
+    #[inline(always)]
+    fn call(self) -> Sums<SIZE> {
+        let mut sums = [[Lanes::ZERO; SIZE]; SIZE];
+        for block in self.nodes.chunks(GROUPS * LANES) {
+            let (first, second) = block.split_at(block.len().min(LANES));
+            let x = [lanes(first, |node| node.at.x), lanes(second, |node| node.at.x)];
+            let y = [lanes(first, |node| node.at.y), lanes(second, |node| node.at.y)];
+            let weight = |node: &BoundaryNode| node.weight * (self.of_normal)(&node.normal);
+            let mut row = [lanes(first, weight), lanes(second, weight)];
+            for (i, sums) in sums.iter_mut().enumerate() {
+                add_powers(row, &y, &mut sums[..SIZE - i]);
+                row = [row[0] * x[0], row[1] * x[1]];
+            }
         }
+        sums.map(|row| row.map(Lanes::sum))
     }
-    sums.map(|row| row.map(Lanes::sum))
 }
 
 /// A number of each node of a group, zero past its last.
 #[inline(always)]
 fn lanes(group: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> Lanes {
-    Lanes(std::array::from_fn(|k| group.get(k).map_or(0.0, &number)))
+    let mut lanes = Lanes::ZERO;
+    for (lane, node) in lanes.0.iter_mut().zip(group) {
+        *lane = number(node);
+    }
+    lanes
 }
 
 /// Adds `term y^j` to each sum.
@@ -254,9 +268,12 @@ fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]
 /// The plane system's: the entries are a few integrals of monomials each (`docs/math.md`, eq. 6.8).
 fn plane_products(rings: &PlaneRings) -> Products {
     let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
-    let plain = monomial_sums::<VALUE_SIZE>(&nodes, |_| 1.0);
-    let squared = monomial_sums::<SLOPE_SIZE>(&nodes, |normal| normal.x * normal.x);
-    let mixed = monomial_sums::<SLOPE_SIZE>(&nodes, |normal| normal.x * normal.y);
+    let nodes = nodes.as_slice();
+    let plain: Sums<VALUE_SIZE> = vectorized(MonomialSums { nodes, of_normal: |_: &Vector2<f64>| 1.0 });
+    let of_normal = |normal: &Vector2<f64>| normal.x * normal.x;
+    let squared: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
+    let of_normal = |normal: &Vector2<f64>| normal.x * normal.y;
+    let mixed: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
     let (mut values, mut slopes) = (Vec::with_capacity(ENTRIES), Vec::with_capacity(ENTRIES));
     for (a, &[i, j]) in PLANE_EXPONENTS.iter().enumerate() {
         for &[k, l] in &PLANE_EXPONENTS[..=a] {
@@ -332,4 +349,62 @@ fn powers(x: f64) -> [f64; 3] {
 /// Derivative of `x^k` from the powers of x.
 fn lowered(k: usize, powers: &[f64; 3]) -> f64 {
     if k == 0 { 0.0 } else { k as f64 * powers[k - 1] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding of sums of numbers of size 1.
+    const ROUNDING: f64 = 1e-13;
+
+    /// A slender hexagon, its long edges with seven nodes and its short ones with one.
+    fn outline() -> PlaneRings {
+        let corners = [[-0.9, -0.4], [0.6, -0.5], [0.65, -0.4], [0.5, 0.5], [-0.6, 0.4], [-0.65, 0.35]];
+        PlaneRings::polygon(vec![corners.map(Vector2::from).to_vec()]).unwrap()
+    }
+
+    #[test]
+    fn the_integrals_shared_by_entries_are_those_of_each_entry() {
+        let (rings, products) = (outline(), plane_products(&outline()));
+        for (a, [i, j]) in PLANE_EXPONENTS.map(|e| e.map(|k| k as i32)).into_iter().enumerate() {
+            for (b, [k, l]) in PLANE_EXPONENTS.map(|e| e.map(|k| k as i32)).into_iter().enumerate().take(a + 1) {
+                let value = |p: &Vector2<f64>, i: i32, j: i32| p.x.powi(i) * p.y.powi(j);
+                let slope = |node: &BoundaryNode, i: i32, j: i32| {
+                    let along = |k: i32, x: f64| if k == 0 { 0.0 } else { k as f64 * x.powi(k - 1) };
+                    let BoundaryNode { at, normal, .. } = node;
+                    normal.x * along(i, at.x) * at.y.powi(j) + normal.y * at.x.powi(i) * along(j, at.y)
+                };
+                let values = |node: BoundaryNode| node.weight * value(&node.at, i, j) * value(&node.at, k, l);
+                let slopes = |node: BoundaryNode| node.weight * slope(&node, i, j) * slope(&node, k, l);
+                let expected = [boundary_nodes(&rings).map(values).sum(), boundary_nodes(&rings).map(slopes).sum()];
+                let found = [products.values[packed(a, b)], products.slopes[packed(a, b)]];
+                for (found, expected) in found.into_iter().zip::<[f64; 2]>(expected) {
+                    assert!(
+                        (found - expected).abs() < ROUNDING * expected.abs().max(1.0),
+                        "{a}, {b}: {found} {expected}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whitened_rows_have_the_norm_that_the_covariance_gives() {
+        let chart = Chart { rotation: nalgebra::Rotation3::identity(), scale: 3.0 };
+        for (system, orders) in
+            [(System::Plane, Orders::All), (System::Plane, Orders::Low), (System::Sphere, Orders::All)]
+        {
+            let covariance = BoundaryCovariance::new(system, &chart, &outline(), 1e4);
+            let whitening = Whitening::new(&covariance, 0.5, orders);
+            // A row that the covariance takes to another is as long as their product says: x = S y, |F^-1 x|^2 = y^T S y.
+            let Covariance { entries, count } = covariance.at(0.5, orders);
+            let y: [f64; MOST_EQUATIONS] =
+                std::array::from_fn(|k| if k < count { (k as f64 + 0.3).sin() } else { 0.0 });
+            let x = entries.map(|row| [row.iter().zip(&y).map(|(s, y)| s * y).sum::<f64>()]);
+            let expected: f64 = x.iter().zip(&y).map(|(x, y)| x[0] * y).sum();
+            let found: f64 = whitening.applied(&x)[..whitening.rank()].iter().map(|row| row[0] * row[0]).sum();
+            assert!((found - expected).abs() < 1e-6 * expected, "{system:?}: {found} {expected}");
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::Arch;
+pub(crate) use pulp::NullaryFnOnce;
 
 /// What some work gives, compiled for the widest vectors that this machine has. Products and sums are rounded one by one on
 /// all of them: the numbers are the same to the last bit.

@@ -1,9 +1,8 @@
 //! Moments of a region of the plane from its boundary: exact sums over edges (paper section 2.2; no mesh).
 
 use nalgebra::Vector2;
-use pulp::NullaryFnOnce;
 
-use super::lanes::{LANES, Lanes, vectorized};
+use super::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use super::quadrature::{Node, gauss_legendre};
 use super::{MAX_ORDER, PlaneMoments, plane_index};
 

@@ -309,26 +309,39 @@ fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
 /// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment
 /// (`docs/math.md`, eq. 7.4).
 fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
-    let mut list = Vec::new();
-    for order in SHAPE_ORDERS {
-        for q in 0..=order / 2 {
-            let value = complex_moment(moments, order - q, q) / (moments.get(0, 0) * disc_moment(order));
-            list.push(ComplexMoment { winding: order - 2 * q, value });
-        }
-    }
-    list
+    let area = moments.get(0, 0);
+    let moment = |expansion: &Expansion| {
+        let order = expansion.coefficients.len() - 1;
+        let terms = expansion.coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j));
+        ComplexMoment { winding: expansion.winding, value: terms.sum::<Complex<f64>>() / area }
+    };
+    EXPANSIONS.iter().map(moment).collect()
 }
+
+/// `(x + i y)^p (x - i y)^q` over the disc's moment, in monomials.
+struct Expansion {
+    /// `p - q`.
+    winding: usize,
+    /// Those of `x^(p + q - j) y^j`.
+    coefficients: Vec<Complex<f64>>,
+}
+
+/// Those of all moments that are compared.
+static EXPANSIONS: LazyLock<Vec<Expansion>> = LazyLock::new(|| {
+    let of_order = |order: usize| (0..=order / 2).map(move |q| expansion(order - q, q));
+    SHAPE_ORDERS.flat_map(of_order).collect()
+});
 
 /// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that order.
 fn disc_moment(order: usize) -> f64 {
     2.0 * 2.0_f64.powi(order as i32) / (order + 2) as f64
 }
 
-/// Expansion of `(x + i y)^p (x - i y)^q` into monomials, by multiplying factor after factor.
-fn complex_moment(moments: &PlaneMoments, p: usize, q: usize) -> Complex<f64> {
+/// The expansion of `(x + i y)^p (x - i y)^q`, by multiplying factor after factor.
+fn expansion(p: usize, q: usize) -> Expansion {
     let order = p + q;
     let mut coefficients = vec![Complex::new(0.0, 0.0); order + 1];
-    coefficients[0] = Complex::new(1.0, 0.0);
+    coefficients[0] = Complex::new(1.0 / disc_moment(order), 0.0);
     for factor in 0..order {
         let step = Complex::new(0.0, if factor < p { 1.0 } else { -1.0 });
         for power in (1..=factor + 1).rev() {
@@ -336,7 +349,7 @@ fn complex_moment(moments: &PlaneMoments, p: usize, q: usize) -> Complex<f64> {
             coefficients[power] += step * lower;
         }
     }
-    coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j)).sum()
+    Expansion { winding: p - q, coefficients }
 }
 
 fn centroid(moments: &PlaneMoments) -> Vector2<f64> {
