@@ -225,8 +225,8 @@ fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
             let squared = residual.norm_squared();
             assert!((normal.cost - squared).abs() < 1e-12 * squared);
             assert!((cost(problem.regions(), &centred, weighting).unwrap() - squared).abs() < 1e-10 * squared);
-            assert!((normal.information - &information).amax() < 1e-12 * information.amax());
-            assert!((normal.gradient - &gradient).amax() < 1e-11 * gradient.amax());
+            assert!((normal.information - information).amax() < 1e-12 * information.amax());
+            assert!((normal.gradient - gradient).amax() < 1e-11 * gradient.amax());
         }
     }
 }

@@ -74,13 +74,13 @@ impl BoundaryCovariance {
             Orders::All => self.bias.len(),
             Orders::Low => self.low,
         };
+        let entry = |a: usize, b: usize| {
+            let at = packed(a.max(b), a.min(b));
+            self.first[at] + variance * (self.second[at] + self.bias[a] * self.bias[b])
+        };
         let mut entries = [[0.0; MOST_EQUATIONS]; MOST_EQUATIONS];
-        for a in 0..count {
-            for b in 0..=a {
-                let (at, bias) = (packed(a, b), self.bias[a] * self.bias[b]);
-                entries[a][b] = self.first[at] + variance * (self.second[at] + bias);
-                entries[b][a] = entries[a][b];
-            }
+        for (a, row) in entries.iter_mut().enumerate().take(count) {
+            row.iter_mut().enumerate().take(count).for_each(|(b, value)| *value = entry(a, b));
         }
         Covariance { entries, count }
     }
