@@ -13,7 +13,7 @@ use regionpose::geometry::pose::Pose;
 use regionpose::prior::Prior;
 use regionpose::region::{ObservedRegion, WorldRegion};
 use regionpose::search::candidates::{Problem, Start};
-use regionpose::search::closed_form::{Turns, closed_form};
+use regionpose::search::closed_form::{WantedTurns, closed_form};
 use regionpose::verdict::estimate::Refinement;
 
 /// Vertices of each region.
@@ -82,7 +82,9 @@ fn search(criterion: &mut Criterion) {
     let region = &ready.regions()[0];
     let origin = Vector3::zeros();
     group.bench_function("closed form of one region", |bencher| {
-        bencher.iter(|| closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin, Turns::Likely));
+        bencher.iter(|| {
+            closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin, WantedTurns::Likely)
+        });
     });
     group.bench_function("candidates", |bencher| bencher.iter(|| ready.clone().search(Start::Global, &prior)));
     group.bench_function("pose from nothing", |bencher| {

@@ -65,6 +65,7 @@ KNOWS_NO_POSE = {
 """Modules of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {
+    "pulp": {"moments"},
     "rayon": {"batch"},
     "robust": {"rings"},
     "spade": {"mesh"},

@@ -12,7 +12,7 @@ use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Prior;
 use regionpose::region::WorldRegion;
 use regionpose::search::candidates::Start;
-use regionpose::search::closed_form::{Turns, closed_form, conjugate, facing};
+use regionpose::search::closed_form::{WantedTurns, closed_form, conjugate, facing};
 use regionpose::verdict::estimate::Refinement;
 use regionpose::view::chart::Chart;
 use support::random::Random;
@@ -76,7 +76,7 @@ impl AffineView {
     fn candidates(&self) -> Vec<Pose> {
         let origin = Vector3::new(1.0, -2.0, 3.0);
         let shift = Pose::new(Rotation3::identity(), -origin);
-        closed_form(&self.chart, &self.outline, &self.world, &origin, Turns::Likely)
+        closed_form(&self.chart, &self.outline, &self.world, &origin, WantedTurns::Likely)
             .iter()
             .map(|pose| pose.after(&shift))
             .collect()

@@ -330,6 +330,7 @@ fn a_start_out_of_view_ends_unconverged() {
         assert!(problem.evaluate(&start, Weighting::Uniform).is_none());
         let minimum = problem.solve_from(&start);
         assert!(!minimum.converged && minimum.cost == f64::INFINITY, "{minimum:?}");
+        assert_eq!(minimum.termination, Termination::OutOfView);
         assert!(
             problem.minima(&[start]).is_empty()
                 && problem.judged(vec![minimum], &NO_PRIOR, Refinement::Contour).is_none()

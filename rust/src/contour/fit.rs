@@ -10,6 +10,12 @@ use crate::geometry::pose::{Pose, Tangent};
 /// The finest scale, in pixels: parts of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
 
+/// Distance, pixels, within which a piece speaks for a pose that is not refined: that of corners' noise.
+const ROUGH: f64 = 3.0;
+
+/// How far off disturbed pieces are then taken to lie, as a share of a region's size: as far as a hidden part reaches.
+const FAR_OFF: f64 = 0.25;
+
 /// The first scale over that of the clean pieces at the start.
 const FIRST_SCALE: f64 = 2.0;
 
@@ -155,10 +161,26 @@ impl Readings {
     }
 }
 
-/// Mean logarithm of the density of every `step`-th part at a pose, by a mixture that is not fitted; `None` where a region is
-/// out of view.
-pub fn rough_likelihood(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<f64> {
-    Some(Readings::at(contours, pose, step)?.mean_log_density(mixture))
+/// How likely poses are that aren't refined: mean logarithms of the density of some pieces by one mixture for all.
+#[derive(Debug, Clone)]
+pub struct Sketch<'a> {
+    contours: &'a [Contour],
+    step: usize,
+    mixture: Mixture,
+}
+
+impl<'a> Sketch<'a> {
+    /// A sketch by every `step`-th piece.
+    pub fn new(contours: &'a [Contour], step: usize) -> Self {
+        let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
+        Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()) }
+    }
+
+    /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view.
+    pub fn misfit(&self, pose: &Pose) -> f64 {
+        let readings = Readings::at(self.contours, pose, self.step);
+        readings.map_or(f64::INFINITY, |readings| -readings.mean_log_density(&self.mixture))
+    }
 }
 
 /// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.

@@ -39,9 +39,9 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// A mixture that is not fitted: half of the parts within `sigma` pixels, the rest ten times as far.
-    pub fn rough(sigma: f64, regions: usize) -> Self {
-        Self { sigma, wide: 10.0 * sigma, disturbed: vec![0.5; regions], likelihood: f64::NAN }
+    /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
+    pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
+        Self { sigma, wide: wide.max(WIDE * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
     /// Probability that a piece of a region is clean.

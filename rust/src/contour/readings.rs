@@ -27,6 +27,8 @@ pub struct Contour {
     pieces: Vec<Piece>,
     /// Pixels per unit of that plane.
     pixels: f64,
+    /// Side, in pixels, of a square of the region's area.
+    size: f64,
     /// Boundary rings of the world region about the problem's origin.
     rings: Vec<Vec<Vector3<f64>>>,
     /// The plane that holds the rings, about the problem's origin, and their edges there; `None` for a surface.
@@ -71,10 +73,16 @@ impl Contour {
             rotation: region.chart().rotation,
             pieces,
             pixels: pixels * scale,
+            size: pixels,
             rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
             plane: world.surface().is_none().then(|| (plane, EdgeField::new(world.outline().rings()))),
             cut: region.border().is_some(),
         }
+    }
+
+    /// Side, in pixels, of a square of the region's area.
+    pub fn size(&self) -> f64 {
+        self.size
     }
 
     /// Number of pieces of which every `step`-th is read.

@@ -1,12 +1,11 @@
 //! From a problem to the poses that may be its answer: candidates in, refined and ranked by the likelihood of the contours.
 
-use super::closed_form::Turns;
+use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
-use crate::contour::fit::{ContourFit, refined, rough_likelihood};
-use crate::contour::mixture::Mixture;
+use crate::contour::fit::{ContourFit, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, Stopping, minimize};
 use crate::equations::system::Weighting;
@@ -39,9 +38,6 @@ const FOUND_ALONE: f64 = 0.9;
 
 /// Parts of each boundary on which candidates are compared.
 const SKETCHED: usize = 40;
-
-/// Distance, pixels, within which a part speaks for a pose that is not refined: that of corners' noise.
-pub const ROUGH: f64 = 3.0;
 
 /// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
 const MOST_SOLVED: usize = 32;
@@ -144,11 +140,11 @@ impl Problem {
     }
 
     fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, Turns::Likely, explains);
+        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
         let alone = self.regions().len() == 1 || options.refinement == Refinement::Off;
         match poses.first() {
             Some(pose) if !alone || explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, Turns::All, explains),
+            _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
         }
     }
 
@@ -218,9 +214,8 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
     if poses.len() <= 1 {
         return poses;
     }
-    let mixture = Mixture::rough(ROUGH, contours.len());
-    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, step, &mixture)?, pose));
-    let scored = sorted(poses.into_iter().filter_map(scored).collect());
+    let sketch = Sketch::new(contours, step);
+    let scored = sorted(poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect());
     scored.into_iter().take(most).map(|(_, pose)| pose).collect()
 }
 
@@ -289,9 +284,8 @@ fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     if contours.len() > 1 {
         poses.extend(single_region_poses(problem));
     }
-    let mixture = Mixture::rough(ROUGH, contours.len());
-    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, few, &mixture)?, pose));
-    let scored = poses.into_iter().filter_map(scored).collect();
+    let sketch = Sketch::new(contours, few);
+    let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
     distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
 }
 
