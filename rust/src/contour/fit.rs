@@ -16,8 +16,9 @@ const ROUGH: f64 = 3.0;
 /// How far off disturbed pieces are then taken to lie, as a share of a region's size: as far as a hidden part reaches.
 const FAR_OFF: f64 = 0.25;
 
-/// The first scale over that of the clean pieces at the start.
-const FIRST_SCALE: f64 = 2.0;
+/// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
+/// that median is 1.48 times as large, and nothing is to be given up yet.
+const FIRST_SCALE: f64 = 2.2;
 
 /// From scale to scale.
 const SCALE_STEP: f64 = 2.0;
@@ -48,6 +49,9 @@ const CLEAN_SIGMA: f64 = 1.0;
 /// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
 const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
+/// Clean share of a contour above which the rest is what disturbs it.
+const MOSTLY: f64 = 0.5;
+
 /// Variances by which chance alone parts the likelihoods of two poses, from the scatter of their own differences, for a
 /// standard deviation of that: above what the turns of symmetric shapes differ by, below what poses do that fit worse.
 const CHANCE: f64 = 25.0 / (1.2 * 1.2);
@@ -62,6 +66,8 @@ pub struct ContourFit {
     readings: Vec<Reading>,
     /// Number of the readings of each region.
     counts: Vec<usize>,
+    /// One piece in so many was read.
+    step: usize,
 }
 
 impl ContourFit {
@@ -70,7 +76,7 @@ impl ContourFit {
     pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
         let readings = Readings::at(contours, pose, step)?;
         let mixture = readings.distances().mixture(FINEST_SCALE);
-        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts })
+        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts, step })
     }
 
     /// The readings of each region, and its number.
@@ -101,8 +107,16 @@ impl ContourFit {
         self.mixture.sigma < CLEAN_SIGMA && (astray as f64) < FEW_ASTRAY * self.readings.len() as f64
     }
 
-    /// Parts of the contours that were disturbed, or not, independently of each other.
+    /// Pieces of the contours that vary independently of each other.
+    ///
+    /// Where most of every contour is clean, the clean pieces, whose noise hardly goes from one to the next; elsewhere stretches
+    /// that were disturbed as one, or not: of these a wrong pose meets some by chance.
     pub fn independent(&self) -> f64 {
+        let shares = self.clean_shares();
+        if shares.iter().all(|&share| share > MOSTLY) {
+            let clean = shares.iter().zip(&self.counts).map(|(share, &count)| share * count as f64);
+            return self.step as f64 * clean.sum::<f64>();
+        }
         let clean = self.of_each(|region, reading| self.mixture.clean_probability(region, reading));
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(&clean, &self.counts).flat_map(centred).collect();
@@ -152,6 +166,16 @@ impl Readings {
         Distances::new(split(&self.all, &self.counts))
     }
 
+    /// The distance within which half of the pieces lie, pixels.
+    fn median(&self) -> f64 {
+        let mut misfits: Vec<f64> = self.all.iter().map(|reading| reading.misfit).collect();
+        let middle = misfits.len() / 2;
+        if misfits.is_empty() {
+            return 0.0;
+        }
+        *misfits.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
     fn mean_log_density(&self, mixture: &Mixture) -> f64 {
         let regions = split(&self.all, &self.counts).enumerate();
         let of = |(region, readings): (usize, &[Reading])| {
@@ -185,12 +209,12 @@ impl<'a> Sketch<'a> {
 
 /// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
 ///
-/// Expectation and maximization, while the scale of the clean pieces falls from what it is at the start to the finest: what lies
+/// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest: what lies
 /// far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
     let first = readings.distances().mixture(FINEST_SCALE);
-    let (mut pose, mut scale) = (*start, FIRST_SCALE * first.sigma);
+    let (mut pose, mut scale) = (*start, FIRST_SCALE * readings.median());
     let mut best = (first.likelihood, *start);
     loop {
         let distances = readings.distances();
