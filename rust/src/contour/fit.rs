@@ -140,7 +140,8 @@ impl ContourFit {
         let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
         let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
         let mean = mean(&differences);
-        let scatter = centred(&differences);
+        // That a region fits one pose as a whole and the other not at all is no chance.
+        let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
         (2.0 * self.independent() * mean).min(CHANCE * sigmas * sigmas.abs())

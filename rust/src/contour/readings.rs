@@ -15,6 +15,10 @@ use crate::view::border::{edge_before, near_plane};
 const ALIGNED: f64 = 3.0;
 const CROSSING: f64 = 4.0;
 
+/// Sine of the angle between a plane and the ray to it (9 degrees) below which the nearest edge on the plane need not be the
+/// nearest in the image: lengths differ by more than six times there.
+const OBLIQUE: f64 = 0.15;
+
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
 const FAR: f64 = 1e9;
 
@@ -155,6 +159,7 @@ impl Contour {
             }
         }
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
+        let sight = sight.filter(|sight| sight.slant > OBLIQUE);
         Some(View { edges: projected, sight })
     }
 
@@ -210,6 +215,8 @@ struct View {
 struct Sight {
     normal: Vector3<f64>,
     numerators: [Vector3<f64>; 2],
+    /// Sine of the angle between the plane and the ray to its origin.
+    slant: f64,
 }
 
 impl Sight {
@@ -220,7 +227,7 @@ impl Sight {
         // The ray meets the plane at the depth offset / (normal . ray); only before the camera that has the offset's sign.
         let side = offset.signum();
         let numerators = [u, v].map(|axis| (axis * offset - normal * axis.dot(&origin)) * side);
-        Self { normal: normal * side, numerators }
+        Self { normal: normal * side, numerators, slant: offset.abs() / origin.norm() }
     }
 
     /// Coordinates in the plane of the point that is seen at a point of the chart's plane z = 1; `None` beyond its horizon.

@@ -36,6 +36,9 @@ const DECISIVE: f64 = 10.0;
 const FOUND: f64 = 0.2;
 const FOUND_ALONE: f64 = 0.9;
 
+/// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
+pub const LOOSE: f64 = 2.0;
+
 /// Parts of each boundary on which candidates are compared.
 const SKETCHED: usize = 40;
 
@@ -45,8 +48,8 @@ const MOST_SOLVED: usize = 32;
 /// Candidates that are led onto the contours, those of each kind that are likeliest.
 const MOST_REFINED: usize = 12;
 
-/// Further poses that are led onto the contours.
-const MOST_FURTHER: usize = 24;
+/// Further poses of one kind that are led onto the contours.
+const MOST_FURTHER: usize = 16;
 
 /// Poses from corners that are compared on more than a few parts.
 const FIRST_LOOK: usize = 250;
@@ -274,19 +277,20 @@ fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Contou
 fn is_found(fit: &ContourFit) -> bool {
     let shares = fit.clean_shares();
     let least = if shares.len() > 1 { FOUND } else { FOUND_ALONE };
-    shares.iter().all(|&share| share >= least)
+    fit.mixture.sigma < LOOSE && shares.iter().all(|&share| share >= least)
 }
 
 /// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
 fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
-    let mut poses = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
-    if contours.len() > 1 {
-        poses.extend(single_region_poses(problem));
-    }
     let sketch = Sketch::new(contours, few);
-    let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
-    distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
+    let best = |poses: Vec<Pose>| {
+        let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
+        distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose)
+    };
+    let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
+    let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };
+    corners.chain(best(single)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.
