@@ -23,6 +23,8 @@ const NONE: u32 = u32::MAX;
 pub struct EdgeField {
     edges: Vec<FieldEdge>,
     samples: Vec<Sample>,
+    /// Distance between neighbouring samples of an edge at most.
+    spacing: f64,
     origin: Vector2<f64>,
     cell: f64,
     columns: usize,
@@ -71,7 +73,8 @@ impl EdgeField {
         let cell = (size.x * size.y / samples.len() as f64).sqrt().max(size.max() / MOST_CELLS);
         let [columns, rows] = [size.x, size.y].map(|side| (side / cell).ceil() as usize + 1);
         let origin = low - (high - low) * MARGIN;
-        let mut field = Self { edges, samples, origin, cell, columns, rows, starts: Vec::new(), near: Vec::new() };
+        let mut field =
+            Self { edges, samples, spacing, origin, cell, columns, rows, starts: Vec::new(), near: Vec::new() };
         field.sort_into_cells();
         field.spread();
         field
@@ -153,6 +156,28 @@ impl EdgeField {
         self.nearest_around(self.samples[best.1 as usize].edge, point)
     }
 
+    /// The edge nearest to a point wherever that lies, by its number; what to take where distances have to be exact far off.
+    ///
+    /// The foot on a nearer edge than the one that is found first is at most half the spacing from a sample of it, so that the
+    /// sample is within reach.
+    pub fn exactly_nearest_edge(&self, point: &Vector2<f64>) -> usize {
+        let first = self.nearest_edge(point);
+        let mut best = (self.edges[first].square(point), first as u32);
+        let reach = Vector2::repeat(best.0.sqrt() + 0.5 * self.spacing);
+        let ((left, top), (right, bottom)) = (self.place_of(&(point - reach)), self.place_of(&(point + reach)));
+        for row in top..=bottom {
+            // The cells of a row follow one another, and so do the samples in them.
+            let [from, to] = [left, right + 1].map(|column| self.starts[row * self.columns + column] as usize);
+            for sample in &self.samples[from..to] {
+                let square = self.edges[sample.edge as usize].square(point);
+                if square < best.0 {
+                    best = (square, sample.edge);
+                }
+            }
+        }
+        best.1 as usize
+    }
+
     fn look_into(&self, cell: usize, point: &Vector2<f64>, best: &mut (f64, u32)) {
         for index in self.starts[cell]..self.starts[cell + 1] {
             let square = (self.samples[index as usize].at - point).norm_squared();
@@ -169,10 +194,12 @@ impl EdgeField {
             loop {
                 let next = self.edges[best.1 as usize].around[way];
                 let square = self.edges[next as usize].square(point);
-                if square >= best.0 {
+                // Asked this way round, what isn't a number is not followed around the ring for ever.
+                if square < best.0 {
+                    best = (square, next);
+                } else {
                     break;
                 }
-                best = (square, next);
             }
         }
         best.1 as usize
