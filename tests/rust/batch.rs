@@ -2,12 +2,7 @@
 
 mod support;
 
-use regionpose::batch::in_parallel;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::System;
-use regionpose::prior::Prior;
-use regionpose::search::candidates::Start;
-use regionpose::verdict::estimate::{Estimate, Refinement};
+use regionpose::{Estimate, Integration, System, in_parallel};
 use support::random::Random;
 use support::scene::{Layout, Scene};
 
@@ -17,12 +12,7 @@ fn scenes() -> Vec<Scene> {
 }
 
 fn estimates(scenes: &[Scene], threads: Option<usize>) -> Vec<Estimate> {
-    let solve = |scene: &Scene| {
-        scene
-            .problem(System::Plane, Integration::Boundary)
-            .estimate(Start::Global, &Prior::default(), Refinement::Contour)
-            .unwrap()
-    };
+    let solve = |scene: &Scene| scene.problem(System::Plane, Integration::Boundary).estimate().unwrap();
     in_parallel(scenes, threads, solve).unwrap()
 }
 
@@ -31,9 +21,10 @@ fn bits(estimate: &Estimate) -> Vec<u64> {
     let alternatives = estimate.alternatives.iter();
     let solutions = std::iter::once(&estimate.best).chain(alternatives);
     let numbers = solutions.flat_map(|solution| {
-        let pose = solution.minimum.pose;
+        let pose = solution.pose;
         let entries: Vec<f64> = pose.rotation.matrix().iter().chain(pose.translation.iter()).copied().collect();
-        entries.into_iter().chain([solution.minimum.cost, solution.overlap_error])
+        let cost = solution.minimum.as_ref().map(|minimum| minimum.cost);
+        entries.into_iter().chain(cost).chain([solution.overlap_error])
     });
     numbers.chain(estimate.best.covariance.iter().copied()).map(f64::to_bits).collect()
 }
@@ -43,7 +34,7 @@ fn answers_are_the_same_for_any_number_of_threads_and_in_order() {
     let scenes = scenes();
     let one = estimates(&scenes, Some(1));
     for (scene, estimate) in scenes.iter().zip(&one) {
-        assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+        assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     }
     for threads in [Some(2), Some(3), None] {
         for (a, b) in one.iter().zip(&estimates(&scenes, threads)) {
