@@ -2,7 +2,7 @@
 
 mod support;
 
-use regionpose::{Estimate, Integration, System, in_parallel};
+use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 use support::random::Random;
 use support::scene::{Layout, Scene};
 
@@ -40,6 +40,24 @@ fn answers_are_the_same_for_any_number_of_threads_and_in_order() {
         for (a, b) in one.iter().zip(&estimates(&scenes, threads)) {
             assert_eq!(bits(a), bits(b), "{threads:?} threads");
             assert_eq!(a.warnings, b.warnings);
+        }
+    }
+}
+
+/// One region of the batch has no area, another no partner: each has its own answer, the others theirs.
+#[test]
+fn a_problem_that_is_refused_or_unsolved_leaves_the_others_alone() {
+    let mut scenes = scenes();
+    scenes[3].observed[0].rings[0].truncate(2);
+    scenes[5].observed.pop();
+    let solve = |scene: &Scene| Ok(Problem::new(&scene.observed, &scene.worlds)?.estimate());
+    let answers: Vec<Result<Option<Estimate>>> = in_parallel(&scenes, Some(2), solve).unwrap();
+    for (index, (scene, answer)) in scenes.iter().zip(&answers).enumerate() {
+        match (index, answer) {
+            (3, Err(error)) => assert!(error.to_string().starts_with("region 0: ring 0 has 2 distinct"), "{error}"),
+            (5, Err(error)) => assert!(error.to_string().starts_with("there are "), "{error}"),
+            (_, Ok(Some(estimate))) => assert!(scene.errors(&estimate.best.pose).0 < 1e-9, "problem {index}"),
+            (_, other) => panic!("problem {index}: {other:?}"),
         }
     }
 }

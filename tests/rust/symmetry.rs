@@ -3,9 +3,13 @@
 mod support;
 
 use nalgebra::{Rotation3, Unit, Vector3};
+use regionpose::search::symmetry::turned_poses;
 use regionpose::{Estimate, Integration, Pose, System, WorldRegion};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
+
+/// A turn is found to a quarter of a degree and refined later.
+const FOUND: f64 = 0.006;
 
 /// Depth of a bite over the length of its edge.
 const DEPTH: f64 = 0.15;
@@ -81,6 +85,25 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
         assert!(shared <= 1.0 && estimate.best.confidence < 0.3, "{} of {shared}", estimate.best.confidence);
         assert_eq!(estimate.warnings[0].code(), "ambiguous");
     }
+}
+
+#[test]
+fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
+    let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+    let scene = Scene::of_shapes(&mut Random::new(3), vec![vec![regular(6, 1.0)]], layout);
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let turned = turned_poses(&problem, &problem.centred(&scene.pose), 1);
+    let whole = scene.worlds[0].rings().remove(0);
+    let places: Vec<Pose> = symmetric(&scene, &whole, 6).iter().map(|pose| problem.centred(pose)).collect();
+    let near = |pose: &Pose| turned.iter().any(|found| found.angle_to(pose) < FOUND);
+    assert!(!near(&places[0]) && places[1..].iter().all(near), "{} turns", turned.len());
+}
+
+#[test]
+fn regions_of_several_planes_have_no_turns() {
+    let scene = Scene::random(&mut Random::new(4), Layout { regions: 2, ..Layout::default() });
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    assert!(turned_poses(&problem, &problem.centred(&scene.pose), 1).is_empty());
 }
 
 #[test]

@@ -135,7 +135,10 @@ impl EdgeField {
         ((at.x as usize).min(self.columns - 1), (at.y as usize).min(self.rows - 1))
     }
 
-    /// The edge nearest to a point, by its number; far off one that is about as near.
+    /// The edge nearest to a point, by its number.
+    ///
+    /// Next to the rings it is the nearest; from about a tenth of their extent on one point in fifty is given another, farther by
+    /// less than a seventh of the extent, and beyond the grid one that is farther by less than half of it.
     pub fn nearest_edge(&self, point: &Vector2<f64>) -> usize {
         let (column, row) = self.place_of(point);
         let start = self.near[row * self.columns + column];
