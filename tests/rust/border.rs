@@ -252,7 +252,7 @@ fn the_side_of_the_border_is_that_of_the_region_whichever_way_it_runs() {
     let mut turned = scene.observed.clone();
     turned.borders[0].reverse();
     let residual = |observed: ObservedRegion| {
-        let problem = Problem::new(&[observed], &[world.clone()]).unwrap();
+        let problem = Problem::new(&[observed], std::slice::from_ref(&world)).unwrap();
         problem.evaluate(&scene.pose, Weighting::Uniform).unwrap().residual
     };
     assert!((residual(turned) - residual(scene.observed.clone())).amax() < ROUNDING);

@@ -197,7 +197,7 @@ fn jacobians_of_several_regions_are_stacked() {
     let all = scene.problem(System::Plane, Integration::Boundary).evaluate(&scene.pose, Weighting::Uniform).unwrap();
     assert_eq!(all.residual.len(), 39);
     for (k, (observed, world)) in scene.observed.iter().zip(&scene.worlds).enumerate() {
-        let one = Problem::new(std::slice::from_ref(observed), &[world.clone()]).unwrap();
+        let one = Problem::new(std::slice::from_ref(observed), std::slice::from_ref(world)).unwrap();
         let one = one.evaluate(&scene.pose, Weighting::Uniform).unwrap();
         assert!((all.jacobian.rows(13 * k, 13) - one.jacobian).amax() < 1e-12);
     }
