@@ -210,7 +210,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the least squares of the moments ended at a minimum; true where the pose was led onto the contours."""
+        """Whether the least squares ended at a minimum; true where the pose was led onto the contours."""
 
     @property
     def termination(self) -> str:
@@ -300,7 +300,7 @@ class Problem:
     def evaluate(
         self, rotation: ArrayLike, translation: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
+        """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> NDArray[np.float64]:
         """Overlap errors (k,) of the regions at a pose; NaN where one cannot be projected."""

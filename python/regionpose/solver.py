@@ -180,8 +180,8 @@ def estimate_poses(
 ) -> list[PoseEstimate | PoseError]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
-    A problem that has no answer leaves the others theirs: in its place stands a PoseError, that `estimate_pose` would raise
-    where no pose shows every region, or one that says what is wrong with the regions where they are refused.
+    A problem without an answer leaves the others theirs. In its place stands a PoseError: that of `estimate_pose` where
+    no pose shows every region, or one that says what is wrong with a region that is refused.
     Viewpoints of their regions count; a pose or direction known beforehand is for `estimate_pose` alone.
     They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
     any number of them. ValueError, its message led by the problem's number, for what is no problem at all.
