@@ -158,7 +158,7 @@ fn of_two_regions_that_disagree_neither_is_certain() {
         let scene = Scene::random(&mut Random::new(seed), layout(2));
         let estimate = estimated(&scene, &one_turned(&scene, 1), Refinement::Contour);
         assert!(!estimate.warnings.is_empty(), "seed {seed}");
-        assert!(estimate.best.confidence < 0.9, "seed {seed}: {}", estimate.best.confidence);
+        assert!(estimate.best.confidence <= 0.85, "seed {seed}: {}", estimate.best.confidence);
     }
 }
 
