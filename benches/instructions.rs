@@ -13,10 +13,10 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use regionpose::equations::residual::RegionEquations;
+use regionpose::equations::residual::{RegionEquations, cost, normal_equations};
 use regionpose::equations::system::Weighting;
 use regionpose::equations::whitening::Orders;
-use regionpose::search::closed_form::{Turns, closed_form};
+use regionpose::search::closed_form::{WantedTurns, closed_form};
 use regionpose::verdict::coverage::region_overlap;
 use regionpose::{ObservedRegion, Pose, Problem, WorldRegion};
 
@@ -106,13 +106,18 @@ fn pose_from_nothing(problem: &Problem) {
 }
 
 #[inline(never)]
-fn uniform_equations(problem: &Problem, pose: &Pose) {
-    black_box(problem.evaluate(pose, Weighting::Uniform));
+fn uniform_cost(regions: &[RegionEquations], pose: &Pose) {
+    black_box(cost(regions, pose, Weighting::Uniform));
 }
 
 #[inline(never)]
-fn whitened_equations(problem: &Problem, pose: &Pose) {
-    black_box(problem.evaluate(pose, Weighting::Whitened));
+fn uniform_equations(regions: &[RegionEquations], pose: &Pose) {
+    black_box(normal_equations(regions, pose, Weighting::Uniform));
+}
+
+#[inline(never)]
+fn whitened_equations(regions: &[RegionEquations], pose: &Pose) {
+    black_box(normal_equations(regions, pose, Weighting::Whitened));
 }
 
 #[inline(never)]
@@ -122,7 +127,7 @@ fn whitening(region: RegionEquations) -> RegionEquations {
 
 #[inline(never)]
 fn closed_form_poses(region: &RegionEquations, world: &WorldRegion) {
-    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros(), Turns::Likely));
+    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros(), WantedTurns::Likely));
 }
 
 #[inline(never)]
@@ -136,13 +141,17 @@ fn main() {
         let scene = Scene::new(&mut random);
         let problem = problem(&scene);
         let pose = scene.pose.moved(&nalgebra::Vector6::repeat(1e-3));
-        uniform_equations(&problem, &pose);
+        let origin = scene.worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / REGIONS as f64;
+        let centred = Pose::new(pose.rotation, pose.transform(&origin));
+        uniform_cost(problem.regions(), &centred);
+        uniform_equations(problem.regions(), &centred);
         for (region, world) in problem.regions().iter().zip(problem.worlds()) {
             closed_form_poses(region, world);
             overlap(region, world, &pose);
             black_box(whitening(region.clone()));
         }
-        whitened_equations(&problem, &pose);
+        problem.regions().iter().for_each(|region| _ = region.count(Weighting::Whitened));
+        whitened_equations(problem.regions(), &centred);
         pose_from_nothing(&problem);
     }
     println!(

@@ -61,6 +61,7 @@ KNOWS_NO_POSE = (
 """Files and folders of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {
+    "pulp": {"moments"},
     "rayon": {"batch"},
     "robust": {"geometry"},
     "spade": {"mesh"},

@@ -113,7 +113,7 @@ fn a_pose_that_shows_nothing_has_no_readings() {
     let problem = problem(&scene, &scene.observed);
     assert!(readings(&problem, &behind).is_none());
     assert!(ContourFit::at(problem.contours(), &problem.centred(&behind), 1).is_none());
-    assert!(refined(problem.contours(), &problem.centred(&behind), 1, None).is_none());
+    assert!(refined(problem.contours(), &problem.centred(&behind), 1).is_none());
 }
 
 #[test]
@@ -197,7 +197,7 @@ fn a_refined_pose_is_likelier_than_its_start() {
         assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
         let start = problem.centred(&scene.pose.moved(&Random::new(seed).tangent(0.02, 0.05)));
         let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
-        let led = refined(problem.contours(), &start, 1, None).unwrap();
+        let led = refined(problem.contours(), &start, 1).unwrap();
         assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
         assert!(led.gain_over(&at_start) > 0.0 && led.against(&at_start) > 0.0 && led.against(&led) == 0.0);
     }

@@ -6,6 +6,7 @@ use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
 use regionpose::equations::facet::SPHERE_MESH_SIZE;
+use regionpose::equations::residual::{Evaluation, cost, normal_equations};
 use regionpose::equations::system::Weighting;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
@@ -200,6 +201,31 @@ fn jacobians_of_several_regions_are_stacked() {
         let one = Problem::new(std::slice::from_ref(observed), std::slice::from_ref(world)).unwrap();
         let one = one.evaluate(&scene.pose, Weighting::Uniform).unwrap();
         assert!((all.jacobian.rows(13 * k, 13) - one.jacobian).amax() < 1e-12);
+    }
+}
+
+/// The cost and the normal equations come without the Jacobian that they follow from, whichever side of a region is seen.
+#[test]
+fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
+    let mut random = Random::new(15);
+    for trial in 0..4 {
+        let camera = random.pose(5.0);
+        let scene = one_sided(&mut random, &camera, trial % 2 == 0);
+        let pose = camera.moved(&random.tangent(0.05, 0.1));
+        let middle = scene.worlds[0].frame().origin;
+        let centred = Pose::new(pose.rotation, pose.transform(&middle));
+        for (system, weighting) in [System::Plane, System::Sphere].into_iter().flat_map(|s| WEIGHTINGS.map(|w| (s, w)))
+        {
+            let problem = scene.problem(system, Integration::Boundary);
+            let Evaluation { residual, jacobian } = problem.evaluate(&pose, weighting).unwrap();
+            let normal = normal_equations(problem.regions(), &centred, weighting).unwrap();
+            let (information, gradient) = (jacobian.transpose() * &jacobian, jacobian.transpose() * &residual);
+            let squared = residual.norm_squared();
+            assert!((normal.cost - squared).abs() < 1e-12 * squared);
+            assert!((cost(problem.regions(), &centred, weighting).unwrap() - squared).abs() < 1e-10 * squared);
+            assert!((normal.information - information).amax() < 1e-12 * information.amax());
+            assert!((normal.gradient - gradient).amax() < 1e-11 * gradient.amax());
+        }
     }
 }
 

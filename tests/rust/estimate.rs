@@ -331,6 +331,7 @@ fn a_start_out_of_view_ends_unconverged() {
         let search = problem.search(&Options::default());
         let minimum = search.solve_from(&start);
         assert!(!minimum.converged && minimum.cost == f64::INFINITY, "{minimum:?}");
+        assert_eq!(minimum.termination, Termination::OutOfView);
         assert!(search.judged(vec![minimum]).is_none());
     }
 }

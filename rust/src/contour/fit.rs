@@ -10,15 +10,25 @@ use crate::geometry::pose::{Pose, Tangent};
 /// The finest scale, in pixels: parts of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
 
+/// Distance, pixels, within which a piece speaks for a pose that is not refined: that of corners' noise.
+const ROUGH: f64 = 3.0;
+
+/// How far off disturbed pieces are then taken to lie, as a share of a region's size: as far as a hidden part reaches.
+const FAR_OFF: f64 = 0.25;
+
+/// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
+/// that median is 1.48 times as large, and nothing is to be given up yet.
+const FIRST_SCALE: f64 = 2.2;
+
 /// From scale to scale.
 const SCALE_STEP: f64 = 2.0;
 
 /// Gauss-Newton steps at one scale at most, and at the finest.
-const STEPS: usize = 4;
+const STEPS: usize = 3;
 const LAST_STEPS: usize = 12;
 
-/// A step below this, rad and share of the distance, ends the iteration at a scale: a thousandth of a pixel.
-const SETTLED: f64 = 1e-7;
+/// A step below this, rad and share of the distance, ends the iteration at a scale: a hundredth of what a contour is good to.
+const SETTLED: f64 = 1e-6;
 
 /// Halvings of a step that takes a region out of view.
 const HALVINGS: usize = 6;
@@ -39,6 +49,9 @@ const CLEAN_SIGMA: f64 = 1.0;
 /// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
 const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
+/// Clean share of a contour above which the rest is what disturbs it.
+const MOSTLY: f64 = 0.5;
+
 /// Variances by which chance alone parts the likelihoods of two poses, from the scatter of their own differences, for a
 /// standard deviation of that: above what the turns of symmetric shapes differ by, below what poses do that fit worse.
 const CHANCE: f64 = 25.0 / (1.2 * 1.2);
@@ -53,6 +66,8 @@ pub struct ContourFit {
     readings: Vec<Reading>,
     /// Number of the readings of each region.
     counts: Vec<usize>,
+    /// One piece in so many was read.
+    step: usize,
 }
 
 impl ContourFit {
@@ -61,7 +76,7 @@ impl ContourFit {
     pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
         let readings = Readings::at(contours, pose, step)?;
         let mixture = readings.distances().mixture(FINEST_SCALE);
-        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts })
+        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts, step })
     }
 
     /// The readings of each region, and its number.
@@ -92,8 +107,16 @@ impl ContourFit {
         self.mixture.sigma < CLEAN_SIGMA && (astray as f64) < FEW_ASTRAY * self.readings.len() as f64
     }
 
-    /// Parts of the contours that were disturbed, or not, independently of each other.
+    /// Pieces of the contours that vary independently of each other.
+    ///
+    /// Where most of every contour is clean, the clean pieces, whose noise hardly goes from one to the next; elsewhere stretches
+    /// that were disturbed as one, or not: of these a wrong pose meets some by chance.
     pub fn independent(&self) -> f64 {
+        let shares = self.clean_shares();
+        if shares.iter().all(|&share| share > MOSTLY) {
+            let clean = shares.iter().zip(&self.counts).map(|(share, &count)| share * count as f64);
+            return self.step as f64 * clean.sum::<f64>();
+        }
         let clean = self.of_each(|region, reading| self.mixture.clean_probability(region, reading));
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(&clean, &self.counts).flat_map(centred).collect();
@@ -117,7 +140,8 @@ impl ContourFit {
         let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
         let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
         let mean = mean(&differences);
-        let scatter = centred(&differences);
+        // That a region fits one pose as a whole and the other not at all is no chance.
+        let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
         (2.0 * self.independent() * mean).min(CHANCE * sigmas * sigmas.abs())
@@ -143,6 +167,16 @@ impl Readings {
         Distances::new(split(&self.all, &self.counts))
     }
 
+    /// The distance within which half of the pieces lie, pixels.
+    fn median(&self) -> f64 {
+        let mut misfits: Vec<f64> = self.all.iter().map(|reading| reading.misfit).collect();
+        let middle = misfits.len() / 2;
+        if misfits.is_empty() {
+            return 0.0;
+        }
+        *misfits.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
     fn mean_log_density(&self, mixture: &Mixture) -> f64 {
         let regions = split(&self.all, &self.counts).enumerate();
         let of = |(region, readings): (usize, &[Reading])| {
@@ -152,21 +186,37 @@ impl Readings {
     }
 }
 
-/// Mean logarithm of the density of every `step`-th part at a pose, by a mixture that is not fitted; `None` where a region is
-/// out of view.
-pub fn rough_likelihood(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<f64> {
-    Some(Readings::at(contours, pose, step)?.mean_log_density(mixture))
+/// How likely poses are that aren't refined: mean logarithms of the density of some pieces by one mixture for all.
+#[derive(Debug, Clone)]
+pub struct Sketch<'a> {
+    contours: &'a [Contour],
+    step: usize,
+    mixture: Mixture,
+}
+
+impl<'a> Sketch<'a> {
+    /// A sketch by every `step`-th piece.
+    pub fn new(contours: &'a [Contour], step: usize) -> Self {
+        let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
+        Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()) }
+    }
+
+    /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view.
+    pub fn misfit(&self, pose: &Pose) -> f64 {
+        let readings = Readings::at(self.contours, pose, self.step);
+        readings.map_or(f64::INFINITY, |readings| -readings.mean_log_density(&self.mixture))
+    }
 }
 
 /// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
 ///
-/// Expectation and maximization, while the scale of the clean pieces falls from `scale` to the finest: what lies far off loses
-/// its weight step by step. `None` where a region is out of view at the start.
-pub fn refined(contours: &[Contour], start: &Pose, step: usize, scale: Option<f64>) -> Option<ContourFit> {
+/// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest: what lies
+/// far off loses its weight step by step. `None` where a region is out of view at the start.
+pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
-    let spread = readings.distances().root_mean_square();
-    let (mut pose, mut scale) = (*start, scale.unwrap_or(spread).max(FINEST_SCALE));
-    let mut best = (f64::NEG_INFINITY, *start);
+    let first = readings.distances().mixture(FINEST_SCALE);
+    let (mut pose, mut scale) = (*start, FIRST_SCALE * readings.median());
+    let mut best = (first.likelihood, *start);
     loop {
         let distances = readings.distances();
         let mixture = distances.mixture_of(scale, distances.root_mean_square());
@@ -181,7 +231,7 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize, scale: Option<f6
         readings = Readings::at(contours, &pose, step)?;
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
-    let fits = [*start, best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
+    let fits = [best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
     fits.max_by(|a, b| a.mixture.likelihood.total_cmp(&b.mixture.likelihood))
 }
 

@@ -11,10 +11,13 @@ const BIN_RATIO: f64 = 1.2;
 const BINS: usize = 80;
 
 /// Ratio of neighbouring scales that are tried.
-const SCALE_RATIO: f64 = 1.5;
+const SCALE_RATIO: f64 = 2.0;
 
 /// Steps of expectation and maximization for the shares and the wide scale at each narrow one.
 const ITERATIONS: usize = 8;
+
+/// Logarithm of odds from which a piece is disturbed for certain.
+const CERTAIN: f64 = 500.0;
 
 /// Bounds of a region's disturbed share.
 const SHARES: (f64, f64) = (1e-3, 0.999);
@@ -36,9 +39,9 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// A mixture that is not fitted: half of the parts within `sigma` pixels, the rest ten times as far.
-    pub fn rough(sigma: f64, regions: usize) -> Self {
-        Self { sigma, wide: 10.0 * sigma, disturbed: vec![0.5; regions], likelihood: f64::NAN }
+    /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
+    pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
+        Self { sigma, wide: wide.max(WIDE * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
     /// Probability that a piece of a region is clean.
@@ -46,7 +49,7 @@ impl Mixture {
         let square = reading.misfit * reading.misfit;
         let disturbed = self.disturbed[region];
         let fall = 0.5 * (self.sigma.powi(-2) - self.wide.powi(-2)) * square;
-        1.0 / (1.0 + disturbed / (1.0 - disturbed) * (self.sigma / self.wide) * fall.exp())
+        1.0 / (1.0 + disturbed / (1.0 - disturbed) * (self.sigma / self.wide) * fall.min(CERTAIN).exp())
     }
 
     /// Logarithm of the density at a piece of a region, in 1 / pixels.
@@ -109,6 +112,10 @@ impl Distances {
             }
             sigma *= SCALE_RATIO;
         }
+        for _ in 0..ITERATIONS {
+            self.improve(&mut best, finest);
+        }
+        best.likelihood = self.likelihood(&best);
         best
     }
 
@@ -120,42 +127,49 @@ impl Distances {
             disturbed: vec![0.3; self.regions.len()],
             likelihood: f64::NAN,
         };
-        let narrow: Vec<Vec<f64>> =
-            self.regions.iter().map(|bins| bins.iter().map(|bin| density(bin.0, sigma)).collect()).collect();
         for _ in 0..ITERATIONS {
-            self.improve(&mut mixture, &narrow);
+            self.improve(&mut mixture, f64::NAN);
         }
-        mixture.likelihood = self.likelihood(&mixture, &narrow);
+        mixture.likelihood = self.likelihood(&mixture);
         mixture
     }
 
-    /// One step of expectation and maximization; `narrow` holds each bin's density among the clean pieces.
-    fn improve(&self, mixture: &mut Mixture, narrow: &[Vec<f64>]) {
-        let (mut others, mut squares) = (0.0, 0.0);
-        for ((bins, narrow), share) in self.regions.iter().zip(narrow).zip(&mut mixture.disturbed) {
+    /// One step of expectation and maximization; the narrow scale stays at least `finest`, and as it is where that is NaN.
+    fn improve(&self, mixture: &mut Mixture, finest: f64) {
+        let (mut others, mut squares, mut all, mut all_squares) = (0.0, 0.0, 0.0, 0.0);
+        let fall = 0.5 * (mixture.sigma.powi(-2) - mixture.wide.powi(-2));
+        let ratio = mixture.sigma / mixture.wide;
+        for (bins, share) in self.regions.iter().zip(&mut mixture.disturbed) {
+            let odds = *share / (1.0 - *share) * ratio;
             let (mut count, mut disturbed) = (0.0, 0.0);
-            for (&(square, held), &narrow) in bins.iter().zip(narrow) {
-                let other = *share * density(square, mixture.wide);
-                let expected = held * other / ((1.0 - *share) * narrow + other).max(f64::MIN_POSITIVE);
+            for &(square, held) in bins {
+                // Beyond this many variances nothing is clean; the exponential would be infinite.
+                let expected = held * (1.0 - 1.0 / (1.0 + odds * (fall * square).min(CERTAIN).exp()));
                 count += held;
                 disturbed += expected;
                 squares += square * expected;
+                all_squares += square * held;
             }
             others += disturbed;
+            all += count;
             *share = (disturbed / f64::max(count, 1.0)).clamp(SHARES.0, SHARES.1);
+        }
+        if !finest.is_nan() {
+            mixture.sigma =
+                ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }
         mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * mixture.sigma);
     }
 
     /// Mean logarithm of the density over all pieces.
-    fn likelihood(&self, mixture: &Mixture, narrow: &[Vec<f64>]) -> f64 {
-        let of = |((bins, narrow), share): ((&Vec<(f64, f64)>, &Vec<f64>), &f64)| {
-            let log = |(&(square, held), &narrow): (&(f64, f64), &f64)| {
-                held * log_sum((1.0 - share) * narrow, share * density(square, mixture.wide))
+    fn likelihood(&self, mixture: &Mixture) -> f64 {
+        let of = |(bins, share): (&Vec<(f64, f64)>, &f64)| {
+            let log = |&(square, held): &(f64, f64)| {
+                held * log_sum((1.0 - share) * density(square, mixture.sigma), share * density(square, mixture.wide))
             };
-            bins.iter().zip(narrow).map(log).sum::<f64>()
+            bins.iter().map(log).sum::<f64>()
         };
-        self.regions.iter().zip(narrow).zip(&mixture.disturbed).map(of).sum::<f64>() / self.count.max(1.0)
+        self.regions.iter().zip(&mixture.disturbed).map(of).sum::<f64>() / self.count.max(1.0)
     }
 }
 

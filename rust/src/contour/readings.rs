@@ -15,6 +15,10 @@ use crate::view::border::{edge_before, near_plane};
 const ALIGNED: f64 = 3.0;
 const CROSSING: f64 = 4.0;
 
+/// Sine of the angle between a plane and the ray to it (9 degrees) below which the nearest edge on the plane need not be the
+/// nearest in the image: lengths differ by more than six times there.
+const OBLIQUE: f64 = 0.15;
+
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
 const FAR: f64 = 1e9;
 
@@ -27,6 +31,8 @@ pub struct Contour {
     pieces: Vec<Piece>,
     /// Pixels per unit of that plane.
     pixels: f64,
+    /// Side, in pixels, of a square of the region's area.
+    size: f64,
     /// Boundary rings of the world region about the problem's origin.
     rings: Vec<Vec<Vector3<f64>>>,
     /// The plane that holds the rings, about the problem's origin, and their edges there; `None` for a surface.
@@ -71,10 +77,16 @@ impl Contour {
             rotation: region.chart().rotation,
             pieces,
             pixels: pixels * scale,
+            size: pixels,
             rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
             plane: world.surface().is_none().then(|| (plane, EdgeField::new(world.outline().rings()))),
             cut: region.border().is_some(),
         }
+    }
+
+    /// Side, in pixels, of a square of the region's area.
+    pub fn size(&self) -> f64 {
+        self.size
     }
 
     /// Number of pieces of which every `step`-th is read.
@@ -147,6 +159,7 @@ impl Contour {
             }
         }
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
+        let sight = sight.filter(|sight| sight.slant > OBLIQUE);
         Some(View { edges: projected, sight })
     }
 
@@ -202,6 +215,8 @@ struct View {
 struct Sight {
     normal: Vector3<f64>,
     numerators: [Vector3<f64>; 2],
+    /// Sine of the angle between the plane and the ray to its origin.
+    slant: f64,
 }
 
 impl Sight {
@@ -212,7 +227,7 @@ impl Sight {
         // The ray meets the plane at the depth offset / (normal . ray); only before the camera that has the offset's sign.
         let side = offset.signum();
         let numerators = [u, v].map(|axis| (axis * offset - normal * axis.dot(&origin)) * side);
-        Self { normal: normal * side, numerators }
+        Self { normal: normal * side, numerators, slant: offset.abs() / origin.norm() }
     }
 
     /// Coordinates in the plane of the point that is seen at a point of the chart's plane z = 1; `None` beyond its horizon.

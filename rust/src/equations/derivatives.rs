@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::moments::{PlaneMoments, SphereMoments};
+use crate::moments::{PlaneMoments, SphereMoments, plane_index};
 
 /// A row of a Jacobian: derivatives by `[omega_x, omega_y, omega_z, tau_x, tau_y, tau_z]`.
 pub type Row = [f64; 6];
@@ -20,20 +20,22 @@ pub const SPHERE_REACH: usize = 2;
 /// Derivative of the planar moment of `x^i y^j` by a left increment of the pose (`docs/math.md`, eq. 5.2).
 ///
 /// `moments` holds the region's moments to order `i + j + 1`; `nu` is the region's plane, `nu . P = 1`.
+#[inline]
 pub fn plane_derivative(moments: &PlaneMoments, nu: &Vector3<f64>, i: usize, j: usize) -> Row {
     let (p, q) = (i as f64, j as f64);
     let k = p + q;
-    // A moment with an exponent below zero has the factor zero: any other does in its place.
-    let (left, down) = (i.saturating_sub(1), j.saturating_sub(1));
-    let m = |i: usize, j: usize| moments.get(i, j);
-    let (here, right, up) = (m(i, j), m(i + 1, j), m(i, j + 1));
-    let (falling, rising) = (m(i + 1, down), m(left, j + 1));
+    // In the list of moments the next order begins further on. One with an exponent below zero has the factor zero: any other
+    // does in its place.
+    let (values, at, order) = (moments.values(), plane_index(i, j), i + j);
+    let (here, right, up) = (values[at], values[at + order + 1], values[at + order + 2]);
+    let (left, down) = (values[at.saturating_sub(order)], values[at.saturating_sub(order + 1)]);
+    let (falling, rising) = (values[at.saturating_sub(1)], values[at + 1]);
     [
-        -(k + 3.0) * up - q * m(i, down),
-        (k + 3.0) * right + p * m(left, j),
+        -(k + 3.0) * up - q * down,
+        (k + 3.0) * right + p * left,
         q * falling - p * rising,
-        (p + 1.0) * nu.x * here + p * (nu.y * rising + nu.z * m(left, j)),
-        (q + 1.0) * nu.y * here + q * (nu.x * falling + nu.z * m(i, down)),
+        (p + 1.0) * nu.x * here + p * (nu.y * rising + nu.z * left),
+        (q + 1.0) * nu.y * here + q * (nu.x * falling + nu.z * down),
         -(k + 3.0) * (nu.x * right + nu.y * up) - (k + 2.0) * nu.z * here,
     ]
 }

@@ -10,9 +10,9 @@ use crate::geometry::rings::PlaneRings;
 use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 use crate::mesh::triangulation::{MeshOptions, triangulate};
-use crate::moments::lanes::{LANES, Lanes};
+use crate::moments::lanes::{LANES, Lanes, vectorized};
 use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
-use crate::moments::plane::lane_moments;
+use crate::moments::plane::{RingMoments, VertexGroups};
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{Surface, WorldRegion};
@@ -157,8 +157,8 @@ impl Facet {
         match &self.shape {
             Shape::Rings(rings) => {
                 for ring in rings {
-                    let mut view = View::new(chart_from_world);
-                    lane_moments(ring.groups.iter().map(|group| view.projected(group)), order, &mut moments);
+                    let mut view = View::new(ring, chart_from_world);
+                    vectorized(RingMoments { vertices: &mut view, order, into: &mut moments });
                     if !view.holds_all() {
                         return None;
                     }
@@ -202,33 +202,45 @@ impl Facet {
     }
 }
 
-/// The projection of vertices into a chart at scale 1, and how far off its axis they have been.
-struct View {
+/// A ring as a chart at scale 1 shows it, and how far off the chart's axis its vertices have been.
+struct View<'a> {
+    ring: &'a SpaceRing,
+    /// `chart_from_world`, row by row.
     rows: [[Lanes; 4]; 3],
     nearest: Lanes,
     farthest: Lanes,
 }
 
-impl View {
-    fn new(chart_from_world: &Pose) -> Self {
+impl<'a> View<'a> {
+    fn new(ring: &'a SpaceRing, chart_from_world: &Pose) -> Self {
         let (rotation, translation) = (chart_from_world.rotation.matrix(), &chart_from_world.translation);
         let entry = |row: usize, column: usize| if column < 3 { rotation[(row, column)] } else { translation[row] };
         let row = |row: usize| [0, 1, 2, 3].map(|column| Lanes::splat(entry(row, column)));
-        Self { rows: [0, 1, 2].map(row), nearest: Lanes::splat(f64::INFINITY), farthest: Lanes::ZERO }
-    }
-
-    #[inline(always)]
-    fn projected(&mut self, [x, y, z]: &[Lanes; 3]) -> [Lanes; 2] {
-        let [px, py, pz] = self.rows.map(|[a, b, c, d]| a * *x + b * *y + c * *z + d);
-        let inverse = pz.map(|depth| 1.0 / depth);
-        let (u, v) = (px * inverse, py * inverse);
-        self.nearest = self.nearest.lower(pz);
-        self.farthest = self.farthest.upper(u * u + v * v);
-        [u, v]
+        Self { ring, rows: [0, 1, 2].map(row), nearest: Lanes::splat(f64::INFINITY), farthest: Lanes::ZERO }
     }
 
     /// Whether all vertices were nearer than 87 degrees to the chart's axis.
     fn holds_all(&self) -> bool {
         self.nearest.min() > 0.0 && self.farthest.max() < const { 1.0 / (MIN_COSINE * MIN_COSINE) - 1.0 }
+    }
+}
+
+impl VertexGroups for View<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.ring.groups.len()
+    }
+
+    #[inline(always)]
+    fn group(&mut self, index: usize) -> [Lanes; 2] {
+        let [x, y, z] = self.ring.groups[index];
+        let along = |[a, b, c, d]: [Lanes; 4]| a * x + b * y + c * z + d;
+        let [first, second, third] = self.rows;
+        let (px, py, pz) = (along(first), along(second), along(third));
+        let inverse = pz.map(|depth| 1.0 / depth);
+        let (u, v) = (px * inverse, py * inverse);
+        self.nearest = self.nearest.lower(pz);
+        self.farthest = self.farthest.upper(u * u + v * v);
+        [u, v]
     }
 }

@@ -148,8 +148,7 @@ impl Descent {
         if let Some(termination) = self.over(stopping) {
             return Some(termination);
         }
-        // A parameter that nothing depends on stays where it is.
-        let back = self.unit.zip_map(&self.sizes, |unit, size| if size > 0.0 { unit / size } else { 0.0 });
+        let back = self.back();
         let model = Model::new(&self.equations, &back);
         let Some((step, damping)) = model.step_within(self.radius, self.damping) else {
             return Some(Termination::NotFinite);
@@ -169,6 +168,11 @@ impl Descent {
             self.resize();
         }
         termination
+    }
+
+    /// What a parameter of size one is in the pose's increment; nothing for one that nothing depends on.
+    fn back(&self) -> Tangent {
+        self.unit.zip_map(&self.sizes, |unit, size| if size > 0.0 { unit / size } else { 0.0 })
     }
 
     /// What ends the iteration before another step.
@@ -235,30 +239,40 @@ impl Model {
         if let Some((step, _)) = full.as_ref().filter(|(step, _)| step.norm() <= (1.0 + RADIUS_SHARE) * radius) {
             return Some((*step, 0.0));
         }
-        let mut low = full.map_or(0.0, |(step, factor)| correction(&step, &factor, radius));
-        let mut high = self.gradient.norm() / radius;
-        let mut damping = guess.max(low).min(high).max(SMALL_DAMPING * high);
+        let low = full.map_or(0.0, |(step, factor)| correction(&step, &factor, radius));
+        let mut bracket = [low, self.gradient.norm() / radius];
+        let mut damping = guess.max(low).min(bracket[1]).max(SMALL_DAMPING * bracket[1]);
         let mut best = None;
         for _ in 0..DAMPING_STEPS {
-            let Some((step, factor)) = self.damped(damping) else {
-                low = damping;
-                damping = (low * high).sqrt().max(2.0 * low);
-                continue;
-            };
-            best = Some((step, damping));
-            let excess = step.norm() - radius;
-            if excess.abs() <= RADIUS_SHARE * radius {
+            let damped = self.damped(damping);
+            best = damped.as_ref().map(|(step, _)| (*step, damping)).or(best);
+            if damped.as_ref().is_some_and(|(step, _)| (step.norm() - radius).abs() <= RADIUS_SHARE * radius) {
                 break;
             }
-            if excess > 0.0 {
-                low = low.max(damping)
-            } else {
-                high = high.min(damping)
-            }
-            damping = low.max(damping + correction(&step, &factor, radius)).min(high);
+            damping = next_damping(&mut bracket, damping, damped, radius);
         }
         best
     }
+}
+
+/// The damping to try after one whose step, if there is any, is not as long as the radius; narrows the bracket around it.
+fn next_damping(
+    [low, high]: &mut [f64; 2],
+    damping: f64,
+    damped: Option<(Tangent, Cholesky<f64, Const<6>>)>,
+    radius: f64,
+) -> f64 {
+    let Some((step, factor)) = damped else {
+        // In double precision not positive definite yet.
+        *low = damping;
+        return (*low * *high).sqrt().max(2.0 * *low);
+    };
+    if step.norm() > radius {
+        *low = low.max(damping)
+    } else {
+        *high = high.min(damping)
+    }
+    low.max(damping + correction(&step, &factor, radius)).min(*high)
 }
 
 /// Newton's correction of the damping of a step whose length should be the radius (Moré 1978, eq. 5.5 and 5.8).

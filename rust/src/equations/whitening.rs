@@ -4,10 +4,9 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::moments::lanes::{LANES, Lanes};
+use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::moments::quadrature::{Node, gauss_legendre};
-use crate::moments::{plane_count, plane_index};
 use crate::view::chart::Chart;
 
 /// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
@@ -75,13 +74,13 @@ impl BoundaryCovariance {
             Orders::All => self.bias.len(),
             Orders::Low => self.low,
         };
+        let entry = |a: usize, b: usize| {
+            let at = packed(a.max(b), a.min(b));
+            self.first[at] + variance * (self.second[at] + self.bias[a] * self.bias[b])
+        };
         let mut entries = [[0.0; MOST_EQUATIONS]; MOST_EQUATIONS];
-        for a in 0..count {
-            for b in 0..=a {
-                let (at, bias) = (packed(a, b), self.bias[a] * self.bias[b]);
-                entries[a][b] = self.first[at] + variance * (self.second[at] + bias);
-                entries[b][a] = entries[a][b];
-            }
+        for (a, row) in entries.iter_mut().enumerate().take(count) {
+            row.iter_mut().enumerate().take(count).for_each(|(b, value)| *value = entry(a, b));
         }
         Covariance { entries, count }
     }
@@ -118,11 +117,12 @@ impl Whitening {
     /// The whitening for a boundary noise of `sigma` pixels.
     pub fn new(covariance: &BoundaryCovariance, sigma: f64, orders: Orders) -> Self {
         let (pivots, columns) = pivoted_cholesky(&covariance.at(sigma, orders));
-        let row = |k: usize| {
-            let before = columns[..k].iter().map(|column| column[pivots[k]]).collect::<Vec<_>>();
-            before.into_iter().chain(std::iter::once(columns[k][pivots[k]].recip()))
-        };
-        Self { factor: (0..pivots.len()).flat_map(row).collect(), pivots }
+        let mut factor = Vec::with_capacity(packed(pivots.len(), 0));
+        for (k, &pivot) in pivots.iter().enumerate() {
+            factor.extend(columns[..k].iter().map(|column| column[pivot]));
+            factor.push(columns[k][pivot].recip());
+        }
+        Self { pivots, factor }
     }
 
     /// Number of independent equations.
@@ -148,7 +148,8 @@ impl Whitening {
 
 /// Cholesky's factor of a positive semidefinite matrix, largest pivot first, up to round-off: the pivots and the columns.
 fn pivoted_cholesky(matrix: &Covariance) -> (Vec<usize>, Vec<[f64; MOST_EQUATIONS]>) {
-    let (mut pivots, mut columns) = (Vec::new(), Vec::<[f64; MOST_EQUATIONS]>::new());
+    let (mut pivots, mut columns) =
+        (Vec::with_capacity(matrix.count), Vec::<[f64; MOST_EQUATIONS]>::with_capacity(matrix.count));
     let mut rest: [f64; MOST_EQUATIONS] = std::array::from_fn(|k| matrix.entries[k][k]);
     let cut = PIVOT_CUT * rest.iter().copied().fold(0.0, f64::max);
     while let Some((pivot, value)) = largest(&rest[..matrix.count]).filter(|(_, value)| *value > cut) {
@@ -171,8 +172,13 @@ fn pivoted_cholesky(matrix: &Covariance) -> (Vec<usize>, Vec<[f64; MOST_EQUATION
 
 /// The largest number and where it is; `None` where there is none.
 fn largest(numbers: &[f64]) -> Option<(usize, f64)> {
-    let finite = numbers.iter().copied().enumerate().filter(|(_, number)| number.is_finite());
-    finite.max_by(|a, b| a.1.total_cmp(&b.1))
+    let mut largest = None;
+    for (index, &number) in numbers.iter().enumerate() {
+        if largest.is_none_or(|(_, most)| number > most) && number.is_finite() {
+            largest = Some((index, number));
+        }
+    }
+    largest
 }
 
 /// A point of the boundary with its weight, the length that it stands for, and the outward normal there.
@@ -196,63 +202,92 @@ fn boundary_nodes(rings: &PlaneRings) -> impl Iterator<Item = BoundaryNode> {
 /// Functions of the sphere system.
 const SPHERE_COUNT: usize = SPHERE_EXPONENTS.len();
 
-/// Degree of a product of two of the plane system's functions, and of two of their derivatives.
-const VALUE_DEGREE: usize = 2 * HIGHEST_ORDER;
-const SLOPE_DEGREE: usize = VALUE_DEGREE - 2;
+/// Powers up to the degree of a product of two of the plane system's functions, and of two of their derivatives.
+const VALUE_SIZE: usize = 2 * HIGHEST_ORDER + 1;
+const SLOPE_SIZE: usize = VALUE_SIZE - 2;
 
-/// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree up to `DEGREE`.
-fn monomial_sums<const DEGREE: usize, const COUNT: usize>(
-    nodes: &[BoundaryNode],
-    of_normal: impl Fn(&Vector2<f64>) -> f64,
-) -> [f64; COUNT] {
-    let mut sums = [Lanes::ZERO; COUNT];
-    for group in nodes.chunks(LANES) {
-        let lanes =
-            |entry: &dyn Fn(&BoundaryNode) -> f64| Lanes(std::array::from_fn(|k| group.get(k).map_or(0.0, entry)));
-        let (x, y) = (lanes(&|node| node.at.x), lanes(&|node| node.at.y));
-        let mut row = lanes(&|node| node.weight * of_normal(&node.normal));
-        for j in 0..=DEGREE {
-            let mut term = row;
-            for i in 0..=DEGREE - j {
-                sums[plane_index(i, j)] += term;
-                term = term * x;
+/// Entries of the plane system's covariance by [`packed`].
+const ENTRIES: usize = packed(PLANE_EXPONENTS.len(), 0);
+
+/// Groups of nodes worked on together: sums are then read and written once for all of them.
+const GROUPS: usize = 2;
+
+/// Sums of `x^i y^j`, by i and then by j, for `i + j < SIZE`.
+type Sums<const SIZE: usize> = [[f64; SIZE]; SIZE];
+
+/// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree below `SIZE`.
+struct MonomialSums<'a, const SIZE: usize, F> {
+    nodes: &'a [BoundaryNode],
+    of_normal: F,
+}
+
+impl<const SIZE: usize, F: Fn(&Vector2<f64>) -> f64> NullaryFnOnce for MonomialSums<'_, SIZE, F> {
+    type Output = Sums<SIZE>;
+
+    #[inline(always)]
+    fn call(self) -> Sums<SIZE> {
+        let mut sums = [[Lanes::ZERO; SIZE]; SIZE];
+        for block in self.nodes.chunks(GROUPS * LANES) {
+            let (first, second) = block.split_at(block.len().min(LANES));
+            let x = [lanes(first, |node| node.at.x), lanes(second, |node| node.at.x)];
+            let y = [lanes(first, |node| node.at.y), lanes(second, |node| node.at.y)];
+            let weight = |node: &BoundaryNode| node.weight * (self.of_normal)(&node.normal);
+            let mut row = [lanes(first, weight), lanes(second, weight)];
+            for (i, sums) in sums.iter_mut().enumerate() {
+                add_powers(row, &y, &mut sums[..SIZE - i]);
+                row = [row[0] * x[0], row[1] * x[1]];
             }
-            row = row * y;
         }
+        sums.map(|row| row.map(Lanes::sum))
     }
-    sums.map(Lanes::sum)
+}
+
+/// A number of each node of a group, zero past its last.
+#[inline(always)]
+fn lanes(group: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> Lanes {
+    let mut lanes = Lanes::ZERO;
+    for (lane, node) in lanes.0.iter_mut().zip(group) {
+        *lane = number(node);
+    }
+    lanes
+}
+
+/// Adds `term y^j` to each sum.
+#[inline(always)]
+fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]) {
+    for sum in sums {
+        let mut total = *sum;
+        for g in 0..GROUPS {
+            total += term[g];
+            term[g] = term[g] * y[g];
+        }
+        *sum = total;
+    }
 }
 
 /// The plane system's: the entries are a few integrals of monomials each (`docs/math.md`, eq. 6.8).
 fn plane_products(rings: &PlaneRings) -> Products {
     let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
-    let plain = monomial_sums::<VALUE_DEGREE, { plane_count(VALUE_DEGREE) }>(&nodes, |_| 1.0);
-    let along_x = monomial_sums::<SLOPE_DEGREE, { plane_count(SLOPE_DEGREE) }>(&nodes, |n| n.x * n.x);
-    let mixed = monomial_sums::<SLOPE_DEGREE, { plane_count(SLOPE_DEGREE) }>(&nodes, |n| n.x * n.y);
-    let at = |i: usize, j: usize| plane_index(i, j);
-    let value = |[i, j]: [usize; 2], [k, l]: [usize; 2]| plain[at(i + k, j + l)];
-    let slope = |[i, j]: [usize; 2], [k, l]: [usize; 2]| {
-        // A term with an exponent below zero has the factor zero.
-        let (x, y) = (i + k, j + l);
-        let (xx, xy, yy) = ((i * k) as f64, (i * l + j * k) as f64, (j * l) as f64);
-        let (in_x, in_y) = (at(x.max(2) - 2, y), at(x, y.max(2) - 2));
-        let mut sum = 0.0;
-        if i * k > 0 {
-            sum += xx * along_x[in_x];
+    let nodes = nodes.as_slice();
+    let plain: Sums<VALUE_SIZE> = vectorized(MonomialSums { nodes, of_normal: |_: &Vector2<f64>| 1.0 });
+    let of_normal = |normal: &Vector2<f64>| normal.x * normal.x;
+    let squared: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
+    let of_normal = |normal: &Vector2<f64>| normal.x * normal.y;
+    let mixed: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
+    let (mut values, mut slopes) = (Vec::with_capacity(ENTRIES), Vec::with_capacity(ENTRIES));
+    for (a, &[i, j]) in PLANE_EXPONENTS.iter().enumerate() {
+        for &[k, l] in &PLANE_EXPONENTS[..=a] {
+            let (x, y) = (i + k, j + l);
+            values.push(plain[x][y]);
+            // A term with an exponent below zero has the factor zero: any other sum does in its place.
+            let (left, down) = (x.saturating_sub(2), y.saturating_sub(2));
+            let along_x = squared[left][y.min(SLOPE_SIZE - 1)];
+            let along_y = plain[x][down] - squared[x.min(SLOPE_SIZE - 1)][down];
+            let across = mixed[x.saturating_sub(1).min(SLOPE_SIZE - 1)][y.saturating_sub(1).min(SLOPE_SIZE - 1)];
+            slopes.push((i * k) as f64 * along_x + (i * l + j * k) as f64 * across + (j * l) as f64 * along_y);
         }
-        if i * l + j * k > 0 {
-            sum += xy * mixed[at(x - 1, y - 1)];
-        }
-        if j * l > 0 {
-            sum += yy * (plain[in_y] - along_x[in_y]);
-        }
-        sum
-    };
-    let triangle = |entry: &dyn Fn([usize; 2], [usize; 2]) -> f64| {
-        let row = |a: usize| PLANE_EXPONENTS[..=a].iter().map(move |&b| entry(PLANE_EXPONENTS[a], b));
-        (0..PLANE_EXPONENTS.len()).flat_map(row).collect()
-    };
-    Products { values: triangle(&value), slopes: triangle(&slope), bias: plane_bias(rings) }
+    }
+    Products { values, slopes, bias: plane_bias(rings) }
 }
 
 /// The integrals of the normal derivatives along the boundary: of the Laplacians over the region.
@@ -314,4 +349,62 @@ fn powers(x: f64) -> [f64; 3] {
 /// Derivative of `x^k` from the powers of x.
 fn lowered(k: usize, powers: &[f64; 3]) -> f64 {
     if k == 0 { 0.0 } else { k as f64 * powers[k - 1] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding of sums of numbers of size 1.
+    const ROUNDING: f64 = 1e-13;
+
+    /// A slender hexagon, its long edges with seven nodes and its short ones with one.
+    fn outline() -> PlaneRings {
+        let corners = [[-0.9, -0.4], [0.6, -0.5], [0.65, -0.4], [0.5, 0.5], [-0.6, 0.4], [-0.65, 0.35]];
+        PlaneRings::polygon(vec![corners.map(Vector2::from).to_vec()]).unwrap()
+    }
+
+    #[test]
+    fn the_integrals_shared_by_entries_are_those_of_each_entry() {
+        let (rings, products) = (outline(), plane_products(&outline()));
+        for (a, [i, j]) in PLANE_EXPONENTS.map(|e| e.map(|k| k as i32)).into_iter().enumerate() {
+            for (b, [k, l]) in PLANE_EXPONENTS.map(|e| e.map(|k| k as i32)).into_iter().enumerate().take(a + 1) {
+                let value = |p: &Vector2<f64>, i: i32, j: i32| p.x.powi(i) * p.y.powi(j);
+                let slope = |node: &BoundaryNode, i: i32, j: i32| {
+                    let along = |k: i32, x: f64| if k == 0 { 0.0 } else { k as f64 * x.powi(k - 1) };
+                    let BoundaryNode { at, normal, .. } = node;
+                    normal.x * along(i, at.x) * at.y.powi(j) + normal.y * at.x.powi(i) * along(j, at.y)
+                };
+                let values = |node: BoundaryNode| node.weight * value(&node.at, i, j) * value(&node.at, k, l);
+                let slopes = |node: BoundaryNode| node.weight * slope(&node, i, j) * slope(&node, k, l);
+                let expected = [boundary_nodes(&rings).map(values).sum(), boundary_nodes(&rings).map(slopes).sum()];
+                let found = [products.values[packed(a, b)], products.slopes[packed(a, b)]];
+                for (found, expected) in found.into_iter().zip::<[f64; 2]>(expected) {
+                    assert!(
+                        (found - expected).abs() < ROUNDING * expected.abs().max(1.0),
+                        "{a}, {b}: {found} {expected}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whitened_rows_have_the_norm_that_the_covariance_gives() {
+        let chart = Chart { rotation: nalgebra::Rotation3::identity(), scale: 3.0 };
+        for (system, orders) in
+            [(System::Plane, Orders::All), (System::Plane, Orders::Low), (System::Sphere, Orders::All)]
+        {
+            let covariance = BoundaryCovariance::new(system, &chart, &outline(), 1e4);
+            let whitening = Whitening::new(&covariance, 0.5, orders);
+            // A row that the covariance takes to another is as long as their product says: x = S y, |F^-1 x|^2 = y^T S y.
+            let Covariance { entries, count } = covariance.at(0.5, orders);
+            let y: [f64; MOST_EQUATIONS] =
+                std::array::from_fn(|k| if k < count { (k as f64 + 0.3).sin() } else { 0.0 });
+            let x = entries.map(|row| [row.iter().zip(&y).map(|(s, y)| s * y).sum::<f64>()]);
+            let expected: f64 = x.iter().zip(&y).map(|(x, y)| x[0] * y).sum();
+            let found: f64 = whitening.applied(&x)[..whitening.rank()].iter().map(|row| row[0] * row[0]).sum();
+            assert!((found - expected).abs() < 1e-6 * expected, "{system:?}: {found} {expected}");
+        }
+    }
 }

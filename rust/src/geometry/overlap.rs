@@ -9,6 +9,7 @@
 //! Every term depends continuously on the vertices: edges that touch or coincide need no care, and nothing is snapped
 //! to a grid.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Add;
 
 use nalgebra::Vector2;
@@ -54,7 +55,11 @@ impl Add for OverlapAreas {
 /// Each is right to about 1e-15 of the region's extent as an angle, and never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
     let (first, second) = (sloping_edges(observed), sloping_edges(predicted));
-    let area = |edges: &[SlopingEdge]| edges.iter().map(SlopingEdge::signed_area_below).sum::<f64>();
+    let area = |edges: &[SlopingEdge]| {
+        let mut sum = AreaSum::default();
+        edges.iter().for_each(|edge| sum.add(edge.sign, &edge.left, &edge.right));
+        sum.total()
+    };
     let (first_area, second_area) = (area(&first), area(&second));
     let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
@@ -64,11 +69,25 @@ pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAr
     }
 }
 
+/// A point of the chart and the root of `1 + x^2`.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    x: f64,
+    y: f64,
+    root: f64,
+}
+
+impl Point {
+    fn new(at: Vector2<f64>) -> Self {
+        Self { x: at.x, y: at.y, root: (1.0 + at.x * at.x).sqrt() }
+    }
+}
+
 /// An edge that is not vertical, from left to right.
 #[derive(Debug, Clone, Copy)]
 struct SlopingEdge {
-    left: Vector2<f64>,
-    right: Vector2<f64>,
+    left: Point,
+    right: Point,
     /// +1 where the region lies below the edge, -1 where it lies above.
     sign: f64,
 }
@@ -84,34 +103,33 @@ impl SlopingEdge {
             self.left.y + share * (self.right.y - self.left.y)
         }
     }
-
-    fn signed_area_below(&self) -> f64 {
-        self.sign * area_below(self.left, self.right)
-    }
 }
 
 /// The edges of a region by their left ends; vertical ones bound no area below them.
 fn sloping_edges(region: &PlaneRings) -> Vec<SlopingEdge> {
-    let mut edges: Vec<_> = region
-        .edges()
-        .filter(|(a, b)| a.x != b.x)
-        .map(|(a, b)| {
+    let mut edges = Vec::with_capacity(region.rings().iter().map(Vec::len).sum());
+    for ring in region.rings() {
+        let Some(last) = ring.last() else { continue };
+        let mut a = Point::new(*last);
+        for b in ring {
+            let b = Point::new(*b);
             if a.x < b.x {
-                SlopingEdge { left: a, right: b, sign: -1.0 }
-            } else {
-                SlopingEdge { left: b, right: a, sign: 1.0 }
+                edges.push(SlopingEdge { left: a, right: b, sign: -1.0 });
+            } else if a.x > b.x {
+                edges.push(SlopingEdge { left: b, right: a, sign: 1.0 });
             }
-        })
-        .collect();
-    edges.sort_by(|a, b| a.left.x.total_cmp(&b.left.x));
+            a = b;
+        }
+    }
+    edges.sort_unstable_by(|a, b| a.left.x.total_cmp(&b.left.x));
     edges
 }
 
 /// Sum over all pairs of edges that share some x: a sweep from left to right.
 fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
-    let (mut open_first, mut open_second): (Vec<SlopingEdge>, Vec<SlopingEdge>) = (Vec::new(), Vec::new());
+    let (mut open_first, mut open_second): (Vec<&SlopingEdge>, Vec<&SlopingEdge>) = (Vec::new(), Vec::new());
     let (mut rest_first, mut rest_second) = (first.iter().peekable(), second.iter().peekable());
-    let mut area = 0.0;
+    let mut sum = AreaSum::default();
     while rest_first.peek().is_some() || rest_second.peek().is_some() {
         let from_first = match (rest_first.peek(), rest_second.peek()) {
             (Some(a), Some(b)) => a.left.x <= b.left.x,
@@ -124,43 +142,72 @@ fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
         };
         let Some(edge) = rest.next() else { break };
         other.retain(|open| open.right.x > edge.left.x);
-        area += other.iter().map(|open| area_below_both(edge, open)).sum::<f64>();
-        same.push(*edge);
+        other.iter().for_each(|open| sum.add_below_both(edge, open));
+        same.push(edge);
     }
-    area
+    sum.total()
 }
 
-/// Signed area below both edges over the x that they share; the lower one changes where they cross.
-fn area_below_both(e: &SlopingEdge, f: &SlopingEdge) -> f64 {
-    let (left, right) = (e.left.x.max(f.left.x), e.right.x.min(f.right.x));
-    let ends = [left, right].map(|x| [e.y_at(x), f.y_at(x)]);
-    let gaps = ends.map(|[y_e, y_f]| y_e - y_f);
-    let low_left = Vector2::new(left, ends[0][0].min(ends[0][1]));
-    let low_right = Vector2::new(right, ends[1][0].min(ends[1][1]));
-    let changes = (gaps[0] < 0.0 && gaps[1] > 0.0) || (gaps[0] > 0.0 && gaps[1] < 0.0);
-    let below = if changes {
-        let share = gaps[0] / (gaps[0] - gaps[1]);
-        let crossing = Vector2::new(left, ends[0][0]).lerp(&Vector2::new(right, ends[1][0]), share);
-        area_below(low_left, crossing) + area_below(crossing, low_right)
-    } else {
-        area_below(low_left, low_right)
-    };
-    e.sign * f.sign * below
+/// Sizes that a product is kept between: its square and the largest factors, of coordinates to 1e60, stay finite.
+const SIZES: std::ops::Range<f64> = 1e-20..1e20;
+
+/// A sum of areas that is an area itself: the product of complex numbers whose arguments are half of them
+/// (`docs/math.md`, eq. 8.6).
+struct AreaSum {
+    re: f64,
+    im: f64,
 }
 
-/// Solid angle between the segment from `a` to `b` and the line y = 0, positive above it for `a.x < b.x`.
-///
-/// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (r + s)`, `s^2 = 1 + x^2`,
-/// `r^2 = s^2 + y^2`, this is the area between a great-circle arc and the equator:
-/// `tan(area / 2) = tan(d / 2) (u_a + u_b) / (1 + u_a u_b)`, `u = tan(phi / 2)`, `d` the difference of longitudes
-/// (`docs/math.md`, eq. 8.4 and 8.5).
-fn area_below(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    let half = |p: Vector2<f64>| {
-        let s = (1.0 + p.x * p.x).sqrt();
-        (s, p.y / (s + (s * s + p.y * p.y).sqrt()))
-    };
-    let ((s_a, u_a), (s_b, u_b)) = (half(a), half(b));
-    let (product, cosine) = (s_a * s_b, 1.0 + a.x * b.x);
-    let tangent = if cosine >= 0.0 { (b.x - a.x) / (product + cosine) } else { (product - cosine) / (b.x - a.x) };
-    2.0 * (tangent * (u_a + u_b)).atan2(1.0 + u_a * u_b)
+impl Default for AreaSum {
+    fn default() -> Self {
+        Self { re: 1.0, im: 0.0 }
+    }
+}
+
+impl AreaSum {
+    /// Adds the area below both edges over the x that they share; the lower one changes where they cross.
+    fn add_below_both(&mut self, e: &SlopingEdge, f: &SlopingEdge) {
+        let sign = e.sign * f.sign;
+        let left = if e.left.x > f.left.x { e.left } else { f.left };
+        let right = if e.right.x < f.right.x { e.right } else { f.right };
+        let [[e_left, e_right], [f_left, f_right]] = [e, f].map(|edge| [edge.y_at(left.x), edge.y_at(right.x)]);
+        let gaps = [e_left - f_left, e_right - f_right];
+        let (left, right) = (Point { y: e_left.min(f_left), ..left }, Point { y: e_right.min(f_right), ..right });
+        if gaps[0] * gaps[1] < 0.0 {
+            let share = gaps[0] / (gaps[0] - gaps[1]);
+            let crossing = Vector2::new(left.x, e_left).lerp(&Vector2::new(right.x, e_right), share);
+            let crossing = Point::new(crossing);
+            self.add(sign, &left, &crossing);
+            self.add(sign, &crossing, &right);
+        } else {
+            self.add(sign, &left, &right);
+        }
+    }
+
+    /// Adds `sign` times the solid angle between the segment from `a` to `b`, from left to right, and the line y = 0.
+    ///
+    /// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (q + sqrt(q^2 + y^2))`,
+    /// `q^2 = 1 + x^2`, this is the area between a great-circle arc and the equator (`docs/math.md`, eq. 8.4 and 8.5).
+    fn add(&mut self, sign: f64, a: &Point, b: &Point) {
+        let whole = |p: &Point| p.root + (p.root * p.root + p.y * p.y).sqrt();
+        let (w_a, w_b) = (whole(a), whole(b));
+        let (product, cosine) = (a.root * b.root, 1.0 + a.x * b.x);
+        // Numerator and denominator of the tangent of half the difference of longitudes, without cancellation.
+        let (up, down) = if cosine >= 0.0 { (b.x - a.x, product + cosine) } else { (product - cosine, b.x - a.x) };
+        let (re, im) = (down * (w_a * w_b + a.y * b.y), sign * up * (a.y * w_b + b.y * w_a));
+        // Points beyond all digits from each other bound an area that is anyone's guess: it must not wipe out the others.
+        if re != 0.0 || im != 0.0 {
+            (self.re, self.im) = (self.re * re - self.im * im, self.re * im + self.im * re);
+        }
+        let size = self.re.abs() + self.im.abs();
+        if !SIZES.contains(&size) {
+            (self.re, self.im) = (self.re / size, self.im / size);
+        }
+    }
+
+    /// The sum, known to lie from 0 to 2 pi, but for rounding.
+    fn total(&self) -> f64 {
+        let half = self.im.atan2(self.re);
+        2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
+    }
 }

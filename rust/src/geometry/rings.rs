@@ -76,7 +76,14 @@ impl PlaneRings {
     /// The rings under a map that keeps them simple and their orientation, such as a projective map of a half plane that
     /// holds them; `None` where the map has no value.
     pub(crate) fn mapped(&self, map: impl Fn(&Vector2<f64>) -> Option<Vector2<f64>>) -> Option<Self> {
-        let rings = self.rings.iter().map(|ring| ring.iter().map(&map).collect()).collect::<Option<Vec<Vec<_>>>>()?;
+        let mut rings = Vec::with_capacity(self.rings.len());
+        for ring in &self.rings {
+            let mut mapped = Vec::with_capacity(ring.len());
+            for vertex in ring {
+                mapped.push(map(vertex)?);
+            }
+            rings.push(mapped);
+        }
         let (lower, upper) = bounding_box(rings.iter().flatten().copied());
         Some(Self { rings, lower, upper })
     }
@@ -143,13 +150,15 @@ fn smallest_area(ring: &[Vector2<f64>]) -> f64 {
 
 /// Edges of one ring as (start, end), the closing one last.
 pub(crate) fn ring_edges(ring: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + '_ {
-    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
+    ring.iter().zip(ring.iter().skip(1).chain(ring.first())).map(|(a, b)| (*a, *b))
 }
 
 /// Corners of the smallest box around `points`.
 pub(crate) fn bounding_box(points: impl Iterator<Item = Vector2<f64>>) -> (Vector2<f64>, Vector2<f64>) {
     let start = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-    points.fold(start, |(lower, upper), point| (lower.inf(&point), upper.sup(&point)))
+    let lesser = |a: f64, b: f64| if b < a { b } else { a };
+    let greater = |a: f64, b: f64| if b > a { b } else { a };
+    points.fold(start, |(lower, upper), point| (lower.zip_map(&point, lesser), upper.zip_map(&point, greater)))
 }
 
 fn without_negligible(point: Vector2<f64>, largest: f64) -> Vector2<f64> {
@@ -167,7 +176,8 @@ struct CleanRing {
 
 impl CleanRing {
     fn new(given: &[Vector2<f64>], largest: f64) -> Self {
-        let mut ring = Self { vertices: Vec::with_capacity(given.len()), given: Vec::new(), area: 0.0 };
+        let mut ring =
+            Self { vertices: Vec::with_capacity(given.len()), given: Vec::with_capacity(given.len()), area: 0.0 };
         for (index, &vertex) in given.iter().enumerate() {
             let vertex = without_negligible(vertex, largest);
             if ring.vertices.last() != Some(&vertex) {
@@ -184,21 +194,22 @@ impl CleanRing {
     }
 
     fn check_count(&self, ring: usize) -> Result<()> {
-        let found = self.distinct_vertices();
-        if found < 3 { Err(Error::TooFewVertices { ring, found }) } else { Ok(()) }
+        let mut found: Vec<&Vector2<f64>> = Vec::with_capacity(3);
+        for vertex in &self.vertices {
+            if !found.contains(&vertex) {
+                found.push(vertex);
+            }
+            if found.len() == 3 {
+                return Ok(());
+            }
+        }
+        Err(Error::TooFewVertices { ring, found: found.len() })
     }
 
     fn check_area(&self, ring: usize) -> Result<()> {
         let needed = smallest_area(&self.vertices);
         let area = self.area.abs();
         if area > needed { Ok(()) } else { Err(Error::ZeroArea { ring, area, needed }) }
-    }
-
-    fn distinct_vertices(&self) -> usize {
-        let mut sorted = self.vertices.clone();
-        sorted.sort_by(predicates::by_x_then_y);
-        sorted.dedup();
-        sorted.len()
     }
 }
 

@@ -2,6 +2,15 @@
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
+use pulp::Arch;
+pub(crate) use pulp::NullaryFnOnce;
+
+/// What some work gives, compiled for the widest vectors that this machine has. Products and sums are rounded one by one on
+/// all of them: the numbers are the same to the last bit.
+pub(crate) fn vectorized<Work: NullaryFnOnce>(work: Work) -> Work::Output {
+    Arch::new().dispatch(work)
+}
+
 /// Edges in a lane group.
 pub(crate) const LANES: usize = 4;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use super::quadrature::{Node, gauss_legendre};
 use super::{MAX_ORDER, PlaneMoments, plane_index};
 
@@ -32,59 +32,88 @@ pub fn planar_moments<'a>(rings: impl IntoIterator<Item = &'a [Vector2<f64>]>, o
 /// that are exact (`docs/math.md`, eq. 2.3). Meant for rings near the origin; [`planar_moments`] serves the others.
 /// `order` is at most that of `into`, whose higher moments stay as they are.
 pub fn ring_moments(ring: &[Vector2<f64>], order: usize, into: &mut PlaneMoments) {
-    lane_moments(vertex_groups(ring), order, into);
-}
-
-/// Adds the signed moments of one closed ring, given as groups of vertices; past its last vertex comes the first again.
-#[inline(always)]
-pub(crate) fn lane_moments(groups: impl Iterator<Item = [Lanes; 2]>, order: usize, into: &mut PlaneMoments) {
-    let sums = into.values_mut();
-    match order {
-        0 => add_edges::<0, 1, 1>(groups, sums),
-        1 => add_edges::<1, 1, 3>(groups, sums),
-        2 => add_edges::<2, 2, 6>(groups, sums),
-        3 => add_edges::<3, 2, 10>(groups, sums),
-        4 => add_edges::<4, 3, 15>(groups, sums),
-        5 => add_edges::<5, 3, 21>(groups, sums),
-        6 => add_edges::<6, 4, 28>(groups, sums),
-        7 => add_edges::<7, 4, 36>(groups, sums),
-        _ => add_edges::<8, 5, 45>(groups, sums),
+    if !ring.is_empty() {
+        vectorized(RingMoments { vertices: &mut Flat(ring), order, into });
     }
 }
 
-/// The vertices of a ring in groups; past the last one comes the first again, so that the edges there add nothing.
-#[inline(always)]
-fn vertex_groups(ring: &[Vector2<f64>]) -> impl Iterator<Item = [Lanes; 2]> {
-    (0..ring.len()).step_by(LANES).map(|start| {
-        let vertex = |i: usize| ring.get(start + i).unwrap_or(&ring[0]);
-        let vertices: [_; LANES] = std::array::from_fn(vertex);
+/// The vertices of a closed ring, group by group; past the last one comes the first again, so that the edges there add nothing.
+pub(crate) trait VertexGroups {
+    /// Number of groups, one at least.
+    fn count(&self) -> usize;
+
+    /// Coordinates of the vertices in a group.
+    fn group(&mut self, index: usize) -> [Lanes; 2];
+}
+
+/// Vertices one after another.
+struct Flat<'a>(&'a [Vector2<f64>]);
+
+impl VertexGroups for Flat<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.0.len().div_ceil(LANES)
+    }
+
+    #[inline(always)]
+    fn group(&mut self, index: usize) -> [Lanes; 2] {
+        let mut vertices = [self.0[0]; LANES];
+        let rest = &self.0[index * LANES..];
+        let count = rest.len().min(LANES);
+        vertices[..count].copy_from_slice(&rest[..count]);
         [Lanes(vertices.map(|v| v.x)), Lanes(vertices.map(|v| v.y))]
-    })
+    }
+}
+
+/// Adds the signed moments of one closed ring to `into`, as [`ring_moments`].
+pub(crate) struct RingMoments<'a, V> {
+    pub(crate) vertices: &'a mut V,
+    pub(crate) order: usize,
+    pub(crate) into: &'a mut PlaneMoments,
+}
+
+impl<V: VertexGroups> NullaryFnOnce for RingMoments<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { vertices, order, into } = self;
+        let sums = into.values_mut();
+        match order {
+            0 => add_edges::<0, 1, 1>(vertices, sums),
+            1 => add_edges::<1, 1, 3>(vertices, sums),
+            2 => add_edges::<2, 2, 6>(vertices, sums),
+            3 => add_edges::<3, 2, 10>(vertices, sums),
+            4 => add_edges::<4, 3, 15>(vertices, sums),
+            5 => add_edges::<5, 3, 21>(vertices, sums),
+            6 => add_edges::<6, 4, 28>(vertices, sums),
+            7 => add_edges::<7, 4, 36>(vertices, sums),
+            _ => add_edges::<8, 5, 45>(vertices, sums),
+        }
+    }
 }
 
 /// Adds the boundary sums of a ring for all `COUNT` monomials up to `ORDER`, exact with `NODES >= (ORDER + 1) / 2`.
 #[inline(always)]
 fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(
-    mut groups: impl Iterator<Item = [Lanes; 2]>,
+    vertices: &mut impl VertexGroups,
     into: &mut [f64],
 ) {
     let rule = const { gauss_legendre::<NODES>() };
     let mut sums = [Lanes::ZERO; COUNT];
-    let Some(first) = groups.next() else { return };
+    let first = vertices.group(0);
     let mut starts = first;
-    loop {
-        let next = groups.next();
-        let ends = next.unwrap_or(first);
-        let ends = [0, 1].map(|c| starts[c].shifted(ends[c].0[0]));
+    for index in 1..=vertices.count() {
+        let next = if index < vertices.count() { vertices.group(index) } else { first };
+        let ends = [0, 1].map(|c| starts[c].shifted(next[c].0[0]));
         add_edge_group::<ORDER, NODES, COUNT>(starts, ends, &rule, &mut sums);
-        let Some(next) = next else { break };
         starts = next;
     }
-    for k in 0..=ORDER {
-        for j in 0..=k {
-            let index = plane_index(k - j, j);
-            if let Some(moment) = into.get_mut(index) {
-                *moment += sums[index].sum() * const { order_factors() }[k];
+    let mut sums = sums.into_iter().map(Lanes::sum);
+    for j in 0..=ORDER {
+        for i in 0..=ORDER - j {
+            if let (Some(sum), Some(moment)) = (sums.next(), into.get_mut(plane_index(i, j))) {
+                *moment += sum * const { order_factors() }[i + j];
             }
         }
     }
@@ -113,20 +142,47 @@ fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
     let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
     let mut row = rule.map(|(_, weight)| Lanes::splat(weight) * cross);
-    for j in 0..=ORDER {
-        let mut term = row;
-        for i in 0..=ORDER - j {
-            let mut sum = sums[plane_index(i, j)];
-            for g in 0..NODES {
-                sum += term[g];
+    // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
+    let mut rest = &mut sums[..];
+    rest = add_row::<ORDER, NODES>(0, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(1, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(2, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(3, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(4, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(5, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(6, &mut row, &x, &y, rest);
+    rest = add_row::<ORDER, NODES>(7, &mut row, &x, &y, rest);
+    add_row::<ORDER, NODES>(8, &mut row, &x, &y, rest);
+}
+
+/// Adds the sums over the nodes of `row x^i` for `i + j <= ORDER`, and multiplies the row by y; the sums of the rows to come.
+#[inline(always)]
+fn add_row<'a, const ORDER: usize, const NODES: usize>(
+    j: usize,
+    row: &mut [Lanes; NODES],
+    x: &[Lanes; NODES],
+    y: &[Lanes; NODES],
+    sums: &'a mut [Lanes],
+) -> &'a mut [Lanes] {
+    if j > ORDER {
+        return sums;
+    }
+    let (here, rest) = sums.split_at_mut(ORDER + 1 - j);
+    let mut term = *row;
+    for (i, sum) in here.iter_mut().enumerate() {
+        let mut total = *sum;
+        for g in 0..NODES {
+            total += term[g];
+            if i + j < ORDER {
                 term[g] = term[g] * x[g];
             }
-            sums[plane_index(i, j)] = sum;
         }
-        for g in 0..NODES {
-            row[g] = row[g] * y[g];
-        }
+        *sum = total;
     }
+    for g in 0..NODES {
+        row[g] = row[g] * y[g];
+    }
+    rest
 }
 
 impl PlaneMoments {

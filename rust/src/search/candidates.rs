@@ -1,12 +1,11 @@
 //! From a problem to the poses that may be its answer: candidates in, refined and ranked by the likelihood of the contours.
 
-use super::closed_form::Turns;
+use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
-use crate::contour::fit::{ContourFit, refined, rough_likelihood};
-use crate::contour::mixture::Mixture;
+use crate::contour::fit::{ContourFit, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, Stopping, minimize};
 use crate::equations::system::Weighting;
@@ -34,17 +33,23 @@ const DECISIVE: f64 = 10.0;
 
 /// Clean share of every region's boundary from which a pose of several regions is found, and of one alone: three sides of a
 /// region can be led onto any three lines.
-const FOUND: f64 = 0.5;
+const FOUND: f64 = 0.2;
 const FOUND_ALONE: f64 = 0.9;
+
+/// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
+pub const LOOSE: f64 = 2.0;
 
 /// Parts of each boundary on which candidates are compared.
 const SKETCHED: usize = 40;
 
-/// Distance, pixels, within which a part speaks for a pose that is not refined: that of corners' noise.
-pub const ROUGH: f64 = 3.0;
+/// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
+const MOST_SOLVED: usize = 32;
 
 /// Candidates that are led onto the contours, those of each kind that are likeliest.
 const MOST_REFINED: usize = 12;
+
+/// Further poses of one kind that are led onto the contours.
+const MOST_FURTHER: usize = 16;
 
 /// Poses from corners that are compared on more than a few parts.
 const FIRST_LOOK: usize = 250;
@@ -58,9 +63,8 @@ const SAME_FURTHER: f64 = 0.05;
 /// Poses that are led from few parts onto all at most.
 const MOST_LED: usize = 16;
 
-/// How many times as many pieces follow a refinement on few, and from how many times the scale that it found.
+/// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
-const SHARPENED: f64 = 4.0;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 const SAME_PLACE: f64 = 1e-3;
@@ -170,11 +174,11 @@ impl Problem {
     }
 
     fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, Turns::Likely, explains);
+        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
         let alone = self.regions().len() == 1 || options.refinement == Refinement::Off;
         match poses.first() {
             Some(pose) if !alone || explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, Turns::All, explains),
+            _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
         }
     }
 
@@ -216,7 +220,7 @@ fn sketch_step(contours: &[Contour]) -> usize {
 fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let few = sketch_step(problem.contours());
     let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE).pose;
-    let poses = likeliest(problem.contours(), poses, few, MOST_REFINED);
+    let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
     could_be(problem, ranked(problem.contours(), poses.into_iter().map(solved), few), prior)
 }
 
@@ -244,9 +248,8 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
     if poses.len() <= 1 {
         return poses;
     }
-    let mixture = Mixture::rough(ROUGH, contours.len());
-    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, step, &mixture)?, pose));
-    let scored = sorted(poses.into_iter().filter_map(scored).collect());
+    let sketch = Sketch::new(contours, step);
+    let scored = sorted(poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect());
     scored.into_iter().take(most).map(|(_, pose)| pose).collect()
 }
 
@@ -271,7 +274,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
 fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = sketch_step(contours);
-    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few, None)).collect::<Vec<_>>();
+    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few)).collect::<Vec<_>>();
     let known = prior.initial.iter().map(|pose| problem.centred(pose));
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
@@ -291,8 +294,7 @@ fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prio
     while step > 1 {
         step = (step / MORE_PIECES).max(1);
         let likely = likely(problem, fits, prior);
-        let scale = |fit: &ContourFit| Some(SHARPENED * fit.mixture.sigma);
-        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step, scale(fit))).collect();
+        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
 }
@@ -306,26 +308,20 @@ fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Contou
 fn is_found(fit: &ContourFit) -> bool {
     let shares = fit.clean_shares();
     let least = if shares.len() > 1 { FOUND } else { FOUND_ALONE };
-    shares.iter().all(|&share| share >= least)
+    fit.mixture.sigma < LOOSE && shares.iter().all(|&share| share >= least)
 }
 
 /// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
 fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
-    let corners = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
-    let mut poses = apart_ones(contours, corners, few);
-    if contours.len() > 1 {
-        poses.extend(apart_ones(contours, single_region_poses(problem), few));
-    }
-    poses
-}
-
-/// The likeliest poses that are well apart.
-fn apart_ones(contours: &[Contour], poses: Vec<Pose>, step: usize) -> Vec<Pose> {
-    let mixture = Mixture::rough(ROUGH, contours.len());
-    let scored = |pose: Pose| Some((-rough_likelihood(contours, &pose, step, &mixture)?, pose));
-    let scored = poses.into_iter().filter_map(scored).collect();
-    distinct(scored, 2 * MOST_REFINED, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
+    let sketch = Sketch::new(contours, few);
+    let best = |poses: Vec<Pose>| {
+        let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
+        distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose)
+    };
+    let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
+    let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };
+    corners.chain(best(single)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.

@@ -1,5 +1,8 @@
 //! Poses to start from: the closed form that needs no prior, and the paper's own start.
 
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
 use nalgebra::{Complex, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::geometry::pose::Pose;
@@ -9,27 +12,21 @@ use crate::moments::plane::planar_moments;
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::chart::Chart;
 
-/// Angles over a full turn at which the whitened shapes are compared: 5 degrees apart, a ninth of the shortest period
+/// Angles over a full turn at which the normalized shapes are compared: 5 degrees apart, a ninth of the shortest period
 /// that moments of order 8 can have.
 const ANGLES: usize = 72;
 
 /// Which turns are worth a candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turns {
+pub enum WantedTurns {
     /// Those that leave less than ten times the least difference: perspective and noise disturb right and wrong alike.
     Likely,
     /// Every local minimum.
     All,
 }
 
-impl Turns {
-    fn factor(self) -> f64 {
-        match self {
-            Self::Likely => 10.0,
-            Self::All => f64::INFINITY,
-        }
-    }
-}
+/// Multiple of the least difference below which a turn is likely.
+const LIKELY: f64 = 10.0;
 
 /// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
 const POWER_SHARE: f64 = 0.05;
@@ -39,9 +36,9 @@ const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=8;
 
 /// A shape whose second moments are the identity and whose centroid is the origin, and the affine map that made it so.
 #[derive(Debug, Clone)]
-struct WhitenedShape {
+struct NormalizedShape {
     mean: Vector2<f64>,
-    /// `whitened = transform (x - mean)`.
+    /// `normalized = transform (x - mean)`.
     transform: Matrix2<f64>,
     /// Complex moments of orders 3 to 8, `integral of z^p conj(z)^q` with p >= q, over those of a disc.
     moments: Vec<ComplexMoment>,
@@ -50,7 +47,7 @@ struct WhitenedShape {
 #[derive(Debug, Clone, Copy)]
 struct ComplexMoment {
     /// `p - q`: a turn by t multiplies the moment by `exp(i winding t)`.
-    winding: i32,
+    winding: usize,
     value: Complex<f64>,
 }
 
@@ -71,9 +68,9 @@ pub fn closed_form(
     outline: &PlaneRings,
     world: &WorldRegion,
     origin: &Vector3<f64>,
-    turns: Turns,
+    turns: WantedTurns,
 ) -> Vec<Pose> {
-    let (Some(seen), Some(model)) = (WhitenedShape::of(outline), WhitenedShape::of(world.outline())) else {
+    let (Some(seen), Some(model)) = (NormalizedShape::of(outline), NormalizedShape::of(world.outline())) else {
         return Vec::new();
     };
     let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
@@ -210,46 +207,81 @@ impl Turn {
 
 /// The turns that bring the model's moments near the observed ones: local minima, with and without a mirror, that are not
 /// far worse than the best.
-fn best_turns(seen: &WhitenedShape, model: &WhitenedShape, wanted: Turns) -> Vec<Turn> {
-    let mut turns = local_minima(seen, model, false);
-    turns.extend(local_minima(seen, model, true));
-    let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
-    let power: f64 = seen.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum();
-    let limit = (wanted.factor() * least).max(POWER_SHARE * power);
-    turns.retain(|turn| turn.difference <= limit);
+fn best_turns(seen: &NormalizedShape, model: &NormalizedShape, wanted: WantedTurns) -> Vec<Turn> {
+    let mut turns = Difference::new(seen, model, false).local_minima();
+    turns.extend(Difference::new(seen, model, true).local_minima());
+    if wanted == WantedTurns::Likely {
+        let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
+        let limit = (LIKELY * least).max(POWER_SHARE * seen.power());
+        turns.retain(|turn| turn.difference <= limit);
+    }
     turns
 }
 
-fn local_minima(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool) -> Vec<Turn> {
-    let step = std::f64::consts::TAU / ANGLES as f64;
-    let samples: Vec<f64> = (0..ANGLES).map(|k| difference(seen, model, mirrored, k as f64 * step)).collect();
-    let at = |k: usize| samples[k % ANGLES];
-    (0..ANGLES)
-        .filter(|&k| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1))
-        .map(|k| {
+/// Highest winding of the moments that are compared.
+const WINDINGS: usize = *SHAPE_ORDERS.end();
+
+/// Squared difference between the observed moments and the model's after a mirror and a turn: a trigonometric polynomial
+/// (`docs/math.md`, eq. 7.5 and 7.11).
+struct Difference {
+    mirrored: bool,
+    constant: f64,
+    /// Those of the windings from 1 on.
+    coefficients: [Complex<f64>; WINDINGS],
+}
+
+impl Difference {
+    fn new(seen: &NormalizedShape, model: &NormalizedShape, mirrored: bool) -> Self {
+        let mut constant = seen.power() + model.power();
+        let mut coefficients = [Complex::new(0.0, 0.0); WINDINGS];
+        for (s, m) in seen.moments.iter().zip(&model.moments) {
+            let value = if mirrored { m.value.conj() } else { m.value };
+            let product = s.value.conj() * value * (2.0 * s.share());
+            match s.winding {
+                0 => constant -= product.re,
+                winding => coefficients[winding - 1] += product,
+            }
+        }
+        Self { mirrored, constant, coefficients }
+    }
+
+    /// The value at an angle whose `e^(i winding angle)` is given for each winding.
+    fn at(&self, turned: impl Fn(usize) -> Complex<f64>) -> f64 {
+        let term = |(k, c): (usize, &Complex<f64>)| {
+            let turn = turned(k + 1);
+            c.re * turn.re - c.im * turn.im
+        };
+        self.constant - self.coefficients.iter().enumerate().map(term).sum::<f64>()
+    }
+
+    fn local_minima(&self) -> Vec<Turn> {
+        let step = TAU / ANGLES as f64;
+        let table = &*UNIT_CIRCLE;
+        let samples: [f64; ANGLES] = std::array::from_fn(|k| self.at(|winding| table[k * winding % ANGLES]));
+        let at = |k: usize| samples[k % ANGLES];
+        let is_least = |&k: &usize| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1);
+        let refined = |k: usize| {
             let (before, here, after) = (at(k + ANGLES - 1), at(k), at(k + 1));
             let curvature = before - 2.0 * here + after;
             let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
             let angle = (k as f64 + shift) * step;
-            Turn { angle, mirrored, difference: difference(seen, model, mirrored, angle) }
-        })
-        .collect()
+            let difference = self.at(|winding| Complex::cis(winding as f64 * angle));
+            Turn { angle, mirrored: self.mirrored, difference }
+        };
+        (0..ANGLES).filter(is_least).map(refined).collect()
+    }
 }
 
-/// Squared difference between the observed moments and the model's after a mirror and a turn
-/// (`docs/math.md`, eq. 7.5).
-fn difference(seen: &WhitenedShape, model: &WhitenedShape, mirrored: bool, angle: f64) -> f64 {
-    let turn = Complex::from_polar(1.0, angle);
-    let pairs = seen.moments.iter().zip(&model.moments);
-    pairs
-        .map(|(s, m)| {
-            let value = if mirrored { m.value.conj() } else { m.value };
-            s.share() * (s.value - value * turn.powi(s.winding)).norm_sqr()
-        })
-        .sum()
-}
+/// `e^(i angle)` of the angles at which shapes are compared.
+static UNIT_CIRCLE: LazyLock<[Complex<f64>; ANGLES]> =
+    LazyLock::new(|| std::array::from_fn(|k| Complex::cis(TAU * k as f64 / ANGLES as f64)));
 
-impl WhitenedShape {
+impl NormalizedShape {
+    /// Sum of squares of the moments.
+    fn power(&self) -> f64 {
+        self.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum()
+    }
+
     fn of(outline: &PlaneRings) -> Option<Self> {
         let first = planar_moments(slices(outline), 2);
         let (area, mean) = (first.get(0, 0), centroid(&first));
@@ -277,26 +309,39 @@ fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
 /// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment
 /// (`docs/math.md`, eq. 7.4).
 fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
-    let mut list = Vec::new();
-    for order in SHAPE_ORDERS {
-        for q in 0..=order / 2 {
-            let value = complex_moment(moments, order - q, q) / (moments.get(0, 0) * disc_moment(order));
-            list.push(ComplexMoment { winding: (order - 2 * q) as i32, value });
-        }
-    }
-    list
+    let area = moments.get(0, 0);
+    let moment = |expansion: &Expansion| {
+        let order = expansion.coefficients.len() - 1;
+        let terms = expansion.coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j));
+        ComplexMoment { winding: expansion.winding, value: terms.sum::<Complex<f64>>() / area }
+    };
+    EXPANSIONS.iter().map(moment).collect()
 }
+
+/// `(x + i y)^p (x - i y)^q` over the disc's moment, in monomials.
+struct Expansion {
+    /// `p - q`.
+    winding: usize,
+    /// Those of `x^(p + q - j) y^j`.
+    coefficients: Vec<Complex<f64>>,
+}
+
+/// Those of all moments that are compared.
+static EXPANSIONS: LazyLock<Vec<Expansion>> = LazyLock::new(|| {
+    let of_order = |order: usize| (0..=order / 2).map(move |q| expansion(order - q, q));
+    SHAPE_ORDERS.flat_map(of_order).collect()
+});
 
 /// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that order.
 fn disc_moment(order: usize) -> f64 {
     2.0 * 2.0_f64.powi(order as i32) / (order + 2) as f64
 }
 
-/// Expansion of `(x + i y)^p (x - i y)^q` into monomials, by multiplying factor after factor.
-fn complex_moment(moments: &PlaneMoments, p: usize, q: usize) -> Complex<f64> {
+/// The expansion of `(x + i y)^p (x - i y)^q`, by multiplying factor after factor.
+fn expansion(p: usize, q: usize) -> Expansion {
     let order = p + q;
     let mut coefficients = vec![Complex::new(0.0, 0.0); order + 1];
-    coefficients[0] = Complex::new(1.0, 0.0);
+    coefficients[0] = Complex::new(1.0 / disc_moment(order), 0.0);
     for factor in 0..order {
         let step = Complex::new(0.0, if factor < p { 1.0 } else { -1.0 });
         for power in (1..=factor + 1).rev() {
@@ -304,7 +349,7 @@ fn complex_moment(moments: &PlaneMoments, p: usize, q: usize) -> Complex<f64> {
             coefficients[power] += step * lower;
         }
     }
-    coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j)).sum()
+    Expansion { winding: p - q, coefficients }
 }
 
 fn centroid(moments: &PlaneMoments) -> Vector2<f64> {

@@ -1,6 +1,6 @@
 //! Candidates from the moments: closed forms of each region, led to the minima of the equations.
 
-use super::closed_form::{Turns, closed_form, conjugate, facing};
+use super::closed_form::{WantedTurns, closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
 use crate::equations::least_squares::{Stopping, minimize};
@@ -46,7 +46,12 @@ pub const SAME_CANDIDATE: f64 = 0.01;
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
 /// From the closed forms of one region after the other, the largest first, until one explains all regions.
-pub fn moment_poses(problem: &Problem, prior: &Prior, turns: Turns, explains: impl Fn(&Pose) -> bool) -> Vec<Pose> {
+pub fn moment_poses(
+    problem: &Problem,
+    prior: &Prior,
+    turns: WantedTurns,
+    explains: impl Fn(&Pose) -> bool,
+) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let known: Vec<Pose> = prior.initial.iter().map(|pose| problem.centred(pose)).collect();
@@ -54,7 +59,7 @@ pub fn moment_poses(problem: &Problem, prior: &Prior, turns: Turns, explains: im
     for index in order {
         poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
         poses = narrowed(problem.regions(), poses);
-        if turns == Turns::Likely && poses.first().is_some_and(&explains) {
+        if turns == WantedTurns::Likely && poses.first().is_some_and(&explains) {
             break;
         }
     }
@@ -63,12 +68,12 @@ pub fn moment_poses(problem: &Problem, prior: &Prior, turns: Turns, explains: im
 
 /// Poses that single regions give, whatever the others say.
 pub fn single_region_poses(problem: &Problem) -> Vec<Pose> {
-    let of = |index| region_poses(problem, index, &Prior::default(), Turns::All);
+    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All);
     (0..problem.regions().len()).flat_map(of).collect()
 }
 
 /// Minima of one region's equations near the closed forms that look like it.
-fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: Turns) -> Vec<Pose> {
+fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let alone = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
@@ -77,10 +82,10 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: Turns) ->
         poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
     }
     // A wrong view of a region alone may look right where the rest of it is cut off.
-    if region.border().is_some() && (turns == Turns::All || alone) {
+    if region.border().is_some() && (turns == WantedTurns::All || alone) {
         poses.extend(cut_starts(problem, region, world));
     }
-    if turns == Turns::Likely && !alone {
+    if turns == WantedTurns::Likely && !alone {
         poses = best_fitting(problem.regions(), poses, STARTS_PER_REGION);
     }
     poses.iter().filter_map(|pose| solved_alone(region, pose)).collect()
@@ -90,7 +95,7 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: Turns) ->
 /// cut by lines from all sides.
 fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
     let closed =
-        |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), Turns::Likely);
+        |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), WantedTurns::Likely);
     let poses = cut_worlds(world).iter().flat_map(closed).collect();
     best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
 }

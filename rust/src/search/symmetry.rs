@@ -5,10 +5,8 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
-use super::candidates::ROUGH;
 use super::poses::sorted;
-use crate::contour::fit::rough_likelihood;
-use crate::contour::mixture::Mixture;
+use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
@@ -41,10 +39,8 @@ struct Drawing {
 /// nearest first; `pose` itself is none of them. Every `step`-th part is read. Poses are about the problem's origin; none for
 /// regions in several planes.
 pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
-    let mixture = Mixture::rough(ROUGH, problem.contours().len());
-    let misfit = |pose: &Pose| {
-        rough_likelihood(problem.contours(), pose, step, &mixture).map_or(f64::INFINITY, |likelihood| -likelihood)
-    };
+    let sketch = Sketch::new(problem.contours(), step);
+    let misfit = |pose: &Pose| sketch.misfit(pose);
     let drawings = drawings(problem, pose);
     let found = drawings
         .iter()

@@ -16,7 +16,7 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromUp, Prior};
 use crate::problem::Problem;
-use crate::search::candidates::{AMBIGUITY, Answers, Options, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
 use crate::search::poses::{distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -250,9 +250,13 @@ fn warnings(
 /// pose is trusted, those of which a part lies elsewhere.
 fn poor_regions(best: &Solution, trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
+    // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
+    let needed = (odds.len() - 1).min(2);
     let others_of = |region: usize| {
         let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
-        others.map(|other| shares[other]).reduce(f64::min)
+        let others: Vec<f64> = others.map(|other| shares[other]).collect();
+        let found = best.fit.mixture.sigma < LOOSE && others.len() >= needed;
+        others.into_iter().reduce(f64::min).filter(|_| found)
     };
     let mut warnings = Vec::new();
     for (region, &error) in best.region_overlap_errors.iter().enumerate() {

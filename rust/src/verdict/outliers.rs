@@ -8,6 +8,9 @@ const BY_CHANCE: f64 = 0.06;
 /// A region that belongs to the pose may be disturbed so much more than the cleanest one that this share of its share is left.
 const HALF: f64 = 0.5;
 
+/// Share, of a region that belongs to the pose, below which nothing counts as found: twice what chance gives.
+const LEAST_OWN: f64 = 2.0 * BY_CHANCE;
+
 /// Natural logarithm of the odds that a region belongs to the pose, for each region; infinite for a region alone.
 ///
 /// Of `m` pieces that vary independently a share `q` is clean. Of a region elsewhere each is by chance, with [`BY_CHANCE`]; of
@@ -19,7 +22,8 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     let odds = |(region, pieces): (usize, usize)| {
         let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
         let Some(own) = others.reduce(f64::max).map(|cleanest| HALF * cleanest) else { return f64::INFINITY };
-        let own = own.max(BY_CHANCE);
+        // Where nothing is found, nothing is known of what belongs together.
+        let own = if own < LEAST_OWN { BY_CHANCE } else { own };
         let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
         independent * pieces as f64 * (shares[region] * clean + (1.0 - shares[region]) * disturbed)
     };

@@ -23,7 +23,6 @@ const CONE_STEPS: usize = 2000;
 /// to their left seen from outside the sphere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BearingRings {
-    rings: Vec<Vec<Bearing>>,
     view: Rotation3<f64>,
     flat: PlaneRings,
 }
@@ -43,16 +42,22 @@ impl BearingRings {
             let turned = view * r;
             (turned.z > MIN_COSINE).then(|| Vector2::new(turned.x, turned.y) / turned.z)
         };
-        let flat = directions.iter().map(|ring| ring.iter().map(project).collect()).collect::<Option<_>>();
-        let flat = PlaneRings::new(flat.ok_or_else(too_wide)?)?;
-        let lift = |p: &Vector2<f64>| (view.inverse() * Vector3::new(p.x, p.y, 1.0)).normalize();
-        let rings = flat.rings().iter().map(|ring| ring.iter().map(lift).collect()).collect();
-        Ok(Self { rings, view, flat })
+        let mut flat = Vec::with_capacity(directions.len());
+        for ring in &directions {
+            let mut projected = Vec::with_capacity(ring.len());
+            for bearing in ring {
+                projected.push(project(bearing).ok_or_else(too_wide)?);
+            }
+            flat.push(projected);
+        }
+        Ok(Self { view, flat: PlaneRings::new(flat)? })
     }
 
     /// The rings, oriented, as unit vectors.
-    pub fn rings(&self) -> &[Vec<Bearing>] {
-        &self.rings
+    pub fn rings(&self) -> Vec<Vec<Bearing>> {
+        let back = self.view.inverse();
+        let lift = |p: &Vector2<f64>| (back * Vector3::new(p.x, p.y, 1.0)).normalize();
+        self.flat.rings().iter().map(|ring| ring.iter().map(lift).collect()).collect()
     }
 
     /// A rotation of the axes that brings the region around z, and its rings projected onto `z = 1` there.
@@ -74,10 +79,12 @@ fn directions(rings: &[Vec<Bearing>]) -> Result<Vec<Vec<Bearing>>> {
         }
         let item = format!("ring {ring} bearing");
         check_finite(&item, bearings)?;
-        let unit = |(index, bearing): (usize, &Bearing)| {
-            bearing.try_normalize(0.0).ok_or_else(|| Error::ZeroBearing { item: item.clone(), index })
-        };
-        directions.push(bearings.iter().enumerate().map(unit).collect::<Result<_>>()?);
+        let mut units = Vec::with_capacity(bearings.len());
+        for (index, bearing) in bearings.iter().enumerate() {
+            let unit = bearing.try_normalize(0.0);
+            units.push(unit.ok_or_else(|| Error::ZeroBearing { item: item.clone(), index })?);
+        }
+        directions.push(units);
     }
     Ok(directions)
 }
@@ -93,7 +100,7 @@ fn first_axis(rings: &[Vec<Bearing>]) -> Bearing {
 fn mean_direction(rings: &[Vec<Bearing>]) -> Bearing {
     let mut sum = Vector3::zeros();
     for ring in rings {
-        for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
+        for (a, b) in ring.iter().zip(ring.iter().skip(1).chain(ring.first())) {
             sum += (a + b) * (a - b).norm();
         }
     }

@@ -16,6 +16,9 @@ const CENTROID_AXIS_MIN_COSINE: f64 = 0.3;
 /// Turns that bring the axis onto the centroid; each leaves the square of the region's angular size.
 const CENTROID_STEPS: usize = 3;
 
+/// A turn by less than this (rad) is the last: what it leaves is far below what any moment feels.
+const CENTRED: f64 = 1e-4;
+
 /// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, eq. 6.1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chart {
@@ -34,7 +37,7 @@ impl Chart {
         let rings = BearingRings::new(rings)?;
         let (rotation, flat) = rings.view();
         let start = Self { rotation, scale: 1.0 };
-        let limit = |p: &Vector2<f64>| (1.0 > MIN_COSINE * (1.0 + p.norm_squared()).sqrt()).then_some(*p);
+        let limit = |p: &Vector2<f64>| (1.0 > MIN_COSINE * MIN_COSINE * (1.0 + p.norm_squared())).then_some(*p);
         let rings = flat.mapped(limit).ok_or_else(too_wide)?;
         let (chart, rings) = start.centred(rings);
         let scale = 1.0 / rings.area().sqrt();
@@ -49,14 +52,20 @@ impl Chart {
             let (chart, rings) = &best;
             let moments = planar_moments(rings.rings().iter().map(Vec::as_slice), 1);
             let centroid = Vector3::new(moments.get(1, 0), moments.get(0, 1), moments.get(0, 0));
-            let turn = turn_onto_z(&centroid.normalize());
+            let centroid = centroid.normalize();
+            let turn = turn_onto_z(&centroid);
             let moved = rings.mapped(|p| {
                 let turned = turn * Vector3::new(p.x, p.y, 1.0);
-                let near = turned.z > CENTROID_AXIS_MIN_COSINE * turned.norm();
+                let near = turned.z > 0.0
+                    && turned.z * turned.z
+                        > CENTROID_AXIS_MIN_COSINE * CENTROID_AXIS_MIN_COSINE * turned.norm_squared();
                 near.then(|| Vector2::new(turned.x, turned.y) / turned.z)
             });
             let Some(moved) = moved else { break };
             best = (Self { rotation: turn * chart.rotation, scale: 1.0 }, moved);
+            if centroid.xy().norm() < CENTRED {
+                break;
+            }
         }
         best
     }

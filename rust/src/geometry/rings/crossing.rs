@@ -7,7 +7,6 @@ use super::predicates::{contact, is_left_of_corner, lies_on};
 use crate::error::{Contact, Error, Result};
 
 /// One edge of one ring with its box, `along` the sweep axis and `across` it.
-#[derive(Clone, Copy)]
 struct Edge {
     ring: usize,
     index: usize,
@@ -18,12 +17,13 @@ struct Edge {
 
 /// Refuses rings with an edge that crosses or overlaps another, or touches another of the same ring.
 pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
-    let mut active: Vec<Edge> = Vec::new();
-    for edge in edges_along_sweep(rings) {
+    let edges = edges_for_sweep(rings);
+    let mut active: Vec<&Edge> = Vec::new();
+    for edge in in_sweep_order(&edges) {
         active.retain(|other| other.along[1] >= edge.along[0]);
         for other in &active {
             if other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
-                check_pair(rings, other, &edge)?;
+                check_pair(rings, other, edge)?;
             }
         }
         active.push(edge);
@@ -31,8 +31,15 @@ pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
     Ok(())
 }
 
-/// All edges sorted by where they begin on the axis along which they are shorter, hence fewer at a time.
-fn edges_along_sweep(rings: &[CleanRing]) -> Vec<Edge> {
+/// The edges by where they begin along the sweep, ties as they come.
+fn in_sweep_order(edges: &[Edge]) -> impl Iterator<Item = &Edge> {
+    let mut order: Vec<(f64, usize)> = edges.iter().map(|edge| edge.along[0]).zip(0..).collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    order.into_iter().map(|(_, index)| &edges[index])
+}
+
+/// All edges, to be swept along the axis along which they are shorter, hence fewer at a time.
+fn edges_for_sweep(rings: &[CleanRing]) -> Vec<Edge> {
     let vertices = || rings.iter().flat_map(|ring| ring.vertices.iter().copied());
     let (lower, upper) = super::bounding_box(vertices());
     let lengths = rings.iter().flat_map(|ring| super::ring_edges(&ring.vertices)).map(|(a, b)| (b - a).abs());
@@ -45,7 +52,6 @@ fn edges_along_sweep(rings: &[CleanRing]) -> Vec<Edge> {
             edges.push(Edge { ring, index, ends: [a, b], along: interval(axis), across: interval(1 - axis) });
         }
     }
-    edges.sort_by(|a, b| a.along[0].total_cmp(&b.along[0]));
     edges
 }
 
