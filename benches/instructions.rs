@@ -13,17 +13,12 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use regionpose::equations::facet::Integration;
 use regionpose::equations::residual::{RegionEquations, cost, normal_equations};
-use regionpose::equations::system::{System, Weighting};
+use regionpose::equations::system::Weighting;
 use regionpose::equations::whitening::Orders;
-use regionpose::geometry::pose::Pose;
-use regionpose::prior::Prior;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::search::candidates::{Problem, Start};
 use regionpose::search::closed_form::{WantedTurns, closed_form};
-use regionpose::search::fit::region_overlap;
-use regionpose::verdict::estimate::Refinement;
+use regionpose::verdict::coverage::region_overlap;
+use regionpose::{ObservedRegion, Pose, Problem, WorldRegion};
 
 const SCENES: usize = 20;
 const REGIONS: usize = 3;
@@ -102,13 +97,12 @@ fn seen(ring: &[Vector3<f64>]) -> ObservedRegion {
 
 #[inline(never)]
 fn problem(scene: &Scene) -> Problem {
-    let worlds = scene.worlds.clone();
-    Problem::new(&scene.observed, worlds, System::Plane, Integration::Boundary).expect("the regions are in view")
+    Problem::new(&scene.observed, &scene.worlds).expect("the regions are in view")
 }
 
 #[inline(never)]
-fn pose_from_nothing(problem: Problem) {
-    black_box(problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).expect("a pose in view"));
+fn pose_from_nothing(problem: &Problem) {
+    black_box(problem.estimate().expect("a pose in view"));
 }
 
 #[inline(never)]
@@ -158,7 +152,7 @@ fn main() {
         }
         problem.regions().iter().for_each(|region| _ = region.count(Weighting::Whitened));
         whitened_equations(problem.regions(), &centred);
-        pose_from_nothing(problem);
+        pose_from_nothing(&problem);
     }
     println!(
         "{SCENES} problems, poses, and evaluations of {REGIONS} regions on either scale; {} times",

@@ -7,14 +7,9 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::{System, Weighting};
-use regionpose::geometry::pose::Pose;
-use regionpose::prior::Prior;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::search::candidates::{Problem, Start};
+use regionpose::equations::system::Weighting;
 use regionpose::search::closed_form::{WantedTurns, closed_form};
-use regionpose::verdict::estimate::Refinement;
+use regionpose::{Integration, ObservedRegion, Options, Pose, Problem, System, WorldRegion};
 
 /// Vertices of each region.
 const VERTICES: usize = 100;
@@ -54,7 +49,7 @@ fn sides() -> (Vec<ObservedRegion>, Vec<WorldRegion>) {
 
 fn problem(system: System) -> Problem {
     let (observed, worlds) = sides();
-    Problem::new(&observed, worlds, system, Integration::Boundary).expect("the regions are valid")
+    Problem::with(&observed, &worlds, system, Integration::Boundary).expect("the regions are valid")
 }
 
 /// Residuals and Jacobian of both systems.
@@ -75,9 +70,9 @@ fn equations(criterion: &mut Criterion) {
 fn search(criterion: &mut Criterion) {
     let (observed, worlds) = sides();
     let ready = problem(System::Plane);
-    let prior = Prior::default();
+    let options = Options::default();
     let mut group = criterion.benchmark_group("3 regions");
-    let build = || Problem::new(&observed, worlds.clone(), System::Plane, Integration::Boundary);
+    let build = || Problem::new(&observed, &worlds);
     group.bench_function("equations", |bencher| bencher.iter(build));
     let region = &ready.regions()[0];
     let origin = Vector3::zeros();
@@ -86,9 +81,9 @@ fn search(criterion: &mut Criterion) {
             closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin, WantedTurns::Likely)
         });
     });
-    group.bench_function("candidates", |bencher| bencher.iter(|| ready.clone().search(Start::Global, &prior)));
+    group.bench_function("candidates", |bencher| bencher.iter(|| ready.search(&options)));
     group.bench_function("pose from nothing", |bencher| {
-        bencher.iter(|| build().expect("the regions are valid").estimate(Start::Global, &prior, Refinement::Contour));
+        bencher.iter(|| build().expect("the regions are valid").estimate_with(&options));
     });
     group.finish();
 }

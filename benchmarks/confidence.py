@@ -60,7 +60,7 @@ def solved(chosen: tuple[str, NoiseModel, int]) -> Solved | None:
     if estimate is None:
         return None
     answers = [estimate.best, *estimate.alternatives]
-    errors = [rotation_error(answer.minimum.rotation, problem.scene.rotation) for answer in answers]
+    errors = [rotation_error(answer.rotation, problem.scene.rotation) for answer in answers]
     stated = sum(answer.confidence for answer in answers)
     return Solved(tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
 

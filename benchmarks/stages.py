@@ -44,12 +44,12 @@ class Stages(NamedTuple):
     bearings: float
     problem: float
     search: float
-    least_squares: float
     refinement: float
+    least_squares: float
     verdict: float
 
 
-HEADS = ("mask to contour", "to bearings", "problem", "search", "least squares", "contour refinement", "verdict")
+HEADS = ("mask to contour", "to bearings", "problem", "search", "contour refinement", "least squares", "verdict")
 
 
 def drawn(seed: int, planes: int, noise: float) -> Given:
@@ -73,11 +73,11 @@ def stages(given: Given, system: System) -> tuple[Stages, _core.Estimate | None]
     observed, bearings = timed(lambda: observed_regions(given.camera, images, "boundary"))
     cores = [world.core for world in given.worlds]
     raw, build = timed(lambda: _core.Problem(observed, cores, system=system, integration="boundary"))
-    (problem, candidates), search = timed(raw.search)
-    minima, solve = timed(lambda: [scipy_minimum(problem, *candidate) for candidate in candidates])
-    _, verdict = timed(lambda: problem.judged(minima, refine=None))
-    estimate, whole = timed(lambda: problem.judged(minima))
-    return Stages(contours, bearings, build, search, solve, max(whole - verdict, 0.0), verdict), estimate
+    _, search = timed(lambda: raw.search(refine=None))
+    found, whole = timed(raw.search)
+    minima, solve = timed(lambda: [scipy_minimum(found, *candidate) for candidate in found.candidates])
+    estimate, verdict = timed(lambda: found.judged(minima))
+    return Stages(contours, bearings, build, search, max(whole - search, 0.0), solve, verdict), estimate
 
 
 def line(system: System, planes: int, noise: float, scenes: int) -> str:

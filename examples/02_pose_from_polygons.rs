@@ -3,7 +3,7 @@
 //! `cargo run --example 02_pose_from_polygons`
 
 use nalgebra::Vector3;
-use regionpose::{Integration, ObservedRegion, Prior, Problem, Refinement, Result, Start, System, WorldRegion};
+use regionpose::{ObservedRegion, Problem, Result, WorldRegion};
 
 /// A pinhole camera: focal length and centre in pixels.
 const CAMERA: [f64; 3] = [1200.0, 960.0, 540.0];
@@ -26,14 +26,13 @@ fn observed(polygon: &[[f64; 2]]) -> ObservedRegion {
 
 fn main() -> Result<()> {
     let world = |polygon: &[[f64; 3]]| WorldRegion::from_rings(&[polygon.iter().map(|&p| Vector3::from(p)).collect()]);
-    let worlds = vec![world(&DOOR)?, world(&SIGN)?];
+    let worlds = [world(&DOOR)?, world(&SIGN)?];
     let images = [observed(&DOOR_IMAGE), observed(&SIGN_IMAGE)];
-    let problem = Problem::new(&images, worlds, System::Plane, Integration::Boundary)?;
-    let Some(estimate) = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour) else {
+    let Some(estimate) = Problem::new(&images, &worlds)?.estimate() else {
         println!("no pose shows both regions");
         return Ok(());
     };
-    let pose = estimate.best.minimum.pose;
+    let pose = estimate.best.pose;
     let deviation = |k: usize| estimate.best.covariance[(k, k)].sqrt();
     println!("camera centre (world)   {:.3?} m", pose.inverse().translation.as_slice());
     println!("viewing direction       {:.3?}", (pose.rotation.inverse() * Vector3::z()).as_slice());

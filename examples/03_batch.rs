@@ -6,9 +6,7 @@ use std::f64::consts::TAU;
 use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
-use regionpose::{
-    Integration, ObservedRegion, Pose, Prior, Problem, Refinement, Result, Start, System, WorldRegion, in_parallel,
-};
+use regionpose::{ObservedRegion, Pose, Problem, Result, WorldRegion, in_parallel};
 
 /// Images around the plate.
 const IMAGES: usize = 200;
@@ -25,14 +23,13 @@ fn camera(angle: f64) -> Pose {
 
 fn main() -> Result<()> {
     let plate: Vec<_> = PLATE.iter().map(|p| Vector3::new(p[0], p[1], 0.0)).collect();
-    let world = WorldRegion::from_rings(std::slice::from_ref(&plate))?;
+    let worlds = [WorldRegion::from_rings(std::slice::from_ref(&plate))?];
     let cameras: Vec<Pose> = (0..IMAGES).map(|k| camera(TAU * k as f64 / IMAGES as f64)).collect();
     let solve = |truth: &Pose| {
         let seen = plate.iter().map(|x| truth.transform(x)).collect();
         let image = ObservedRegion::new(vec![seen], 40_000.0);
-        let problem = Problem::new(&[image], vec![world.clone()], System::Plane, Integration::Boundary)?;
-        let estimate = problem.estimate(Start::Global, &Prior::default(), Refinement::Contour);
-        Ok(estimate.map(|estimate| estimate.best.minimum.pose.angle_to(truth).to_degrees()))
+        let estimate = Problem::new(&[image], &worlds)?.estimate();
+        Ok(estimate.map(|estimate| estimate.best.pose.angle_to(truth).to_degrees()))
     };
     let start = Instant::now();
     let errors = in_parallel(&cameras, None, solve)?.into_iter().collect::<Result<Vec<Option<f64>>>>()?;

@@ -11,6 +11,7 @@ __all__ = [
     "Minimum",
     "ObservedRegion",
     "Problem",
+    "Search",
     "Solution",
     "WorldRegion",
     "__version__",
@@ -89,8 +90,10 @@ def estimate_batch(
     system: Literal["plane", "sphere"] = "plane",
     integration: Literal["boundary", "mesh", "pixels"] = "boundary",
     refine: Literal["contour"] | None = "contour",
-) -> list[Estimate | None]:
-    """Estimates of many problems by the native solver, in order; None for a problem without a pose in view."""
+) -> list[Estimate | str | None]:
+    """Estimates of many problems by the native solver, in order; None for one without a pose in view, and what is wrong
+    with it for one that is refused.
+    """
 
 @final
 class ObservedRegion:
@@ -178,10 +181,6 @@ class Minimum:
         """(3, 3)."""
 
     @property
-    def quaternion(self) -> NDArray[np.float64]:
-        """(4,), the same rotation as x, y, z, w."""
-
-    @property
     def translation(self) -> NDArray[np.float64]:
         """(3,)."""
 
@@ -203,11 +202,27 @@ class Minimum:
 
 @final
 class Solution:
-    """A minimum and its overlap errors."""
+    """A pose `camera_from_world` and how well its projected regions cover the observed ones."""
 
     @property
-    def minimum(self) -> Minimum:
-        """The pose and its cost."""
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3)."""
+
+    @property
+    def quaternion(self) -> NDArray[np.float64]:
+        """(4,), the same rotation as x, y, z, w."""
+
+    @property
+    def translation(self) -> NDArray[np.float64]:
+        """(3,)."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the least squares ended at a minimum; true where the pose was led onto the contours."""
+
+    @property
+    def termination(self) -> str:
+        """What ended it."""
 
     @property
     def overlap_error(self) -> float:
@@ -247,7 +262,7 @@ class Estimate:
 
     @property
     def alternatives(self) -> list[Solution]:
-        """The other minima that fit as well and that the prior leaves, best first."""
+        """The other poses that fit as well and that the prior leaves, best first."""
 
     @property
     def warnings(self) -> list[tuple[str, str]]:
@@ -286,21 +301,17 @@ class Problem:
         *,
         start: Literal["global", "paper"] = "global",
         prior: Prior | None = None,
-    ) -> tuple[Problem, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-        """The problem whitened for its boundary noise, and poses (rotation, translation) to solve from, best first."""
+        refine: Literal["contour"] | None = "contour",
+    ) -> Search:
+        """The poses that may be the answer, and the equations to polish them by."""
 
     def evaluate(
-        self,
-        rotation: ArrayLike,
-        translation: ArrayLike,
-        *,
-        increment: ArrayLike | None = None,
-        whitened: bool = True,
+        self, rotation: ArrayLike, translation: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Residuals (m,) at a pose moved by a left increment (6,), and their derivatives (m, 6); None out of view."""
+        """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
-    def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
-        """Distance from the camera to the middle of the regions."""
+    def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> NDArray[np.float64]:
+        """Overlap errors (k,) of the regions at a pose; NaN where one cannot be projected."""
 
     def estimate(
         self,
@@ -311,11 +322,25 @@ class Problem:
     ) -> Estimate | None:
         """The estimate by the native driver; None without a pose in view."""
 
-    def judged(
-        self,
-        minima: Sequence[Minimum],
-        *,
-        prior: Prior | None = None,
-        refine: Literal["contour"] | None = "contour",
-    ) -> Estimate | None:
-        """The verdict on minima found by any driver; None without one."""
+@final
+class Search:
+    """What a search found: candidates, and their equations on the scale of the boundary noise."""
+
+    @property
+    def candidates(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Poses (rotation (3, 3), translation (3,)) near which to solve the moments' equations, best first; none where
+        the contours have decided.
+        """
+
+    def evaluate(
+        self, rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Residuals (m,) at a pose moved by a left increment (6,), in pixels of boundary noise, and their derivatives
+        (m, 6) by that increment; None out of view.
+        """
+
+    def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
+        """Distance from the camera to the middle of the regions."""
+
+    def judged(self, minima: Sequence[Minimum]) -> Estimate | None:
+        """The verdict, with the minima that a driver found from the candidates; None without a pose in view."""

@@ -259,7 +259,7 @@ def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[
     single = [
         (solution.overlap_error, _Consensus.of(((image, world),), solution, estimate.boundary_noise))
         for world, estimate in enumerate(estimates)
-        if estimate is not None
+        if isinstance(estimate, _core.Estimate)
         for solution in [estimate.best, *estimate.alternatives]
         if np.isfinite(solution.overlap_error)
     ]

@@ -29,6 +29,7 @@ Refine = Literal["contour"]
 Item = TypeVar("Item")
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
+Sides = tuple[list[_core.ObservedRegion], list[_core.WorldRegion]]
 
 TOLERANCE = 1e-11
 """Relative change of cost and pose at which the scipy driver stops, as the native one."""
@@ -179,22 +180,35 @@ def estimate_poses(
 ) -> list[PoseEstimate | PoseError]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
-    Where no pose shows every region of a problem, the PoseError that `estimate_pose` would raise stands in its place.
+    A problem without an answer leaves the others theirs. In its place stands a PoseError: that of `estimate_pose` where
+    no pose shows every region, or one that says what is wrong with a region that is refused.
     Viewpoints of their regions count; a pose or direction known beforehand is for `estimate_pose` alone.
     They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
-    any number of them. ValueError, its message led by the problem's number, for a problem whose input is bad.
+    any number of them. ValueError, its message led by the problem's number, for what is no problem at all.
     """
-    sides = []
-    for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)")):
-        try:
-            camera, image_regions, world_regions = _problem_parts(problem)
-            check_camera(camera, image_regions)
-            observed = observed_regions(camera, image_regions, "boundary")
-            sides.append((observed, [region.core for region in checked_regions(world_regions, WorldRegion)]))
-        except ValueError as error:
-            raise ValueError(f"problem {index}: {error}") from error
-    estimates = _core.estimate_batch(sides, threads=threads, refine=refine)
-    return [_estimate_or_error(estimate) for estimate in estimates]
+    sides = [
+        _sides_or_error(index, problem)
+        for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)"))
+    ]
+    whole = [each for each in sides if not isinstance(each, PoseError)]
+    estimates = iter(_core.estimate_batch(whole, threads=threads, refine=refine))
+    return [each if isinstance(each, PoseError) else _estimate_or_error(next(estimates)) for each in sides]
+
+
+def _sides_or_error(index: int, problem: Problem) -> Sides | PoseError:
+    """Both sides of a problem as the core takes them, or what is wrong with its image regions; ValueError, led by the
+    problem's number, for one that is of the wrong kind.
+    """
+    try:
+        camera, image_regions, world_regions = _problem_parts(problem)
+        check_camera(camera, image_regions)
+        worlds = [region.core for region in checked_regions(world_regions, WorldRegion)]
+    except ValueError as error:
+        raise ValueError(f"problem {index}: {error}") from error
+    try:
+        return observed_regions(camera, image_regions, "boundary"), worlds
+    except ValueError as error:
+        return PoseError(str(error))
 
 
 def _problem_parts(problem: Problem) -> Problem:

@@ -7,6 +7,25 @@ use crate::error::{Error, Result};
 
 /// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number.
 ///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Problem, Result, WorldRegion, in_parallel};
+/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// let world = WorldRegion::from_rings(&[sign.clone()])?;
+/// let images: Vec<ObservedRegion> = [3.0, 4.0, 5.0]
+///     .map(|distance| sign.iter().map(|x| x + Vector3::new(-0.2, 0.1, distance)).collect())
+///     .map(|bearings| ObservedRegion::new(vec![bearings], 20_000.0))
+///     .to_vec();
+/// let solve = |image: &ObservedRegion| -> Result<_> {
+///     Ok(Problem::new(std::slice::from_ref(image), std::slice::from_ref(&world))?.estimate())
+/// };
+/// // Each has an answer of its own: one that is refused leaves the others theirs.
+/// let answers = in_parallel(&images, None, solve)?;
+/// assert!(answers.iter().all(|answer| matches!(answer, Ok(Some(_)))));
+/// # Ok::<(), regionpose::Error>(())
+/// ```
+///
 /// # Errors
 /// When the threads cannot be started or their number is zero.
 pub fn in_parallel<P: Sync, A: Send>(

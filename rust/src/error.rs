@@ -96,6 +96,14 @@ pub enum Error {
         /// Index of the bearing.
         index: usize,
     },
+    /// A line of the image's border that leads nowhere.
+    #[error("border line {line} has {found} bearings; a line of the border needs at least 2")]
+    ShortBorder {
+        /// Index of the line.
+        line: usize,
+        /// Bearings found.
+        found: usize,
+    },
     /// An observed region is too wide to be projected onto a plane.
     #[error("the observed region reaches {limit:.1} deg or more from every axis; it needs to lie nearer to one")]
     TooWide {

@@ -1,11 +1,14 @@
 //! Absolute pose of a central camera from planar regions, without correspondences.
 //!
 //! A region is seen in the image as closed rings of [bearings](Bearing) and known in the world as a planar patch or an
-//! open surface. [`Problem`] pairs both sides, [`Problem::estimate`] finds the pose from nothing else, with its covariance, the
-//! other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
+//! open surface. [`Problem`] pairs both sides; [`Problem::estimate`] finds the pose from nothing else, with its covariance,
+//! the other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
 //! the formulas are derived in the document on its mathematics.
 //!
 //! Cameras end at bearings: any central camera, up to regions 87 degrees off their own axis, is served by the same code.
+//!
+//! Poses are `camera_from_world`, increments from the left and `[omega (rad), tau (metres)]`. An input that cannot be used is an
+//! [`Error`] that names it; whatever makes a pose doubtful is a [`Warning`] of the [`Estimate`].
 //!
 //! ```
 //! use nalgebra::Vector3;
@@ -22,9 +25,17 @@
 //! assert!((estimate.best.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
 //! # Ok::<(), regionpose::Error>(())
 //! ```
+//!
+//! What is known beforehand, and what else is to be done differently, goes into [`Options`]; [`Problem::with`] takes other
+//! integrals. A least squares of one's own runs between [`Problem::search`] and [`Search::judged`].
+//!
+//! # Features
+//!
+//! `batch`, on by default: many problems on a pool of threads by `in_parallel`.
 #![forbid(unsafe_code)]
 
 // Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.
+#[cfg(feature = "batch")]
 #[doc(hidden)]
 pub mod batch;
 #[doc(hidden)]
@@ -50,6 +61,7 @@ pub mod verdict;
 #[doc(hidden)]
 pub mod view;
 
+#[cfg(feature = "batch")]
 pub use batch::in_parallel;
 pub use equations::facet::Integration;
 pub use equations::system::System;

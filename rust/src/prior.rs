@@ -27,6 +27,24 @@ pub struct PoseSigma {
 }
 
 /// What is known of the pose beforehand: it adds starts, and decides between poses that fit about alike.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion};
+/// // A poster looks the same from four poses.
+/// let poster = [(0.0, 0.0), (1.6, 0.0), (1.6, 1.0), (0.0, 1.0)].map(|(x, y)| Vector3::new(x, y, 0.3 * y)).to_vec();
+/// let seen = poster.iter().map(|x| x + Vector3::new(-0.5, 0.2, 4.0)).collect();
+/// let problem = Problem::new(&[ObservedRegion::new(vec![seen], 90_000.0)], &[WorldRegion::from_rings(&[poster])?])?;
+/// assert_eq!(problem.estimate().expect("a pose in view").alternatives.len(), 3);
+///
+/// // A rough pose with its standard deviations, 6 degrees and 20 cm, leaves one of them.
+/// let initial = Pose::new(Pose::identity().rotation, Vector3::new(-0.4, 0.1, 4.1));
+/// let sigma = PoseSigma { rotation: 0.1, place: 0.2 };
+/// let prior = Prior { initial: Some(initial), initial_sigma: Some(sigma), ..Prior::default() };
+/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() }).expect("a pose in view");
+/// assert!(estimate.alternatives.is_empty() && estimate.best.pose.angle_to(&initial) < 1e-6);
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Prior {
     /// A rough pose, `camera_from_world`.

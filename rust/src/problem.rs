@@ -14,6 +14,22 @@ use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 
 /// Regions seen in one image and known in the world, ready to be solved.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Problem, WorldRegion};
+/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
+/// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
+/// # let worlds = [WorldRegion::from_rings(&[sign])?];
+/// let problem = Problem::new(&observed, &worlds)?;
+/// let Some(estimate) = problem.estimate() else { panic!("no pose shows the region where it was seen") };
+/// println!("{:?}, covariance {}", estimate.best.pose, estimate.best.covariance);
+/// estimate.warnings.iter().for_each(|warning| println!("{}: {warning}", warning.code()));
+/// assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty());
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Problem {
     /// World coordinates are taken relative to this point, so that large ones lose no digits.
@@ -34,6 +50,18 @@ impl Problem {
     }
 
     /// The same with the moments of another system, or summed otherwise.
+    ///
+    /// ```
+    /// # use nalgebra::Vector3;
+    /// # use regionpose::{Integration, ObservedRegion, Problem, System, WorldRegion};
+    /// # let sign = [(0.0, 0.0), (0.6, 0.1), (0.3, 1.0)].map(|(x, y)| Vector3::new(x, y, 0.0)).to_vec();
+    /// # let observed = [ObservedRegion::new(vec![sign.iter().map(|x| x + Vector3::z() * 4.0).collect()], 20_000.0)];
+    /// # let worlds = [WorldRegion::from_rings(&[sign])?];
+    /// // A region of half a radian is compared on the sphere, where a camera with a wide field has its own measure.
+    /// let problem = Problem::with(&observed, &worlds, System::Sphere, Integration::Boundary)?;
+    /// assert!(problem.estimate().is_some());
+    /// # Ok::<(), regionpose::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Those of [`Problem::new`], and an integration that the system or a region does not have.

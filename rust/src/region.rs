@@ -18,6 +18,18 @@ const MIN_WIDTH: f64 = 1e-6;
 const ON_EDGE: f64 = 1e-3;
 
 /// A region as the camera sees it: closed rings of bearings, joined by great-circle arcs.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::ObservedRegion;
+/// // A pinhole camera's bearings of an outline in pixels; any length will do.
+/// let (focal, x, y) = (1200.0, 960.0, 540.0);
+/// let outline = [[931.9, 236.4], [933.9, 867.1], [653.6, 920.4], [627.2, 220.8]];
+/// let bearings = outline.map(|p: [f64; 2]| Vector3::new((p[0] - x) / focal, (p[1] - y) / focal, 1.0)).to_vec();
+/// let door = ObservedRegion::new(vec![bearings], 191_000.0); // pixels inside of it
+/// assert_eq!(door.checked_pixel_area()?, 191_000.0);
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct ObservedRegion {
     /// Bearings of each ring's vertices, in camera axes; the rings may turn either way.
@@ -119,6 +131,22 @@ impl PlaneFrame {
 }
 
 /// A region of the 3D data: its outline in a plane's coordinates, and its surface where that is not the plane itself.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::WorldRegion;
+/// let ring = |side: f64, z: f64| [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]].map(|[x, y]| Vector3::new(x, y, z));
+/// // A frame: the first ring is the outline, the other a hole in it; on the side of the scanner that the camera sees too.
+/// let pane = ring(0.5, 0.0).map(|x| x + Vector3::new(0.2, 0.2, 0.0));
+/// let frame = WorldRegion::from_rings(&[ring(1.0, 0.0).to_vec(), pane.to_vec()])?.seen_from(Vector3::new(2.0, 1.0, 5.0))?;
+/// assert!((frame.outline().area() - 0.75).abs() < 1e-12);
+///
+/// // A bent surface is given by its triangles.
+/// let vertices = [ring(1.0, 0.0), ring(1.0, 0.1)].concat();
+/// let bent = WorldRegion::from_mesh(&[vertices[0], vertices[1], vertices[2], vertices[7]], &[[0, 1, 2], [0, 2, 3]])?;
+/// assert!(bent.surface().is_some());
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct WorldRegion {
     frame: PlaneFrame,

@@ -56,6 +56,12 @@ def solve(**options: Any) -> object:
     return rp.estimate_pose(CAMERA, [IMAGE], [WORLD], **options)
 
 
+def bordered(line: np.ndarray) -> object:
+    """The problem of one square beside a line of the image's border, bearings (n, 3)."""
+    observed = _core.ObservedRegion([LIFTED], 1e4, borders=[line])
+    return _core.Problem([observed], [WORLD.core], system="plane", integration="boundary")
+
+
 RINGS: list[tuple[Callable[[], object], str]] = [
     (lambda: IMAGE_RING([with_value(SQUARE, np.nan)]), "ring 0 vertex 2 is not finite: NaN; coordinates need to be"),
     (lambda: IMAGE_RING([SQUARE, with_value(SQUARE, np.inf)]), "ring 1 vertex 2 is not finite: inf"),
@@ -207,6 +213,8 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
     (lambda: rp.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
     (lambda: _core.mesh_planar_moments(with_value(SQUARE, np.nan), [[0, 1, 2]], 2), "vertices row 2 is not finite"),
+    (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line of the border needs"),
+    (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line of the border needs"),
     (lambda: _core.pixel_moments(LIFTED, np.ones(3), 2), "bearings has 4 rows and solid_angles 3"),
     (lambda: _core.contour_pieces([], []), "the region has no rings"),
     (lambda: _core.contour_pieces([SQUARE[:2]], [MARKS[:2]]), "ring 0 has 2 distinct vertices"),

@@ -46,7 +46,7 @@ def test_the_stages_end_where_the_estimate_does(noise: float) -> None:
     seconds, staged = stages(given, "plane")
     whole = rp.estimate_pose(given.camera, [rp.ImageRegion.from_mask(mask) for mask in given.masks], given.worlds)
     assert staged is not None
-    np.testing.assert_array_equal(staged.best.minimum.translation, whole.pose.translation)
+    np.testing.assert_array_equal(staged.best.translation, whole.pose.translation)
     assert all(second >= 0.0 for second in seconds) and sum(seconds) > 0.0
 
 

@@ -229,18 +229,21 @@ def test_convention_derivatives_are_by_the_left_increment(system: str, integrati
     world = rp.WorldRegion.from_polygon(rings).core
     problem = _core.Problem([observed], [world], system=system, integration=integration)  # type: ignore[arg-type]
 
-    def residual(tangent: Array) -> Array:
-        moved = moved_by_hand(near, tangent)
-        found = problem.evaluate(moved.rotation.as_matrix(), moved.translation, whitened=whitened)
+    search = problem.search()
+
+    def evaluated(at: rp.Pose) -> tuple[Array, Array]:
+        parts = at.rotation.as_matrix(), at.translation
+        found = search.evaluate(*parts, np.zeros(6)) if whitened else problem.evaluate(*parts)
         assert found is not None
-        return found[0]
+        return found
+
+    def residual(tangent: Array) -> Array:
+        return evaluated(moved_by_hand(near, tangent))[0]
 
     near = moved_by_hand(pose, np.array([0.01, -0.02, 0.01, 0.02, 0.01, -0.03]))
-    found = problem.evaluate(near.rotation.as_matrix(), near.translation, whitened=whitened)
-    assert found is not None
     steps = 1e-5 * np.eye(6)
     numeric = np.column_stack([(residual(step) - residual(-step)) / 2e-5 for step in steps])
-    assert np.abs(found[1] - numeric).max() <= (1e-4 if whitened else 1e-6) * np.abs(numeric).max()
+    assert np.abs(evaluated(near)[1] - numeric).max() <= (1e-4 if whitened else 1e-6) * np.abs(numeric).max()
 
 
 def covariance_of(pose: rp.Pose, regions: list[Rings]) -> Array:

@@ -167,10 +167,27 @@ def test_a_problem_without_a_pose_leaves_the_others(batch: list[Problem]) -> Non
             rp.estimate_pose(*blind, driver=driver)
 
 
-def test_the_error_names_the_problem(batch: list[Problem]) -> None:
+def test_problems_that_are_refused_leave_the_others(batch: list[Problem]) -> None:
+    """A world region is missing; an image region crosses itself; one lies where the camera has no rays."""
     camera, images, worlds = batch[1]
-    with pytest.raises(ValueError, match="problem 2: there are 3 observed and 2 world regions"):
-        rp.estimate_poses([batch[0], batch[1], (camera, images, worlds[:2])])
+    crossed = rp.ImageRegion((np.array([[0.0, 0.0], [90.0, 90.0], [90.0, 0.0], [0.0, 80.0]]),))
+    narrow = rp.FisheyeCamera(100.0, 100.0, 500.0, 500.0)
+    beyond = rp.ImageRegion.from_polygon(np.array([[900.0, 500.0], [990.0, 500.0], [950.0, 560.0]]))
+    refused: list[Problem] = [
+        (camera, images, worlds[:2]),
+        (camera, [crossed], worlds[:1]),
+        (narrow, [beyond], worlds[:1]),
+    ]
+    found = rp.estimate_poses([batch[0], *refused, batch[2]])
+    for error, needed in zip(found[1:4], ("3 observed and 2 world", "region 0: edge", "image region 0"), strict=True):
+        assert isinstance(error, rp.PoseError) and needed in str(error)
+    for estimate, expected in zip([found[0], found[4]], solved([batch[0], batch[2]]), strict=True):
+        assert isinstance(estimate, rp.PoseEstimate)
+        assert_same(estimate, expected)
+
+
+def test_the_error_names_what_is_no_problem(batch: list[Problem]) -> None:
+    camera, _, worlds = batch[1]
     with pytest.raises(ValueError, match="problem 1: region 0 is a str; needed a ImageRegion"):
         rp.estimate_poses([batch[0], (camera, ["mask"], worlds)])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="threads is 0; it needs to be at least 1"):

@@ -2,12 +2,7 @@
 
 mod support;
 
-use regionpose::batch::in_parallel;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::System;
-use regionpose::prior::Prior;
-use regionpose::search::candidates::Start;
-use regionpose::verdict::estimate::{Estimate, Refinement};
+use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 use support::random::Random;
 use support::scene::{Layout, Scene};
 
@@ -17,12 +12,7 @@ fn scenes() -> Vec<Scene> {
 }
 
 fn estimates(scenes: &[Scene], threads: Option<usize>) -> Vec<Estimate> {
-    let solve = |scene: &Scene| {
-        scene
-            .problem(System::Plane, Integration::Boundary)
-            .estimate(Start::Global, &Prior::default(), Refinement::Contour)
-            .unwrap()
-    };
+    let solve = |scene: &Scene| scene.problem(System::Plane, Integration::Boundary).estimate().unwrap();
     in_parallel(scenes, threads, solve).unwrap()
 }
 
@@ -31,9 +21,10 @@ fn bits(estimate: &Estimate) -> Vec<u64> {
     let alternatives = estimate.alternatives.iter();
     let solutions = std::iter::once(&estimate.best).chain(alternatives);
     let numbers = solutions.flat_map(|solution| {
-        let pose = solution.minimum.pose;
+        let pose = solution.pose;
         let entries: Vec<f64> = pose.rotation.matrix().iter().chain(pose.translation.iter()).copied().collect();
-        entries.into_iter().chain([solution.minimum.cost, solution.overlap_error])
+        let cost = solution.minimum.as_ref().map(|minimum| minimum.cost);
+        entries.into_iter().chain(cost).chain([solution.overlap_error])
     });
     numbers.chain(estimate.best.covariance.iter().copied()).map(f64::to_bits).collect()
 }
@@ -43,12 +34,30 @@ fn answers_are_the_same_for_any_number_of_threads_and_in_order() {
     let scenes = scenes();
     let one = estimates(&scenes, Some(1));
     for (scene, estimate) in scenes.iter().zip(&one) {
-        assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+        assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     }
     for threads in [Some(2), Some(3), None] {
         for (a, b) in one.iter().zip(&estimates(&scenes, threads)) {
             assert_eq!(bits(a), bits(b), "{threads:?} threads");
             assert_eq!(a.warnings, b.warnings);
+        }
+    }
+}
+
+/// One region of the batch has no area, another no partner: each has its own answer, the others theirs.
+#[test]
+fn a_problem_that_is_refused_or_unsolved_leaves_the_others_alone() {
+    let mut scenes = scenes();
+    scenes[3].observed[0].rings[0].truncate(2);
+    scenes[5].observed.pop();
+    let solve = |scene: &Scene| Ok(Problem::new(&scene.observed, &scene.worlds)?.estimate());
+    let answers: Vec<Result<Option<Estimate>>> = in_parallel(&scenes, Some(2), solve).unwrap();
+    for (index, (scene, answer)) in scenes.iter().zip(&answers).enumerate() {
+        match (index, answer) {
+            (3, Err(error)) => assert!(error.to_string().starts_with("region 0: ring 0 has 2 distinct"), "{error}"),
+            (5, Err(error)) => assert!(error.to_string().starts_with("there are "), "{error}"),
+            (_, Ok(Some(estimate))) => assert!(scene.errors(&estimate.best.pose).0 < 1e-9, "problem {index}"),
+            (_, other) => panic!("problem {index}: {other:?}"),
         }
     }
 }

@@ -3,19 +3,15 @@
 mod support;
 
 use nalgebra::{DVector, Vector2, Vector3};
-use regionpose::Error;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::{System, Weighting};
+use regionpose::equations::system::Weighting;
 use regionpose::geometry::clipping::intersection;
 use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::pose::{Pose, Tangent};
+use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::moments::plane::planar_moments;
-use regionpose::prior::Prior;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::search::candidates::{Problem, Start};
-use regionpose::search::fit::region_overlap;
-use regionpose::verdict::estimate::Refinement;
+use regionpose::verdict::coverage::region_overlap;
+use regionpose::{Error, Integration, ObservedRegion, Options, Pose, Problem, Refinement, System, WorldRegion};
+use support::contours::distances;
 use support::jacobian::assert_jacobian;
 use support::random::Random;
 use support::scene::{FOCAL, Ring, SpaceRing, pierced_star, placed, rectangle, rendered, seen_plane, star};
@@ -143,7 +139,7 @@ impl Cut {
     }
 
     fn problem(&self, world: WorldRegion, system: System) -> Problem {
-        Problem::new(std::slice::from_ref(&self.observed), vec![world], system, Integration::Boundary).unwrap()
+        Problem::with(std::slice::from_ref(&self.observed), &[world], system, Integration::Boundary).unwrap()
     }
 }
 
@@ -160,7 +156,7 @@ fn at_the_true_pose_the_cut_prediction_is_what_was_observed() {
             assert!(overlap.error() < 1e-10, "seed {seed}: {overlap:?}");
             // The whole prediction is another region altogether.
             let whole = ObservedRegion { borders: Vec::new(), ..scene.observed.clone() };
-            let problem = Problem::new(&[whole], vec![world], system, Integration::Boundary).unwrap();
+            let problem = Problem::with(&[whole], &[world], system, Integration::Boundary).unwrap();
             assert!(problem.evaluate(&scene.pose, Weighting::Uniform).unwrap().residual.amax() > 0.1);
         }
     }
@@ -198,7 +194,7 @@ fn derivatives_of_a_cut_surface_agree_with_differences() {
     let triangles: Vec<_> = (0..16).flat_map(cell).collect();
     let world = WorldRegion::from_mesh(&vertices, &triangles).unwrap();
     let observed = cut(&world.rings(), &pose, &Vector3::new(1.0, 0.3, 0.0).normalize());
-    let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary).unwrap();
+    let problem = Problem::new(&[observed], &[world]).unwrap();
     let evaluated = |x: &Tangent| problem.evaluate_moved(&pose, x, Weighting::Uniform).unwrap();
     assert!(evaluated(&Tangent::zeros()).residual.amax() < 0.02, "the surface is cut where it was seen cut");
     let at = random.tangent(0.01, 0.02);
@@ -212,9 +208,9 @@ fn a_cut_region_alone_gives_its_pose() {
             let scene = Cut::random(seed, true);
             let world = WorldRegion::from_rings(&scene.rings).unwrap();
             let problem = scene.problem(world, System::Plane);
-            let estimate = problem.estimate(Start::Global, &Prior::default(), refinement).unwrap();
+            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
             let found = std::iter::once(&estimate.best).chain(&estimate.alternatives);
-            let error = found.map(|s| s.minimum.pose.angle_to(&scene.pose)).fold(f64::INFINITY, f64::min);
+            let error = found.map(|s| s.pose.angle_to(&scene.pose)).fold(f64::INFINITY, f64::min);
             let allowed = if refinement == Refinement::Off { EXACT } else { ROUNDED };
             assert!(error < allowed, "seed {seed}, {refinement:?}: {error} rad");
             assert!(estimate.best.overlap_error < 1e-4, "seed {seed}: {}", estimate.best.overlap_error);
@@ -226,12 +222,13 @@ fn a_cut_region_alone_gives_its_pose() {
 fn pieces_along_the_border_are_left_out() {
     let scene = Cut::random(1, true);
     let world = WorldRegion::from_rings(&scene.rings).unwrap();
-    let cut = scene.problem(world.clone(), System::Plane).contour_distances(&scene.pose).unwrap().residual;
+    let cut = distances(&scene.problem(world.clone(), System::Plane), &scene.pose);
     let whole = ObservedRegion { borders: Vec::new(), ..scene.observed.clone() };
-    let problem = Problem::new(&[whole], vec![world], System::Plane, Integration::Boundary).unwrap();
-    let all = problem.contour_distances(&scene.pose).unwrap().residual;
-    assert!(cut.len() < all.len() && cut.amax() < 1.5, "{} of {}, {}", cut.len(), all.len(), cut.amax());
-    assert!(all.amax() > 10.0, "the border lies far from the boundary");
+    let problem = Problem::new(&[whole], &[world]).unwrap();
+    let all = distances(&problem, &scene.pose);
+    let farthest = |distances: &[f64]| distances.iter().fold(0.0_f64, |far, distance| far.max(distance.abs()));
+    assert!(cut.len() < all.len() && farthest(&cut) < 1.5, "{} of {}, {}", cut.len(), all.len(), farthest(&cut));
+    assert!(farthest(&all) > 10.0, "the border lies far from the boundary");
 }
 
 #[test]
@@ -242,10 +239,10 @@ fn a_region_that_reaches_behind_the_camera_is_cut_before_it() {
     let normal = Vector3::new(0.0, -1.0, 0.5).normalize();
     let observed = cut(std::slice::from_ref(&floor), &Pose::identity(), &normal);
     let world = WorldRegion::from_rings(&[floor]).unwrap();
-    let problem = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary).unwrap();
+    let problem = Problem::new(&[observed], &[world]).unwrap();
     let residual = problem.evaluate(&Pose::identity(), Weighting::Uniform).unwrap().residual;
     assert!(residual.amax() < 1e-9, "{}", residual.amax());
-    assert!(problem.contour_distances(&Pose::identity()).unwrap().residual.amax() < 1.5);
+    assert!(distances(&problem, &Pose::identity()).iter().all(|distance| distance.abs() < 1.5));
 }
 
 #[test]
@@ -255,10 +252,25 @@ fn the_side_of_the_border_is_that_of_the_region_whichever_way_it_runs() {
     let mut turned = scene.observed.clone();
     turned.borders[0].reverse();
     let residual = |observed: ObservedRegion| {
-        let problem = Problem::new(&[observed], vec![world.clone()], System::Plane, Integration::Boundary).unwrap();
+        let problem = Problem::new(&[observed], std::slice::from_ref(&world)).unwrap();
         problem.evaluate(&scene.pose, Weighting::Uniform).unwrap().residual
     };
     assert!((residual(turned) - residual(scene.observed.clone())).amax() < ROUNDING);
+}
+
+#[test]
+fn a_line_of_no_bearings_is_refused_by_its_number() {
+    let scene = Cut::random(5, true);
+    let world = WorldRegion::from_rings(&scene.rings).unwrap();
+    for (line, found) in [(vec![], 0), (vec![scene.observed.borders[0][0]], 1)] {
+        let mut observed = scene.observed.clone();
+        observed.borders.push(line);
+        let message = Problem::new(&[observed], std::slice::from_ref(&world)).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            format!("region 0: border line 1 has {found} bearings; a line of the border needs at least 2")
+        );
+    }
 }
 
 #[test]
@@ -267,6 +279,6 @@ fn an_outline_that_lies_on_the_border_is_refused() {
     let mut observed = ObservedRegion::new(vec![ring.clone()], 0.12 * FOCAL * FOCAL);
     observed.borders = vec![ring.iter().chain(&ring[..1]).copied().collect()];
     let world = WorldRegion::from_rings(&[ring]).unwrap();
-    let error = Problem::new(&[observed], vec![world], System::Plane, Integration::Boundary).unwrap_err();
+    let error = Problem::new(&[observed], &[world]).unwrap_err();
     assert!(matches!(error, Error::InRegion { .. }) && error.to_string().contains("0.0 %"), "{error}");
 }

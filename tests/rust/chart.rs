@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::error::Error;
+use regionpose::Error;
 use regionpose::moments::plane::planar_moments;
 use regionpose::view::bearing_rings::BearingRings;
 use regionpose::view::chart::{Chart, MIN_COSINE};

@@ -1,17 +1,14 @@
-//! Poses on observed contours: distances and their derivatives, bites out of regions, and what stays as it was.
+//! Poses on observed contours: readings and their derivatives, bites out of regions, and what stays as it was.
 
 mod support;
 
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::System;
-use regionpose::geometry::pose::{Pose, Tangent};
-use regionpose::prior::Prior;
-use regionpose::region::ObservedRegion;
-use regionpose::search::candidates::{Problem, Start};
-use regionpose::verdict::estimate::{Estimate, Refinement};
-use regionpose::verdict::warning::Warning;
+use regionpose::contour::fit::{ContourFit, refined};
+use regionpose::contour::readings::{NormalEquations, Reading};
+use regionpose::geometry::pose::Tangent;
+use regionpose::{Estimate, ObservedRegion, Options, Pose, Problem, Refinement, Warning};
+use support::contours::{all_bitten, distances, one_turned, readings, rows};
 use support::jacobian::differences;
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Scene, SpaceRing};
@@ -22,50 +19,29 @@ const DIFFERENCES: f64 = 1e-6;
 /// Differences of two lengths agree this well where the distance is smooth.
 const SMOOTH: f64 = 1e-7;
 
+/// Sums in another order differ by rounding.
+const ROUNDING: f64 = 1e-9;
+
 fn layout(regions: usize) -> Layout {
     Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() }
 }
 
 fn problem(scene: &Scene, observed: &[ObservedRegion]) -> Problem {
-    Problem::new(observed, scene.worlds.clone(), System::Plane, Integration::Boundary).unwrap()
+    Problem::new(observed, &scene.worlds).unwrap()
 }
 
 fn estimated(scene: &Scene, observed: &[ObservedRegion], refinement: Refinement) -> Estimate {
-    problem(scene, observed).estimate(Start::Global, &Prior::default(), refinement).unwrap()
-}
-
-/// The ring with a part of its longest edge pushed by a tenth of that edge, inwards or outwards, as a segmenter's mistake.
-fn bitten(ring: &SpaceRing, side: f64) -> SpaceRing {
-    let lengths: Vec<f64> = (0..ring.len()).map(|k| (ring[(k + 1) % ring.len()] - ring[k]).norm()).collect();
-    let longest = (0..ring.len()).max_by(|&a, &b| lengths[a].total_cmp(&lengths[b])).unwrap();
-    let (a, b) = (ring[longest], ring[(longest + 1) % ring.len()]);
-    let push = a.cross(&b).normalize() * (0.1 * lengths[longest] * side);
-    let along = |share: f64| a.lerp(&b, share);
-    let bite = [along(0.4), along(0.4) + push, along(0.6) + push, along(0.6)].map(|p| p.normalize());
-    let mut result = ring[..=longest].to_vec();
-    result.extend(bite);
-    result.extend(&ring[longest + 1..]);
-    result
-}
-
-/// The observed regions with a bite out of the outline of each.
-fn all_bitten(scene: &Scene, side: f64) -> Vec<ObservedRegion> {
-    let disturb = |region: &ObservedRegion| {
-        let mut rings = region.rings.clone();
-        rings[0] = bitten(&rings[0], side);
-        ObservedRegion::new(rings, region.pixel_area)
-    };
-    scene.observed.iter().map(disturb).collect()
+    problem(scene, observed).estimate_with(&Options { refinement, ..Options::default() }).unwrap()
 }
 
 #[test]
 fn at_the_true_pose_all_distances_vanish_but_for_corners() {
     let scene = Scene::random(&mut Random::new(1), layout(2));
-    let distances = problem(&scene, &scene.observed).contour_distances(&scene.pose).unwrap().residual;
+    let distances = distances(&problem(&scene, &scene.observed), &scene.pose);
     // A piece that holds a corner has its mean inside it.
     let near = distances.iter().filter(|distance| distance.abs() < 1e-6).count();
     assert!(near as f64 > 0.9 * distances.len() as f64, "{near} of {}", distances.len());
-    assert!(distances.amax() < 1.5, "{}", distances.amax());
+    assert!(distances.iter().all(|distance| distance.abs() < 1.5), "{distances:?}");
 }
 
 #[test]
@@ -75,10 +51,69 @@ fn distances_are_in_pixels() {
         [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)].map(|(x, y)| Vector3::new(x, y, 4.0)).to_vec();
     let scene = Scene::of_rings(Pose::identity(), &[vec![square.clone()]]);
     let further = Pose::new(Pose::identity().rotation, Vector3::new(0.0, 0.0, 4.0));
-    let distances = problem(&scene, &scene.observed).contour_distances(&further).unwrap().residual;
+    let distances = distances(&problem(&scene, &scene.observed), &further);
     let middle = FOCAL * 0.1 * (1.0 / 4.0 - 1.0 / 8.0);
     let beside = distances.iter().filter(|distance| (distance.abs() / middle - 1.0).abs() < 1e-3).count();
     assert!(beside as f64 > 0.4 * distances.len() as f64, "{beside} of {} are {middle} off", distances.len());
+}
+
+#[test]
+fn a_piece_across_the_boundary_counts_as_farther_than_its_mean() {
+    let scene = Scene::random(&mut Random::new(3), layout(1));
+    let bitten = readings(&problem(&scene, &all_bitten(&scene, -1.0)), &scene.pose).unwrap();
+    assert!(
+        bitten
+            .iter()
+            .all(|reading| reading.misfit >= reading.distance.abs() * (1.0 - ROUNDING) && reading.spread > -ROUNDING)
+    );
+    // The two sides of the bite cross the outline: a piece of three pixels spreads by up to 9 / 12 across it.
+    let crossing = |reading: &&Reading| reading.spread > 0.5;
+    assert!(bitten.iter().filter(crossing).all(|reading| reading.misfit > reading.distance.abs() + 0.01));
+    assert!(bitten.iter().filter(crossing).count() >= 2);
+}
+
+#[test]
+fn few_pieces_read_as_they_do_among_all() {
+    let scene = Scene::random(&mut Random::new(5), layout(2));
+    let problem = problem(&scene, &scene.observed);
+    let pose = problem.centred(&scene.pose.moved(&Random::new(6).tangent(0.02, 0.05)));
+    for contour in problem.contours() {
+        let (mut all, mut few) = (Vec::new(), Vec::new());
+        contour.read(&pose, 1, &mut all).unwrap();
+        contour.read(&pose, 7, &mut few).unwrap();
+        assert_eq!((all.len(), few.len()), (contour.count(1), contour.count(7)));
+        assert_eq!(few, all.into_iter().step_by(7).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn normal_equations_are_sums_over_the_rows() {
+    let scene = Scene::random(&mut Random::new(7), layout(2));
+    let problem = problem(&scene, &scene.observed);
+    let pose = scene.pose.moved(&Random::new(8).tangent(0.02, 0.05));
+    let weight = |reading: &Reading| 1.0 / (1.0 + reading.misfit);
+    let mut equations = NormalEquations::default();
+    for contour in problem.contours() {
+        contour.add_normal_equations(&problem.centred(&pose), 1, weight, &mut equations).unwrap();
+    }
+    let (mut matrix, mut gradient) = (Matrix6::zeros(), Tangent::zeros());
+    for (reading, row) in rows(&problem, &pose) {
+        // The weight is that of the distance: the equations are of its square, as is the weight that they are given.
+        matrix += row * row.transpose() * weight(&reading);
+        gradient += row * (weight(&reading) * reading.distance);
+    }
+    assert!((equations.matrix - matrix).amax() < ROUNDING * matrix.amax());
+    assert!((equations.gradient - gradient).amax() < ROUNDING * gradient.amax());
+}
+
+#[test]
+fn a_pose_that_shows_nothing_has_no_readings() {
+    let scene = Scene::random(&mut Random::new(9), layout(1));
+    let behind = Pose::new(scene.pose.rotation, scene.pose.translation - Vector3::z() * 20.0);
+    let problem = problem(&scene, &scene.observed);
+    assert!(readings(&problem, &behind).is_none());
+    assert!(ContourFit::at(problem.contours(), &problem.centred(&behind), 1).is_none());
+    assert!(refined(problem.contours(), &problem.centred(&behind), 1).is_none());
 }
 
 #[test]
@@ -89,11 +124,11 @@ fn bites_out_of_regions_hardly_move_the_pose() {
             let observed = all_bitten(&scene, side);
             let moments = estimated(&scene, &observed, Refinement::Off);
             let refined = estimated(&scene, &observed, Refinement::Contour);
-            let (by_moments, by_contour) =
-                (scene.errors(&moments.best.minimum.pose).0, scene.errors(&refined.best.minimum.pose).0);
+            let (by_moments, by_contour) = (scene.errors(&moments.best.pose).0, scene.errors(&refined.best.pose).0);
             assert!(by_contour < 5e-4, "seed {seed}: {by_contour} rad, {by_moments} by moments");
             assert!(by_contour < 0.2 * by_moments, "seed {seed}: {by_contour} against {by_moments}");
-            assert!(refined.best.contour.is_some_and(|fit| fit.mixture.disturbed > 0.005));
+            assert!(refined.best.minimum.is_none() && moments.best.minimum.is_some());
+            assert!(refined.best.fit.mixture.disturbed.iter().all(|&share| share > 0.005));
         }
     }
 }
@@ -103,14 +138,8 @@ fn a_region_that_does_not_belong_is_named_and_leaves_the_pose_alone() {
     for seed in 60..70 {
         let scene = Scene::random(&mut Random::new(seed), layout(4));
         let wrong = seed as usize % 4;
-        let mut observed = scene.observed.clone();
-        // Turned about its own line of sight.
-        let middle = observed[wrong].rings[0].iter().sum::<Vector3<f64>>().normalize();
-        let turn = Rotation3::from_axis_angle(&Unit::new_normalize(middle), 1.0);
-        let rings = observed[wrong].rings.iter().map(|ring| ring.iter().map(|r| turn * r).collect()).collect();
-        observed[wrong] = ObservedRegion::new(rings, observed[wrong].pixel_area);
-        let estimate = estimated(&scene, &observed, Refinement::Contour);
-        let error = scene.errors(&estimate.best.minimum.pose).0;
+        let estimate = estimated(&scene, &one_turned(&scene, wrong), Refinement::Contour);
+        let error = scene.errors(&estimate.best.pose).0;
         assert!(error < 1e-3, "seed {seed}: {error} rad");
         let named: Vec<usize> = estimate
             .warnings
@@ -127,12 +156,7 @@ fn a_region_that_does_not_belong_is_named_and_leaves_the_pose_alone() {
 fn of_two_regions_that_disagree_neither_is_certain() {
     for seed in 90..94 {
         let scene = Scene::random(&mut Random::new(seed), layout(2));
-        let mut observed = scene.observed.clone();
-        let middle = observed[1].rings[0].iter().sum::<Vector3<f64>>().normalize();
-        let turn = Rotation3::from_axis_angle(&Unit::new_normalize(middle), 1.0);
-        let rings = observed[1].rings.iter().map(|ring| ring.iter().map(|r| turn * r).collect()).collect();
-        observed[1] = ObservedRegion::new(rings, observed[1].pixel_area);
-        let estimate = estimated(&scene, &observed, Refinement::Contour);
+        let estimate = estimated(&scene, &one_turned(&scene, 1), Refinement::Contour);
         assert!(!estimate.warnings.is_empty(), "seed {seed}");
         assert!(estimate.best.confidence <= 0.85, "seed {seed}: {}", estimate.best.confidence);
     }
@@ -151,8 +175,8 @@ fn clean_contours_leave_the_moments_pose_as_it_is() {
         let scene = Scene::random(&mut Random::new(seed), layout(2));
         let moments = estimated(&scene, &scene.observed, Refinement::Off);
         let refined = estimated(&scene, &scene.observed, Refinement::Contour);
-        assert_eq!(moments.best.minimum.pose, refined.best.minimum.pose);
-        assert!(refined.best.contour.is_none());
+        assert_eq!(moments.best.pose, refined.best.pose);
+        assert!(refined.best.minimum.is_some() && refined.best.fit.is_clean());
     }
 }
 
@@ -161,14 +185,21 @@ fn a_refined_pose_is_likelier_than_its_start() {
     for seed in 40..46 {
         let scene = Scene::random(&mut Random::new(seed), layout(2));
         let observed = all_bitten(&scene, 1.0);
-        let squares = |pose: &Pose| {
-            let distances = problem(&scene, &observed).contour_distances(pose).unwrap().residual;
-            // A robust sum: distances count up to two pixels.
-            distances.iter().map(|distance| distance.abs().min(2.0)).sum::<f64>()
+        let problem = problem(&scene, &observed);
+        let likelihood = |pose: &Pose| {
+            let fit = ContourFit::at(problem.contours(), &problem.centred(pose), 1).unwrap();
+            fit.mixture.likelihood
         };
-        let moments = estimated(&scene, &observed, Refinement::Off).best.minimum.pose;
-        let refined = estimated(&scene, &observed, Refinement::Contour).best.minimum.pose;
-        assert!(squares(&refined) < squares(&moments));
+        // A robust sum: distances count up to two pixels.
+        let sum = |pose: &Pose| distances(&problem, pose).iter().map(|distance| distance.abs().min(2.0)).sum::<f64>();
+        let moments = estimated(&scene, &observed, Refinement::Off).best.pose;
+        let contours = estimated(&scene, &observed, Refinement::Contour).best.pose;
+        assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
+        let start = problem.centred(&scene.pose.moved(&Random::new(seed).tangent(0.02, 0.05)));
+        let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
+        let led = refined(problem.contours(), &start, 1).unwrap();
+        assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
+        assert!(led.gain_over(&at_start) > 0.0 && led.against(&at_start) > 0.0 && led.against(&led) == 0.0);
     }
 }
 
@@ -181,8 +212,8 @@ proptest! {
         let scene = Scene::random(&mut random, layout(1));
         let problem = problem(&scene, &scene.observed);
         let pose = scene.pose.moved(&random.tangent(0.01, 0.02));
-        let values = |x: &Tangent| problem.contour_distances(&pose.moved(x)).unwrap().residual;
-        let jacobian = problem.contour_distances(&pose).unwrap().jacobian;
+        let values = |x: &Tangent| DVector::from_vec(distances(&problem, &pose.moved(x)));
+        let rows = rows(&problem, &pose);
         // Where a piece's nearest edge changes within the step, differences of two lengths disagree.
         let wide = differences(&values, &Tangent::zeros(), 1.0);
         let narrow = differences(&|x: &Tangent| values(&(x * 0.5)), &Tangent::zeros(), 1.0) * 2.0;
@@ -191,7 +222,7 @@ proptest! {
             .collect();
         prop_assert!(smooth.len() as f64 > 0.85 * wide.nrows() as f64, "{} of {}", smooth.len(), wide.nrows());
         for row in smooth {
-            let error = (jacobian.row(row) - narrow.row(row)).amax() / narrow.row(row).amax();
+            let error = (rows[row].1.transpose() - narrow.row(row)).amax() / narrow.row(row).amax();
             prop_assert!(error < DIFFERENCES, "row {row}: {error:.1e}");
         }
     }

@@ -4,15 +4,9 @@ mod support;
 
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::System;
-use regionpose::geometry::pose::Pose;
-use regionpose::prior::Prior;
-use regionpose::region::ObservedRegion;
-use regionpose::search::candidates::{Problem, Start};
 use regionpose::search::corners::{corner_poses, is_plausible, projected_area, simplified, triangle_poses};
-use regionpose::verdict::estimate::{Estimate, Refinement};
 use regionpose::view::chart::Chart;
+use regionpose::{Estimate, ObservedRegion, Pose, Problem};
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 
@@ -124,15 +118,15 @@ fn a_true_pose_is_always_among_those_of_a_triangle() {
         let scene = Scene::of_shapes(&mut random, vec![vec![ring]], Layout::default());
         let estimate = estimated(&scene, &scene.observed);
         let answers = std::iter::once(&estimate.best).chain(&estimate.alternatives);
-        let least = answers.map(|answer| scene.errors(&answer.minimum.pose).0).fold(f64::INFINITY, f64::min);
+        let least = answers.map(|answer| scene.errors(&answer.pose).0).fold(f64::INFINITY, f64::min);
         // Two solutions within half a degree are one answer.
         assert!(least < 0.01, "view {view}: {least}");
     }
 }
 
 fn estimated(scene: &Scene, observed: &[ObservedRegion]) -> Estimate {
-    let problem = Problem::new(observed, scene.worlds.clone(), System::Plane, Integration::Boundary).unwrap();
-    problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).unwrap()
+    let problem = Problem::new(observed, &scene.worlds).unwrap();
+    problem.estimate().unwrap()
 }
 
 /// What is left of a ring of bearings on the near side of a plane through the camera.
@@ -184,7 +178,7 @@ fn a_region_alone_is_found_behind_an_edge() {
             let scene = Scene::random(&mut random, layout);
             let observed = hidden(&mut random, &scene.observed[0], share);
             let estimate = estimated(&scene, &[observed]);
-            let error = scene.errors(&estimate.best.minimum.pose).0;
+            let error = scene.errors(&estimate.best.pose).0;
             let right = error < 0.02;
             assert!(
                 right || !estimate.warnings.is_empty(),

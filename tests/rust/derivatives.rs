@@ -5,15 +5,15 @@ mod support;
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
-use regionpose::equations::facet::{Integration, SPHERE_MESH_SIZE};
+use regionpose::equations::facet::SPHERE_MESH_SIZE;
 use regionpose::equations::residual::{Evaluation, cost, normal_equations};
-use regionpose::equations::system::{System, Weighting};
-use regionpose::geometry::pose::{Pose, Tangent};
+use regionpose::equations::system::Weighting;
+use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
-use regionpose::region::{PlaneFrame, WorldRegion};
-use regionpose::search::candidates::Problem;
+use regionpose::region::PlaneFrame;
+use regionpose::{Integration, Pose, Problem, System, WorldRegion};
 use support::jacobian::{assert_jacobian, jacobian_error};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, pierced_star, placed, rendered, seen_plane, star};
@@ -198,9 +198,7 @@ fn jacobians_of_several_regions_are_stacked() {
     let all = scene.problem(System::Plane, Integration::Boundary).evaluate(&scene.pose, Weighting::Uniform).unwrap();
     assert_eq!(all.residual.len(), 39);
     for (k, (observed, world)) in scene.observed.iter().zip(&scene.worlds).enumerate() {
-        let one =
-            Problem::new(std::slice::from_ref(observed), vec![world.clone()], System::Plane, Integration::Boundary)
-                .unwrap();
+        let one = Problem::new(std::slice::from_ref(observed), std::slice::from_ref(world)).unwrap();
         let one = one.evaluate(&scene.pose, Weighting::Uniform).unwrap();
         assert!((all.jacobian.rows(13 * k, 13) - one.jacobian).amax() < 1e-12);
     }
@@ -286,7 +284,7 @@ fn a_surface_that_is_cut_from_a_plane_gives_the_plane_equations() {
     let flat = WorldRegion::from_rings(&rings).unwrap();
     let mesh = WorldRegion::from_mesh(&vertices, &triangles).unwrap();
     let [flat, mesh] = [flat, mesh].map(|world| {
-        let problem = Problem::new(&observed, vec![world], System::Plane, Integration::Boundary).unwrap();
+        let problem = Problem::new(&observed, &[world]).unwrap();
         problem.evaluate(&pose, Weighting::Uniform).unwrap()
     });
     assert!((flat.residual - mesh.residual).amax() < 1e-12);

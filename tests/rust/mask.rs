@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 use proptest::prelude::*;
-use regionpose::error::Error;
+use regionpose::Error;
 use regionpose::view::mask::{Mask, MaskContours, MaskValue};
 
 fn contours<T: MaskValue>(values: &[T], columns: usize) -> Result<MaskContours, Error> {

@@ -4,7 +4,7 @@ mod support;
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::geometry::pose::Pose;
+use regionpose::Pose;
 use regionpose::search::p3p::three_point_poses;
 use support::random::Random;
 

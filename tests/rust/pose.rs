@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DVector, Dyn, Matrix3, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use proptest::prelude::*;
-use regionpose::error::Error;
-use regionpose::geometry::pose::{Pose, Tangent, cross_matrix, increment_derivative};
+use regionpose::geometry::pose::{Tangent, cross_matrix, increment_derivative};
+use regionpose::{Error, Pose};
 use support::jacobian::assert_jacobian;
 use support::random::Random;
 

@@ -4,15 +4,9 @@
 mod support;
 
 use nalgebra::{Rotation3, Vector3};
-use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares::{Minimum, Termination};
-use regionpose::equations::system::System;
-use regionpose::geometry::pose::Pose;
-use regionpose::prior::{PoseSigma, Prior};
-use regionpose::region::WorldRegion;
-use regionpose::search::candidates::Start;
-use regionpose::verdict::estimate::{Estimate, Refinement};
-use regionpose::verdict::warning::{Cause, Warning};
+use regionpose::verdict::warning::Cause;
+use regionpose::{Estimate, Integration, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 
@@ -23,7 +17,8 @@ const SYMMETRIC: f64 = 1e-8;
 const ROUGH: PoseSigma = PoseSigma { rotation: 0.1, place: 0.2 };
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
-    scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, prior, Refinement::Contour).unwrap()
+    let options = Options { prior: *prior, ..Options::default() };
+    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
 }
 
 fn codes(estimate: &Estimate) -> Vec<&'static str> {
@@ -77,7 +72,7 @@ fn a_rough_pose_with_its_uncertainty_leaves_one_pose_of_a_symmetric_shape() {
             assert_eq!(codes(&estimated(&scene, &start)), ["ambiguous"]);
             let estimate = estimated(&scene, &prior);
             assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
-            let (angle, place) = scene.errors(&estimate.best.minimum.pose);
+            let (angle, place) = scene.errors(&estimate.best.pose);
             assert!(angle.max(place) < SYMMETRIC, "{angle:.1e} rad, {place:.1e}");
         }
     }
@@ -96,7 +91,7 @@ fn up_and_the_visible_side_together_leave_one_pose_of_a_rectangle() {
         assert_eq!(estimated(&scene, &Prior::default()).alternatives.len(), 1, "half of four see its front");
         let estimate = estimated(&scene, &up);
         assert!(estimate.warnings.is_empty(), "{:?}", estimate.warnings);
-        assert!(scene.errors(&estimate.best.minimum.pose).0 < SYMMETRIC);
+        assert!(scene.errors(&estimate.best.pose).0 < SYMMETRIC);
     }
 }
 
@@ -109,7 +104,7 @@ fn a_rough_prior_does_not_move_a_pose_that_is_held() {
         let free = estimated(&scene, &Prior::default());
         for prior in [rough(&mut random, &scene.pose), up_of(&scene.pose)] {
             let told = estimated(&scene, &prior);
-            assert!(told.best.minimum.pose.angle_to(&free.best.minimum.pose) < 1e-9);
+            assert!(told.best.pose.angle_to(&free.best.pose) < 1e-9);
             assert_eq!(told.warnings, free.warnings);
         }
     }
@@ -123,7 +118,7 @@ fn a_pose_elsewhere_than_the_initial_one_is_warned_of_and_stands() {
     let away = Pose::new(scene.pose.rotation, -(scene.pose.rotation * (true_centre + Vector3::new(3.0, 0.0, 0.0))));
     let prior = Prior { initial: Some(away), initial_sigma: Some(ROUGH), ..Prior::default() };
     let estimate = estimated(&scene, &prior);
-    assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+    assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     assert_eq!(codes(&estimate), ["initial-contradicted"]);
     let message = estimate.warnings[0].to_string();
     assert!(message.starts_with("the pose lies 0.00 deg and 3000.0 mm from the initial one, 15.0 times"), "{message}");
@@ -152,7 +147,7 @@ fn an_up_direction_or_a_side_that_no_pose_shows_is_warned_of() {
     };
     scene.worlds[1] = scene.worlds[1].clone().seen_from(mirrored(&scene.worlds[1])).unwrap();
     let estimate = estimated(&scene, &Prior::default());
-    assert!(scene.errors(&estimate.best.minimum.pose).0 < 1e-9);
+    assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     assert_eq!(codes(&estimate), ["side-contradicted"]);
     assert!(estimate.warnings[0].to_string().starts_with("region 1 is seen from behind"));
     seen_from_the_camera(&mut scene);
@@ -177,7 +172,7 @@ fn an_ambiguous_pose_says_how_far_the_others_are() {
     let estimate = estimated(&scene, &Prior::default());
     let Some(Warning::Ambiguous { others }) = estimate.warnings.first() else { panic!("{:?}", estimate.warnings) };
     assert_eq!(others.len(), 3);
-    let best = estimate.best.minimum.pose;
+    let best = estimate.best.pose;
     for way in others {
         assert!((way.degrees - 180.0).abs() < 1e-5 && (way.axis.norm() - 1.0).abs() < 1e-9);
         let turned = Rotation3::new(way.axis * way.degrees.to_radians()) * best.rotation;
@@ -186,7 +181,7 @@ fn an_ambiguous_pose_says_how_far_the_others_are() {
             let shift = (pose.inverse().translation - best.inverse().translation).norm();
             (turned.matrix() - pose.rotation.matrix()).amax() < 1e-6 && (way.shift - shift).abs() < 1e-6
         };
-        assert!(estimate.alternatives.iter().any(|other| leads_to(&other.minimum.pose)), "{way}");
+        assert!(estimate.alternatives.iter().any(|other| leads_to(&other.pose)), "{way}");
     }
     let message = estimate.warnings[0].to_string();
     assert!(message.starts_with("3 other pose(s) fit as well") && message.matches("180.0 deg about").count() == 3);
@@ -248,9 +243,7 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         termination: Termination::EvaluationLimit,
         evaluations: 140,
     };
-    let judged = |converged: bool| {
-        problem.judged(vec![ended(converged)], &Prior::default(), Refinement::Contour).unwrap().warnings
-    };
+    let judged = |converged: bool| problem.search(&Options::default()).judged(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());
     assert_eq!(
         judged(false)[0].to_string(),

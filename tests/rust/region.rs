@@ -4,9 +4,8 @@ mod support;
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use regionpose::error::Error;
-use regionpose::geometry::pose::Pose;
-use regionpose::region::{ObservedRegion, PlaneFrame, WorldRegion};
+use regionpose::region::PlaneFrame;
+use regionpose::{Error, ObservedRegion, Pose, WorldRegion};
 use support::random::Random;
 use support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 use proptest::prelude::*;
-use regionpose::error::{Contact, Error};
+use regionpose::Error;
+use regionpose::error::Contact;
 use regionpose::geometry::overlap::overlap_areas;
 use regionpose::geometry::rings::PlaneRings;
 

@@ -381,34 +381,6 @@ impl Search {
         evaluation.map(|evaluation| residual_jacobian(py, &evaluation)).transpose()
     }
 
-    /// DEBUG
-    fn fit_at(
-        &self,
-        rotation: &Bound<'_, PyAny>,
-        translation: &Bound<'_, PyAny>,
-        refine: usize,
-        step: usize,
-    ) -> PyResult<Option<(f64, f64, Vec<f64>, f64, f64, bool)>> {
-        let p = pose(rotation, translation)?;
-        let c = self.0.problem().contours();
-        let q = self.0.problem().centred(&p);
-        let fit = if refine > 0 {
-            regionpose::contour::fit::refined(c, &q, step)
-        } else {
-            regionpose::contour::fit::ContourFit::at(c, &q, step)
-        };
-        Ok(fit.map(|f| {
-            (
-                f.mixture.sigma,
-                f.mixture.wide,
-                f.clean_shares(),
-                f.mixture.likelihood,
-                f.pose.angle_to(&p).to_degrees(),
-                f.is_clean(),
-            )
-        }))
-    }
-
     /// Distance from the camera to the middle of the regions.
     fn distance(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(self.0.problem().distance(&pose(rotation, translation)?))

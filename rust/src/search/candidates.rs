@@ -91,6 +91,22 @@ pub enum Refinement {
 }
 
 /// How a pose is searched for.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Options, Prior, Problem, Refinement, WorldRegion};
+/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
+/// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
+/// # let worlds = [WorldRegion::from_rings(&[sign])?];
+/// // A camera held upright, in a world whose y axis points down; the moments alone decide.
+/// let prior = Prior { up: Some(-Vector3::y()), ..Prior::default() };
+/// let options = Options { prior, refinement: Refinement::Off, ..Options::default() };
+/// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options).expect("a pose in view");
+/// assert!(estimate.warnings.is_empty() && estimate.best.minimum.is_some());
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
     /// Where the search starts.
@@ -102,6 +118,21 @@ pub struct Options {
 }
 
 /// What a search found: the poses that may be the answer, about the problem's origin, and what decides between them.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Options, Problem, WorldRegion};
+/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
+/// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
+/// # let worlds = [WorldRegion::from_rings(&[sign])?];
+/// let search = Problem::new(&observed, &worlds)?.search(&Options::default());
+/// // Any least squares may run here; this one is `Problem::estimate`'s.
+/// let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
+/// assert!(search.judged(minima).is_some_and(|estimate| estimate.alternatives.is_empty()));
+/// # Ok::<(), regionpose::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Search {
     /// The problem, whitened for the boundary noise of its best candidate.

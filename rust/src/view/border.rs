@@ -40,7 +40,8 @@ impl Border {
     /// # Errors
     /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
     pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
-        let lines = lines.iter().map(|line| projected(line, chart)).collect::<Result<Vec<_>>>()?;
+        let numbered = lines.iter().enumerate();
+        let lines = numbered.map(|(index, line)| projected(index, line, chart)).collect::<Result<Vec<_>>>()?;
         let near = |p: &Vector2<f64>| lines.iter().any(|line| lies_along(line, p, ON_BORDER * pixel));
         let on_border: Vec<Vec<bool>> = outline
             .rings()
@@ -116,7 +117,10 @@ pub fn near_plane(ring: &[Vector3<f64>]) -> f64 {
 }
 
 /// A line of bearings in the chart, without what lies outside of it at both ends.
-fn projected(line: &[Bearing], chart: &Chart) -> Result<Vec<Vector2<f64>>> {
+fn projected(index: usize, line: &[Bearing], chart: &Chart) -> Result<Vec<Vector2<f64>>> {
+    if line.len() < 2 {
+        return Err(Error::ShortBorder { line: index, found: line.len() });
+    }
     let points: Vec<_> = line.iter().map(|bearing| chart.project(bearing)).collect();
     let first = points.iter().position(Option::is_some).unwrap_or(0);
     let last = points.iter().rposition(Option::is_some).unwrap_or(0);

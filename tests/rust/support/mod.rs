@@ -2,6 +2,7 @@
 //! and the one checker of derivatives.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
+pub mod contours;
 pub mod jacobian;
 pub mod random;
 pub mod scene;

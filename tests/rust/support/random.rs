@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
-use regionpose::geometry::pose::{Pose, Tangent};
+use regionpose::Pose;
+use regionpose::geometry::pose::Tangent;
 
 /// The SplitMix64 generator (Steele, Lea and Flood 2014).
 pub struct Random(u64);

@@ -3,13 +3,9 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
-use regionpose::equations::facet::Integration;
-use regionpose::equations::system::System;
-use regionpose::geometry::pose::Pose;
-use regionpose::region::{ObservedRegion, WorldRegion};
-use regionpose::search::candidates::Problem;
 
 use super::random::Random;
+use regionpose::{Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
 
 /// Pixels per radian of the cameras.
 pub const FOCAL: f64 = 1000.0;
@@ -171,7 +167,7 @@ impl Scene {
     }
 
     pub fn problem(&self, system: System, integration: Integration) -> Problem {
-        Problem::new(&self.observed, self.worlds.clone(), system, integration).unwrap()
+        Problem::with(&self.observed, &self.worlds, system, integration).unwrap()
     }
 
     /// Mean of the world regions' centres.

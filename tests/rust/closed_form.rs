@@ -4,17 +4,12 @@ mod support;
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares::{Stopping, minimize};
-use regionpose::equations::system::{System, Weighting};
-use regionpose::geometry::pose::Pose;
+use regionpose::equations::system::Weighting;
 use regionpose::geometry::rings::PlaneRings;
-use regionpose::prior::Prior;
-use regionpose::region::WorldRegion;
-use regionpose::search::candidates::Start;
 use regionpose::search::closed_form::{WantedTurns, closed_form, conjugate, facing};
-use regionpose::verdict::estimate::Refinement;
 use regionpose::view::chart::Chart;
+use regionpose::{Integration, Options, Pose, Prior, Start, System, WorldRegion};
 use support::random::Random;
 use support::scene::{
     Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,
@@ -220,8 +215,12 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
 /// Whether the native solver finds the truth from the paper's start.
 fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     let prior = Prior { up: Some(*up), ..Prior::default() };
-    let estimate = scene.problem(system, Integration::Boundary).estimate(Start::Paper, &prior, Refinement::Contour);
-    estimate.is_some_and(|estimate| scene.errors(&estimate.best.minimum.pose).0 < SOLVED)
+    let estimate = scene.problem(system, Integration::Boundary).estimate_with(&Options {
+        start: Start::Paper,
+        prior,
+        ..Options::default()
+    });
+    estimate.is_some_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
 }
 
 /// Facing lies midway between two poses that look alike, so that least squares from there may end at the wrong one.

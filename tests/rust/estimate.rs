@@ -7,17 +7,13 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
-use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares::{Stopping, Termination, minimize};
-use regionpose::equations::system::{System, Weighting};
-use regionpose::error::Error;
-use regionpose::geometry::pose::Pose;
+use regionpose::equations::system::Weighting;
 use regionpose::geometry::rings::PlaneRings;
-use regionpose::prior::Prior;
-use regionpose::region::{ObservedRegion, Pixels, WorldRegion};
-use regionpose::search::candidates::{Problem, Start};
-use regionpose::verdict::estimate::{Estimate, Refinement};
-use regionpose::verdict::warning::Warning;
+use regionpose::region::Pixels;
+use regionpose::{
+    Error, Estimate, Integration, ObservedRegion, Options, Pose, Prior, Problem, Start, System, Warning, WorldRegion,
+};
 use support::random::Random;
 use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 
@@ -43,17 +39,20 @@ const SCATTER: usize = 200;
 const CORNER_PIXELS: usize = 5;
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
-    scene.problem(System::Plane, Integration::Boundary).estimate(Start::Global, prior, Refinement::Contour).unwrap()
+    let options = Options { prior: *prior, ..Options::default() };
+    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
 }
 
 /// Worst error (rad, share of the distance) of poses from exact images of random scenes.
 fn worst_error(layout: Layout, system: System, integration: Integration, trials: usize) -> f64 {
     let mut random = Random::new(31);
     let error = |scene: Scene| {
-        let estimate =
-            scene.problem(system, integration).estimate(Start::Global, &NO_PRIOR, Refinement::Contour).unwrap();
-        assert!(estimate.best.minimum.converged && estimate.best.overlap_error < 1e-6);
-        let (angle, place) = scene.errors(&estimate.best.minimum.pose);
+        let estimate = scene.problem(system, integration).estimate().unwrap();
+        assert!(
+            estimate.best.minimum.as_ref().is_some_and(|minimum| minimum.converged)
+                && estimate.best.overlap_error < 1e-6
+        );
+        let (angle, place) = scene.errors(&estimate.best.pose);
         angle.max(place)
     };
     (0..trials).map(|_| error(Scene::random(&mut random, layout))).fold(0.0, f64::max)
@@ -118,8 +117,8 @@ fn symmetric_view(random: &mut Random, ring: Ring, turns: usize, tilt: f64) -> (
 }
 
 fn all_poses(estimate: &Estimate) -> Vec<Pose> {
-    let alternatives = estimate.alternatives.iter().map(|solution| solution.minimum.pose);
-    std::iter::once(estimate.best.minimum.pose).chain(alternatives).collect()
+    let alternatives = estimate.alternatives.iter().map(|solution| solution.pose);
+    std::iter::once(estimate.best.pose).chain(alternatives).collect()
 }
 
 #[test]
@@ -177,8 +176,10 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
         for expected in poses {
             let initial = Some(expected.moved(&random.tangent(0.2, 0.3)));
             let problem = scene.problem(System::Plane, Integration::Boundary);
-            let estimate = problem.estimate(start, &Prior { initial, ..NO_PRIOR }, Refinement::Contour).unwrap();
-            assert!(estimate.best.minimum.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
+            let estimate = problem
+                .estimate_with(&Options { start, prior: Prior { initial, ..NO_PRIOR }, ..Options::default() })
+                .unwrap();
+            assert!(estimate.best.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
         }
     }
 }
@@ -190,7 +191,7 @@ fn the_up_direction_chooses_among_symmetric_poses() {
     for expected in poses {
         let up = Some(expected.rotation.inverse() * Vector3::new(0.1, -1.0, 0.1));
         let estimate = estimated(&scene, &Prior { up, ..NO_PRIOR });
-        assert!(estimate.best.minimum.pose.angle_to(&expected) < SYMMETRIC);
+        assert!(estimate.best.pose.angle_to(&expected) < SYMMETRIC);
     }
 }
 
@@ -234,9 +235,9 @@ fn the_covariance_agrees_with_the_scatter_of_noisy_images() {
     let (mut scatter, mut predicted, mut distance, mut noise) = (Matrix6::zeros(), Matrix6::zeros(), 0.0, 0.0);
     for _ in 0..SCATTER {
         let observed = noisy(&scene, &mut random, 1.0);
-        let problem = Problem::new(&observed, scene.worlds.clone(), System::Plane, Integration::Boundary).unwrap();
-        let estimate = problem.estimate(Start::Global, &NO_PRIOR, Refinement::Contour).unwrap();
-        let error = increment(&estimate.best.minimum.pose, &scene.pose);
+        let problem = Problem::new(&observed, &scene.worlds).unwrap();
+        let estimate = problem.estimate().unwrap();
+        let error = increment(&estimate.best.pose, &scene.pose);
         scatter += error * error.transpose() / SCATTER as f64;
         predicted += estimate.best.covariance / SCATTER as f64;
         distance += (error.transpose() * estimate.best.covariance.try_inverse().unwrap() * error)[0] / SCATTER as f64;
@@ -265,16 +266,15 @@ fn covariances_are_symmetric_and_positive() {
 }
 
 /// The message of a problem that is refused.
-fn refusal(observed: &[ObservedRegion], worlds: Vec<WorldRegion>, system: System, integration: Integration) -> String {
-    Problem::new(observed, worlds, system, integration).unwrap_err().to_string()
+fn refusal(observed: &[ObservedRegion], worlds: &[WorldRegion], system: System, integration: Integration) -> String {
+    Problem::with(observed, worlds, system, integration).unwrap_err().to_string()
 }
 
 #[test]
 fn regions_that_do_not_pair_up_are_refused() {
     let scene = Scene::random(&mut Random::new(51), Layout { regions: 2, ..Layout::default() });
     let message = |observed: usize, worlds: usize| {
-        let worlds = scene.worlds[..worlds].to_vec();
-        refusal(&scene.observed[..observed], worlds, System::Plane, Integration::Boundary)
+        refusal(&scene.observed[..observed], &scene.worlds[..worlds], System::Plane, Integration::Boundary)
     };
     let needed = "world regions; there need to be as many of each, at least 1";
     assert_eq!(message(2, 1), format!("there are 2 observed and 1 {needed}"));
@@ -287,7 +287,7 @@ fn a_refused_region_is_named_by_its_index() {
     let message = |change: fn(&mut ObservedRegion), system, integration| {
         let mut observed = scene.observed.clone();
         change(&mut observed[1]);
-        refusal(&observed, scene.worlds.clone(), system, integration)
+        refusal(&observed, &scene.worlds, system, integration)
     };
     let boundary = |change| message(change, System::Plane, Integration::Boundary);
     let finite = "coordinates need to be finite numbers";
@@ -317,7 +317,7 @@ fn pixels_without_as_many_solid_angles_are_refused() {
     let scene = Scene::random(&mut Random::new(53), Layout::default());
     let mut observed = scene.observed.clone();
     observed[0].pixels = Some(Pixels { bearings: vec![Vector3::z(); 3], solid_angles: vec![1e-6; 2] });
-    let message = refusal(&observed, scene.worlds.clone(), System::Sphere, Integration::Pixels);
+    let message = refusal(&observed, &scene.worlds, System::Sphere, Integration::Pixels);
     assert!(message.starts_with("region 0: "), "{message}");
 }
 
@@ -328,13 +328,11 @@ fn a_start_out_of_view_ends_unconverged() {
     for start in [away.after(&scene.pose), Pose::new(scene.pose.rotation, scene.pose.translation * f64::NAN)] {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         assert!(problem.evaluate(&start, Weighting::Uniform).is_none());
-        let minimum = problem.solve_from(&start);
+        let search = problem.search(&Options::default());
+        let minimum = search.solve_from(&start);
         assert!(!minimum.converged && minimum.cost == f64::INFINITY, "{minimum:?}");
         assert_eq!(minimum.termination, Termination::OutOfView);
-        assert!(
-            problem.minima(&[start]).is_empty()
-                && problem.judged(vec![minimum], &NO_PRIOR, Refinement::Contour).is_none()
-        );
+        assert!(search.judged(vec![minimum]).is_none());
     }
 }
 
@@ -371,11 +369,11 @@ proptest! {
         let up = Some(Vector3::from_column_slice(&wild[..3]));
         let initial = Some(Pose::new(scene.pose.rotation, Vector3::from_column_slice(&wild[3..])));
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let estimate = problem.estimate(Start::Global, &Prior { initial, up, ..NO_PRIOR }, Refinement::Contour).unwrap();
-        prop_assert!(scene.errors(&estimate.best.minimum.pose).0 < EXACT);
+        let estimate = problem.estimate_with(&Options { prior: Prior { initial, up, ..NO_PRIOR }, ..Options::default() }).unwrap();
+        prop_assert!(scene.errors(&estimate.best.pose).0 < EXACT);
         for start in [Start::Global, Start::Paper] {
-            let initial = None;
-            let _ = scene.problem(System::Plane, Integration::Boundary).estimate(start, &Prior { initial, up, ..NO_PRIOR }, Refinement::Contour);
+            let prior = Prior { up, ..NO_PRIOR };
+            let _ = problem.estimate_with(&Options { start, prior, ..Options::default() });
         }
     }
 }
@@ -420,11 +418,11 @@ proptest! {
         let system = if sphere { System::Sphere } else { System::Plane };
         let integration = if mesh && !sphere { Integration::Mesh { size: None } } else { Integration::Boundary };
         let start = if paper { Start::Paper } else { Start::Global };
-        match Problem::new(&observed, worlds, system, integration) {
+        match Problem::with(&observed, &worlds, system, integration) {
             Err(error) => prop_assert!(matches!(error, Error::InRegion { .. }), "{error}"),
             Ok(problem) => {
-                if let Some(estimate) = problem.estimate(start, &NO_PRIOR, Refinement::Contour) {
-                    prop_assert!(estimate.best.minimum.pose.translation.iter().all(|x| x.is_finite()));
+                if let Some(estimate) = problem.estimate_with(&Options { start, ..Options::default() }) {
+                    prop_assert!(estimate.best.pose.translation.iter().all(|x| x.is_finite()));
                 }
             }
         }

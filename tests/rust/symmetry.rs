@@ -3,14 +3,13 @@
 mod support;
 
 use nalgebra::{Rotation3, Unit, Vector3};
-use regionpose::geometry::pose::Pose;
-use regionpose::prior::Prior;
-use regionpose::region::WorldRegion;
-use regionpose::search::candidates::Start;
-use regionpose::verdict::estimate::{Estimate, Refinement};
-use regionpose::{Integration, System};
+use regionpose::search::symmetry::turned_poses;
+use regionpose::{Estimate, Integration, Pose, System, WorldRegion};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
+
+/// A turn is found to a quarter of a degree and refined later.
+const FOUND: f64 = 0.006;
 
 /// Depth of a bite over the length of its edge.
 const DEPTH: f64 = 0.15;
@@ -46,7 +45,7 @@ fn disturbed(random: &mut Random, shape: Ring, edges: &[usize]) -> Scene {
 
 fn estimated(scene: &Scene) -> Estimate {
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    problem.estimate(Start::Global, &Prior::default(), Refinement::Contour).unwrap()
+    problem.estimate().unwrap()
 }
 
 /// The poses at which a regular shape looks the same: its turns, as it is and turned over.
@@ -75,10 +74,8 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
         };
         let scene = disturbed(&mut random, regular(6, 1.0), &[0, 2, 3]);
         let estimate = estimated(&scene);
-        let answers: Vec<Pose> = std::iter::once(&estimate.best)
-            .chain(&estimate.alternatives)
-            .map(|solution| solution.minimum.pose)
-            .collect();
+        let answers: Vec<Pose> =
+            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.pose).collect();
         for (index, pose) in symmetric(&scene, &whole, 6).iter().enumerate() {
             let nearest = answers.iter().map(|answer| answer.angle_to(pose)).fold(f64::INFINITY, f64::min);
             assert!(nearest < 5e-3, "seed {seed}, turn {index}: {nearest} rad, {} answers", answers.len());
@@ -91,11 +88,30 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
 }
 
 #[test]
+fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
+    let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+    let scene = Scene::of_shapes(&mut Random::new(3), vec![vec![regular(6, 1.0)]], layout);
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let turned = turned_poses(&problem, &problem.centred(&scene.pose), 1);
+    let whole = scene.worlds[0].rings().remove(0);
+    let places: Vec<Pose> = symmetric(&scene, &whole, 6).iter().map(|pose| problem.centred(pose)).collect();
+    let near = |pose: &Pose| turned.iter().any(|found| found.angle_to(pose) < FOUND);
+    assert!(!near(&places[0]) && places[1..].iter().all(near), "{} turns", turned.len());
+}
+
+#[test]
+fn regions_of_several_planes_have_no_turns() {
+    let scene = Scene::random(&mut Random::new(4), Layout { regions: 2, ..Layout::default() });
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    assert!(turned_poses(&problem, &problem.centred(&scene.pose), 1).is_empty());
+}
+
+#[test]
 fn a_disturbed_shape_without_symmetry_has_one_answer() {
     for seed in 20..28 {
         let scene = disturbed(&mut Random::new(seed), angle_piece(1.0), &[0, 1]);
         let estimate = estimated(&scene);
-        assert!(scene.errors(&estimate.best.minimum.pose).0 < 5e-3, "seed {seed}");
+        assert!(scene.errors(&estimate.best.pose).0 < 5e-3, "seed {seed}");
         assert!(estimate.alternatives.is_empty(), "seed {seed}: {:?}", estimate.warnings);
         assert!(estimate.best.confidence > 0.9, "seed {seed}: {}", estimate.best.confidence);
     }

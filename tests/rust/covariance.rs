@@ -1,0 +1,84 @@
+//! What a contour's noise says of its pose: the covariance where parts are off together.
+
+mod support;
+
+use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use regionpose::contour::covariance::covariance;
+use regionpose::contour::fit::refined;
+use regionpose::{Integration, ObservedRegion, Pose, Problem, System};
+use support::contours::all_bitten;
+use support::random::Random;
+use support::scene::{FOCAL, Layout, Scene, SpaceRing, angle_piece, regular};
+
+/// 90 % of chi-squared with 6 degrees of freedom lie below.
+const CHI_SQUARED_90: f64 = 10.645;
+
+/// The region that is seen where each edge was marked off by an error of its own, pixels.
+fn clicked(ring: &SpaceRing, errors: &[f64]) -> SpaceRing {
+    let seen: Vec<Vector2<f64>> = ring.iter().map(|r| r.xy() / r.z).collect();
+    let count = seen.len();
+    let line = |k: usize| {
+        let step = seen[(k + 1) % count] - seen[k];
+        let normal = Vector2::new(step.y, -step.x).normalize();
+        (normal, normal.dot(&seen[k]) + errors[k] / FOCAL)
+    };
+    let corner = |k: usize| {
+        let ((a, c), (b, d)) = (line((k + count - 1) % count), line(k));
+        let point = Vector2::new(c * b.y - d * a.y, a.x * d - b.x * c) / a.perp(&b);
+        point.push(1.0).normalize()
+    };
+    (0..count).map(corner).collect()
+}
+
+/// The rest of the way to the truth, squared, in the covariance of a pose on contours whose edges are `sigma` pixels off.
+fn mahalanobis(random: &mut Random, sigma: f64) -> f64 {
+    let shapes = vec![vec![angle_piece(1.0)], vec![regular(5, 0.6)]];
+    let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+    let scene = Scene::of_shapes(random, shapes, layout);
+    let disturbed = |region: &ObservedRegion, random: &mut Random| {
+        let errors: Vec<f64> = region.rings[0].iter().map(|_| sigma * random.normal()).collect();
+        ObservedRegion::new(vec![clicked(&region.rings[0], &errors)], region.pixel_area)
+    };
+    let observed: Vec<_> = scene.observed.iter().map(|region| disturbed(region, random)).collect();
+    let problem = Problem::new(&observed, &scene.worlds).unwrap();
+    let truth = problem.centred(&scene.pose);
+    let fit = refined(problem.contours(), &truth, 1).unwrap();
+    let turn: Rotation3<f64> = truth.rotation * fit.pose.rotation.inverse();
+    let (omega, tau) = (turn.scaled_axis(), truth.translation - turn * fit.pose.translation);
+    let rest = Vector6::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z);
+    rest.dot(&(covariance(problem.contours(), &fit).try_inverse().unwrap() * rest))
+}
+
+#[test]
+fn edges_that_are_off_as_a_whole_are_not_taken_for_many_measurements() {
+    let mut random = Random::new(11);
+    let inside = (0..60).filter(|_| mahalanobis(&mut random, 0.4) < CHI_SQUARED_90).count();
+    assert!(inside > 45, "{inside} of 60 true poses inside");
+}
+
+#[test]
+fn it_is_symmetric_positive_and_grows_with_what_is_disturbed() {
+    let layout = Layout { regions: 2, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
+    let scene = Scene::random(&mut Random::new(12), layout);
+    let of = |observed: &[ObservedRegion]| {
+        let problem = Problem::new(observed, &scene.worlds).unwrap();
+        let fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
+        covariance(problem.contours(), &fit)
+    };
+    let bitten = of(&all_bitten(&scene, 1.0));
+    let scale = Matrix6::from_diagonal(&bitten.diagonal().map(|variance| variance.sqrt().recip()));
+    let correlation = scale * bitten * scale;
+    assert!((correlation - correlation.transpose()).amax() < 1e-9);
+    assert!(correlation.symmetric_eigenvalues().min() > 0.0);
+    assert!(of(&scene.observed).trace() < bitten.trace());
+}
+
+#[test]
+fn a_pose_in_no_view_has_no_covariance() {
+    let scene = Scene::random(&mut Random::new(2), Layout { regions: 1, ..Layout::default() });
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let mut fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
+    let away = Rotation3::from_euler_angles(0.0, 3.0, 0.0) * fit.pose.rotation;
+    fit.pose = Pose::new(away, -fit.pose.translation);
+    assert!(covariance(problem.contours(), &fit).iter().all(|value| value.is_infinite()));
+}

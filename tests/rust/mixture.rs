@@ -1,0 +1,118 @@
+//! The mixture of clean and disturbed distances: recovered from samples, a density, and the weights that follow from it.
+
+mod support;
+
+use proptest::prelude::*;
+use regionpose::contour::mixture::{Distances, Mixture};
+use regionpose::contour::readings::Reading;
+use support::random::Random;
+
+/// Least scale of the mixtures, pixels.
+const FINEST: f64 = 0.25;
+
+/// Ratio of a scale to that of the samples: by chance, and by the steps that the iteration is left.
+const NEARLY: f64 = 1.1;
+
+fn reading(misfit: f64) -> Reading {
+    Reading { distance: misfit, spread: 0.0, misfit: misfit.abs(), edge: 0 }
+}
+
+/// Distances of a region of which a share is disturbed.
+fn drawn(random: &mut Random, count: usize, [sigma, wide]: [f64; 2], share: f64) -> Vec<Reading> {
+    let scale = |random: &mut Random| if random.uniform(0.0, 1.0) < share { wide } else { sigma };
+    let mut one = || scale(random) * random.normal();
+    (0..count).map(|_| reading(one())).collect()
+}
+
+fn fitted(regions: &[Vec<Reading>]) -> Mixture {
+    Distances::new(regions.iter().map(Vec::as_slice)).mixture(FINEST)
+}
+
+#[test]
+fn scales_and_shares_of_drawn_samples_are_recovered() {
+    let mut random = Random::new(1);
+    for scales in [[0.4, 8.0], [0.6, 20.0], [1.5, 30.0]] {
+        let shares = [0.3, 0.05, 0.6];
+        let regions = shares.map(|share| drawn(&mut random, 3000, scales, share));
+        let mixture = fitted(&regions);
+        let ratio = (mixture.sigma / scales[0]).max(scales[0] / mixture.sigma);
+        assert!(ratio < NEARLY, "{scales:?}: sigma {}", mixture.sigma);
+        assert!((mixture.wide / scales[1] - 1.0).abs() < 0.1, "{scales:?}: wide {}", mixture.wide);
+        for (found, share) in mixture.disturbed.iter().zip(shares) {
+            assert!((found - share).abs() < 0.05, "{scales:?}: {found} of {share} disturbed");
+        }
+    }
+}
+
+#[test]
+fn clean_samples_leave_hardly_anything_disturbed_by_much() {
+    let regions = [drawn(&mut Random::new(2), 2000, [0.3, 0.3], 0.0)];
+    let mixture = fitted(&regions);
+    assert!((FINEST..0.3 * NEARLY).contains(&mixture.sigma), "{}", mixture.sigma);
+    // What the narrow scale does not hold is the tail of the same distribution.
+    assert!(mixture.wide < 1.0 || mixture.disturbed[0] < 0.02, "{mixture:?}");
+}
+
+#[test]
+fn the_likelihood_is_the_mean_logarithm_of_the_density() {
+    let regions = [0.2, 0.4].map(|share| drawn(&mut Random::new(3), 1000, [0.5, 10.0], share));
+    let mixture = fitted(&regions);
+    let of = |(region, readings): (usize, &Vec<Reading>)| {
+        readings.iter().map(|reading| mixture.log_density(region, reading)).sum::<f64>()
+    };
+    let mean = regions.iter().enumerate().map(of).sum::<f64>() / 2000.0;
+    // Distances of a bin, which differ by a fifth, count as their mean square.
+    assert!((mixture.likelihood - mean).abs() < 0.01, "{} {mean}", mixture.likelihood);
+}
+
+#[test]
+fn no_scale_of_those_beside_is_likelier() {
+    let regions = [drawn(&mut Random::new(4), 1000, [0.7, 15.0], 0.3)];
+    let distances = Distances::new(regions.iter().map(Vec::as_slice));
+    let best = distances.mixture(FINEST);
+    for factor in [0.5, 1.0 / 1.5, 1.5, 2.0] {
+        let other = distances.mixture_of(best.sigma * factor, distances.root_mean_square());
+        assert!(other.likelihood <= best.likelihood, "{factor}: {} {}", other.likelihood, best.likelihood);
+    }
+}
+
+#[test]
+fn the_density_of_a_region_is_one_in_all() {
+    let mixture = Mixture { sigma: 0.5, wide: 6.0, disturbed: vec![0.1, 0.7], likelihood: f64::NAN };
+    let step = 0.01;
+    for region in 0..2 {
+        let density = |k: i32| mixture.log_density(region, &reading(f64::from(k) * step)).exp();
+        let sum = (-6000..=6000).map(density).sum::<f64>() * step;
+        assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+    }
+}
+
+#[test]
+fn empty_regions_and_endless_distances_make_no_panic() {
+    for regions in [vec![], vec![vec![]], vec![vec![reading(0.0)]], vec![vec![reading(f64::INFINITY)], vec![]]] {
+        let mixture = fitted(&regions);
+        assert_eq!(mixture.disturbed.len(), regions.len());
+        assert!(mixture.sigma >= FINEST && mixture.wide >= mixture.sigma);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn weights_are_what_the_density_falls_with_and_fall_with_the_distance(
+        sigma in 0.25..4.0_f64, ratio in 2.0..50.0_f64, share in 0.001..0.999_f64, far in 0.01..6.0_f64,
+    ) {
+        let mixture = Mixture { sigma, wide: ratio * sigma, disturbed: vec![share], likelihood: f64::NAN };
+        let at = far * sigma;
+        let density = |distance: f64| mixture.log_density(0, &reading(distance));
+        let step = 1e-4 * sigma;
+        let slope = (density(at + step) - density(at - step)) / (2.0 * step);
+        // d/dd of the logarithm of exp(-w d^2 / (2 sigma^2)), the weight as it is there.
+        let weight = mixture.weight(0, &reading(at));
+        prop_assert!((slope + weight * at / (sigma * sigma)).abs() < 1e-5 * (1.0 + slope.abs()));
+        prop_assert!(weight <= mixture.weight(0, &reading(0.9 * at)) + 1e-12);
+        let clean = mixture.clean_probability(0, &reading(at));
+        prop_assert!((0.0..=1.0).contains(&clean) && clean <= mixture.clean_probability(0, &reading(0.0)));
+    }
+}
