@@ -213,7 +213,7 @@ impl Search {
 }
 
 /// The step that leaves about as many pieces of all contours as a first look takes.
-fn sketch_step(contours: &[Contour]) -> usize {
+pub fn sketch_step(contours: &[Contour]) -> usize {
     let wanted = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
     contours.iter().map(|contour| contour.count(1).div_ceil(wanted)).max().unwrap_or(1).max(1)
 }

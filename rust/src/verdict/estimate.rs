@@ -16,8 +16,8 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromUp, Prior};
 use crate::problem::Problem;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
-use crate::search::poses::{distinct, sorted};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search, sketch_step};
+use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
@@ -129,8 +129,12 @@ impl Search {
     /// The poses that may be the answer, the likeliest first.
     fn places(&self, minima: Vec<Minimum>) -> Vec<Place> {
         let (problem, contours) = (&self.problem, self.problem.contours());
+        // What is clean and fits from one pose alone shows it by a few pieces.
+        let few = if minima.len() > 1 { 1 } else { sketch_step(contours) };
         let minima = minima.into_iter().filter_map(|minimum| {
-            let fit = ContourFit::at(contours, &problem.centred(&minimum.pose), 1)?;
+            let pose = problem.centred(&minimum.pose);
+            let fit = ContourFit::at(contours, &pose, few)?;
+            let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
             let noise = boundary_noise(problem, minimum.cost);
             let covariance = moment_covariance(problem, &minimum.pose, noise);
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, covariance, against: 0.0 })
@@ -158,7 +162,7 @@ impl Search {
 fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     let Some(first) = places.first().map(|place| place.fit.clone()) else { return places };
     let against = |place: &Place| {
-        let worse = first.against(&place.fit);
+        let worse = if apart(&first.pose, &place.fit.pose, 0.0) { first.against(&place.fit) } else { 0.0 };
         let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
         (if worse <= TIE { 0.0 } else { worse }) + prior.penalty(&place.pose, &place.covariance) + behind
     };
