@@ -16,12 +16,14 @@ __all__ = [
     "WorldRegion",
     "__version__",
     "alpha_shape",
+    "contour_pieces",
     "estimate_batch",
     "even_mesh",
     "mask_contours",
     "mesh_planar_moments",
     "mesh_spherical_moments",
     "moved_pose",
+    "nearest_edges",
     "pixel_moments",
     "planar_moments",
     "plane_rings",
@@ -58,6 +60,12 @@ def mask_contours(
     mask: NDArray[np.generic],
 ) -> tuple[list[NDArray[np.float64]], tuple[int, int, int, int], bool]:
     """Rings (n, 2) of a mask (h, w), its window (left, top, right, bottom), and whether it is binary."""
+
+def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
+    """Means (m, 2) of equally long parts of closed rings (n, 2) in pixels, without those on edges marked (n,)."""
+
+def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.int64]:
+    """Index (m,) of the edge of closed rings (n, 2) nearest to each of the points (m, 2), counted ring after ring."""
 
 def triangulate(
     rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None

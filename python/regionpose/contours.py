@@ -4,31 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Marks = NDArray[np.bool_]
 View = Callable[[Array], tuple[Camera, Pose]]
 """Camera and pose at some variables, each of which changes the image by about a share of itself."""
-
-PIECE_PX = 3.0
-"""Length of a piece of contour, pixels: a few steps of a binary mask's staircase average out."""
-
-MOST_PIECES = 800
-"""Pieces of one region at most; a longer contour has longer ones."""
-
-FEWEST_PIECES = 8
-"""Pieces of one ring at least."""
 
 BEND_TOLERANCE_PX = 0.02
 """Projected edges are split until they are within this distance (pixels) of the curves they stand for."""
@@ -57,10 +47,9 @@ class Contours:
     """The two sides of some regions, one after the other.
 
     `pieces`: means (m, 2) of equally long parts of the observed contours, pixels, without those that touch the image's
-    border. `vertices`: (v, 3) of the world
-    regions' boundaries, split where the camera bends their edges; `following` (v,): index of the vertex after each on
-    its ring. `rings`: number of pieces of each observed ring. `regions`: the slices of pieces and vertices of each
-    region.
+    border. `vertices`: (v, 3) of the world regions' boundaries, split where the camera bends their edges; `following`
+    (v,): index of the vertex after each on its ring. `rings`: number of pieces of each observed ring. `regions`: the
+    slices of pieces and vertices of each region; `world_rings`: those of the vertices of each of its rings.
     """
 
     pieces: Array
@@ -68,6 +57,7 @@ class Contours:
     following: Indices
     rings: tuple[int, ...]
     regions: tuple[tuple[slice, slice], ...]
+    world_rings: tuple[tuple[slice, ...], ...]
 
     def by_ring(self, values: Array) -> list[Array]:
         """Values of the pieces, (m, ...), ring by ring."""
@@ -89,17 +79,19 @@ class Distances(NamedTuple):
 
 def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion]) -> Contours:
     """The contours of region pairs; edges are split for this camera at this pose."""
-    means = [_piece_means(image.rings, image.on_border(camera)) for image in images]
+    means = [_core.contour_pieces(image.rings, image.on_border(camera)) for image in images]
     rings = [[_split_ring(camera, pose, ring) for ring in world.rings] for world in worlds]
     all_rings = [ring for region in rings for ring in region]
-    starts = np.cumsum([0, *map(len, all_rings)])[:-1]
-    following = [start + np.roll(np.arange(len(ring)), -1) for start, ring in zip(starts, all_rings, strict=True)]
+    slices = _slices([[ring] for ring in all_rings])
+    following = [np.roll(np.arange(part.start, part.stop), -1) for part in slices]
+    unassigned = iter(slices)
     return Contours(
         pieces=np.concatenate([ring for region in means for ring in region]),
         vertices=np.concatenate(all_rings),
         following=np.concatenate(following),
         rings=tuple(len(ring) for region in means for ring in region),
         regions=tuple(zip(_slices(means), _slices(rings), strict=True)),
+        world_rings=tuple(tuple(islice(unassigned, len(region))) for region in rings),
     )
 
 
@@ -109,7 +101,12 @@ def distances_of(camera: Camera, pose: Pose, contours: Contours) -> Distances | 
     if not np.isfinite(pixels).all():
         return None
     ends = pixels[contours.following]
-    edges = np.concatenate([_nearest(contours.pieces[part], pixels, ends, own) for part, own in contours.regions])
+    edges = np.concatenate(
+        [
+            own.start + _core.nearest_edges([pixels[ring] for ring in rings], contours.pieces[part])
+            for (part, own), rings in zip(contours.regions, contours.world_rings, strict=True)
+        ]
+    )
     start, step = pixels[edges], ends[edges] - pixels[edges]
     square = np.maximum((step * step).sum(axis=1), np.finfo(float).tiny)
     shares = np.clip(((contours.pieces - start) * step).sum(axis=1) / square, 0.0, 1.0)
@@ -120,13 +117,6 @@ def distances_of(camera: Camera, pose: Pose, contours: Contours) -> Distances | 
     beyond = ((shares == 0.0) | (shares == 1.0)) & (length > 0.0)
     normals[beyond] = offset[beyond] / length[beyond, None]
     return Distances((normals * offset).sum(axis=1), edges, shares, normals)
-
-
-def _nearest(pieces: Array, starts: Array, ends: Array, own: slice) -> Indices:
-    """Index of the edge nearest to each piece among a region's own."""
-    edges = shapely.linestrings(np.stack([starts[own], ends[own]], axis=1))
-    nearest: Indices = own.start + shapely.STRtree(np.asarray(edges)).nearest(np.asarray(shapely.points(pieces)))
-    return nearest
 
 
 def outline_derivatives(view: View, at: Array, contours: Contours) -> Array:
@@ -160,7 +150,8 @@ def correlation_length(values: Sequence[Array]) -> float:
     """How many neighbours on closed rings vary as one: `1 + 2 sum of the autocorrelations` up to the first below 0.
 
     `values`: about zero, one array for each ring. The autocorrelation of a lag is the ratio of the sums over all rings;
-    a ring counts for lags up to half its length.
+    a ring counts for lags up to half its length. The crate's `correlation` takes contours for open and stops at a
+    quarter of the longest: up to a third less where whole sides are put off, the same elsewhere.
     """
     square = sum(float(ring @ ring) for ring in values)
     total, lag = 1.0, 1
@@ -195,36 +186,6 @@ def _slices(regions: Sequence[Sequence[Array]]) -> list[slice]:
     """Where the rows of each region's rings are among those of all."""
     ends = np.cumsum([0, *(sum(map(len, rings)) for rings in regions)]).tolist()
     return [slice(start, end) for start, end in pairwise(ends)]
-
-
-def _piece_means(rings: Sequence[Array], on_border: Sequence[Marks]) -> list[Array]:
-    lengths = [float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).sum()) for ring in rings]
-    piece = max(PIECE_PX, sum(lengths) / MOST_PIECES)
-    return [
-        _ring_means(ring, max(round(length / piece), FEWEST_PIECES), edges)
-        for ring, length, edges in zip(rings, lengths, on_border, strict=True)
-    ]
-
-
-def _ring_means(ring: Array, count: int, without: Marks) -> Array:
-    """Means of equally long parts of a closed ring: differences of the exact integral of its points.
-
-    (count, 2), less those of parts that touch a marked edge.
-    """
-    closed = np.vstack([ring, ring[:1]])
-    lengths = np.hypot(*np.diff(closed, axis=0).T)
-    reached = np.concatenate([[0.0], np.cumsum(lengths)])
-    integral = np.vstack([np.zeros(2), np.cumsum(lengths[:, None] * (closed[1:] + closed[:-1]) / 2.0, axis=0)])
-    at = np.linspace(0.0, reached[-1], count + 1)
-    edge = np.clip(np.searchsorted(reached, at, side="right") - 1, 0, len(ring) - 1)
-    along = (at - reached[edge])[:, None]
-    direction = np.diff(closed, axis=0)[edge] / np.maximum(lengths[edge], np.finfo(float).tiny)[:, None]
-    sums = integral[edge] + along * closed[edge] + 0.5 * along**2 * direction
-    means: Array = np.diff(sums, axis=0) / (reached[-1] / count)
-    kept = np.ones(count, dtype=np.bool_)
-    for start, end in zip(reached[:-1][without], reached[1:][without], strict=True):
-        kept &= (at[1:] <= start) | (at[:-1] >= end)
-    return means[kept]
 
 
 def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:

@@ -18,6 +18,7 @@ from regionpose.evaluation import load_templates
 
 SAMPLES = Path(__file__).parent / "samples"
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+MARKS = np.zeros(4, dtype=np.bool_)
 LIFTED = np.column_stack([SQUARE, np.ones(4)])
 BOW_TIE = SQUARE[[0, 2, 1, 3]]
 CAMERA = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0, 640, 480)
@@ -215,6 +216,12 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line of the border needs"),
     (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line of the border needs"),
     (lambda: _core.pixel_moments(LIFTED, np.ones(3), 2), "bearings has 4 rows and solid_angles 3"),
+    (lambda: _core.contour_pieces([], []), "the region has no rings"),
+    (lambda: _core.contour_pieces([SQUARE[:2]], [MARKS[:2]]), "ring 0 has 2 distinct vertices"),
+    (lambda: _core.contour_pieces([SQUARE], []), "on_border has 0 arrays; it needs one for each ring, 1"),
+    (lambda: _core.contour_pieces([SQUARE], [MARKS[:3]]), r"on_border 0 needs to be a \(4,\) array of bool"),
+    (lambda: _core.nearest_edges([SQUARE], with_value(SQUARE, np.inf)), "points row 2 is not finite"),
+    (lambda: _core.nearest_edges([], SQUARE), "the region has no rings"),
 ]
 
 CAMERAS: list[tuple[Callable[[], object], str]] = [
@@ -333,6 +340,10 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: _core.mesh_spherical_moments(LIFTED, value, 2),
     lambda value: _core.pixel_moments(value, value, 2),
     lambda value: _core.quad_solid_angles(value),
+    lambda value: _core.contour_pieces([value], [MARKS]),
+    lambda value: _core.contour_pieces([SQUARE], value),
+    lambda value: _core.nearest_edges(value, SQUARE),
+    lambda value: _core.nearest_edges([SQUARE], value),
 ]
 
 

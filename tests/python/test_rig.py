@@ -132,6 +132,22 @@ def test_distances_are_those_from_the_projected_outline() -> None:
         assert np.abs(np.abs(distances.values[pieces]) - expected).max() < EXACT_PX
 
 
+@pytest.mark.parametrize("off_px", [3.0, 30.0, 1000.0])
+def test_the_nearest_edge_is_that_of_shapely_wherever_the_points_lie(off_px: float) -> None:
+    """Thin, spiky rings, whose edges are often not the ones next to the nearest vertex."""
+    rng = np.random.default_rng(4)
+    for count in (5, 40, 400):
+        angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+        spikes = np.column_stack([200.0 * np.cos(angle), 20.0 * np.sin(angle)]) * rng.uniform(0.5, 1.0, (count, 1))
+        rings = [spikes, spikes[:4] + np.array([300.0, 40.0])]
+        points = np.concatenate(rings) + off_px * rng.normal(size=(count + 4, 2))
+        ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+        edges = np.asarray(shapely.linestrings(np.stack([np.concatenate(rings), ends], axis=1)))
+        found = shapely.distance(edges[_core.nearest_edges(rings, points)], shapely.points(points))
+        least = shapely.distance(shapely.MultiLineString(list(edges)), shapely.points(points))
+        assert np.abs(found - least).max() < EXACT_PX
+
+
 def test_a_point_outside_is_at_a_distance_of_the_other_sign_than_one_inside() -> None:
     square = np.array([[-1.0, -1.0, 5.0], [1.0, -1.0, 5.0], [1.0, 1.0, 5.0], [-1.0, 1.0, 5.0]])
     camera = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0)

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod contours;
 mod masks;
 mod mesh;
 mod moments;
@@ -13,6 +14,8 @@ mod solve;
 /// Kernels of regionpose.
 #[pyo3::pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::contours::{contour_pieces, nearest_edges};
     #[pymodule_export]
     use crate::masks::mask_contours;
     #[pymodule_export]

@@ -87,19 +87,30 @@ impl EdgeField {
         among.iter().zip(&squares).filter(|(_, square)| **square <= limit).map(|(edge, _)| *edge).collect()
     }
 
-    /// The edge nearest to a point, by its number; for points outside the grid one that is about as near.
+    /// The edge nearest to a point, by its number.
     pub fn nearest_edge(&self, point: &Vector2<f64>) -> usize {
-        let at = (point - self.origin).component_div(&self.cell);
-        // A conversion from a float saturates, so that what lies outside has the cell at the rim.
-        let cell = (at.y as usize).min(self.side - 1) * self.side + (at.x as usize).min(self.side - 1);
         let mut best = (f64::INFINITY, 0);
-        for &edge in &self.candidates[self.starts[cell] as usize..self.starts[cell + 1] as usize] {
+        let mut look_at = |edge: u32| {
             let square = self.edges[edge as usize].square(point);
             if square < best.0 {
                 best = (square, edge);
             }
+        };
+        match self.cell_of(point) {
+            Some(cell) => {
+                let held = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+                self.candidates[held].iter().for_each(|&edge| look_at(edge));
+            }
+            None => (0..self.edges.len() as u32).for_each(look_at),
         }
         best.1 as usize
+    }
+
+    /// The cell that a point lies in; `None` outside the grid.
+    fn cell_of(&self, point: &Vector2<f64>) -> Option<usize> {
+        let at = (point - self.origin).component_div(&self.cell);
+        let inside = |x: f64| (0.0..self.side as f64).contains(&x);
+        (inside(at.x) && inside(at.y)).then(|| at.y as usize * self.side + at.x as usize)
     }
 }
 

@@ -255,7 +255,7 @@ fn settled(contours: &[Contour], start: Pose, step: usize, mixture: &Mixture) ->
 fn equations_at(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
     for (region, contour) in contours.iter().enumerate() {
-        let weight = |reading: &Reading| mixture.weight(region, reading);
+        let weight = |reading: &Reading| mixture.clean_probability(region, reading);
         contour.add_normal_equations(pose, step, weight, &mut equations)?;
     }
     Some(equations)

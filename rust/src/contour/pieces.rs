@@ -40,16 +40,20 @@ impl Piece {
 
 /// The pieces of a region's rings, `pixels` to the unit; those that touch an edge on the image's border are left out.
 pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64) -> Vec<Piece> {
-    let length = |ring: &[Vector2<f64>]| edges(ring).map(|(a, b)| (b - a).norm()).sum::<f64>();
-    let total: f64 = outline.rings().iter().map(|ring| length(ring)).sum();
-    let piece = (PIECE / pixels).max(total / MOST_PIECES as f64);
-    let mut pieces = Vec::new();
+    pieces_by_ring(outline.rings(), on_border, pixels).into_iter().flatten().collect()
+}
+
+/// The same ring by ring, of closed rings that need not bound a region.
+pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], on_border: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
+    let lengths: Vec<f64> = rings.iter().map(|ring| edges(ring).map(|(a, b)| (b - a).norm()).sum()).collect();
+    let piece = (PIECE / pixels).max(lengths.iter().sum::<f64>() / MOST_PIECES as f64);
+    let mut pieces = Vec::with_capacity(rings.len());
     let mut runs = 0;
-    for (index, ring) in outline.rings().iter().enumerate() {
+    for (index, (ring, length)) in rings.iter().zip(lengths).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
-        let count = ((length(ring) / piece).round() as usize).max(FEWEST_PIECES);
+        let count = ((length / piece).round() as usize).max(FEWEST_PIECES);
         let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
-        pieces.extend(ring_pieces(ring, &numbers, on_border, length(ring), count));
+        pieces.push(ring_pieces(ring, &numbers, on_border, length, count));
     }
     pieces
 }

@@ -39,8 +39,9 @@ const FOUND_ALONE: f64 = 0.9;
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
 
-/// Parts of each boundary on which candidates are compared.
-const SKETCHED: usize = 40;
+/// Pieces of all contours on which candidates are compared, and of each at least.
+const SKETCHED: usize = 120;
+const FEWEST_SKETCHED: usize = 40;
 
 /// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
 const MOST_SOLVED: usize = 32;
@@ -211,9 +212,10 @@ impl Search {
     }
 }
 
-/// The least step that leaves so many parts of the longest boundary at most.
+/// The step that leaves about as many pieces of all contours as a first look takes.
 fn sketch_step(contours: &[Contour]) -> usize {
-    contours.iter().map(|contour| contour.count(1).div_ceil(SKETCHED)).max().unwrap_or(1).max(1)
+    let wanted = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
+    contours.iter().map(|contour| contour.count(1).div_ceil(wanted)).max().unwrap_or(1).max(1)
 }
 
 /// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best.
