@@ -287,6 +287,8 @@ def scipy_minimum(search: _core.Search, rotation: Array, translation: Array) -> 
     from scipy.optimize import leastsq
 
     increments = _Increments(search, rotation, translation)
+    if increments.out_of_view:
+        return _core.Minimum(rotation, translation, np.inf, False, "a region left the view", 1)
     counted, _, details, message, code = leastsq(
         increments.residual,
         increments.unit,
@@ -315,6 +317,7 @@ class _Increments:
         self.unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
         self._at, self._evaluation = self.unit.tobytes(), first
         self._search, self._start = search, (rotation, translation)
+        self.out_of_view = first is None
         self._count = 0 if first is None else len(first[0])
 
     def residual(self, counted: Array) -> Array:

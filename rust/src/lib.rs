@@ -1,6 +1,6 @@
 //! Absolute pose of a central camera from planar regions, without correspondences.
 //!
-//! A region is seen in the image as closed rings of [bearings](Bearing) and known in the world as a planar patch or an
+//! A region is seen in the image as closed rings of bearings and known in the world as a planar patch or an
 //! open surface. [`Problem`] pairs both sides; [`Problem::estimate`] finds the pose from nothing else, with its covariance,
 //! the other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
 //! the formulas are derived in the document on its mathematics.
@@ -31,7 +31,9 @@
 //!
 //! # Features
 //!
-//! `batch`, on by default: many problems on a pool of threads by `in_parallel`.
+//! Both are on by default.
+//! - `batch`: many problems on a pool of threads by `in_parallel`;
+//! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused.
 #![forbid(unsafe_code)]
 
 // Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.

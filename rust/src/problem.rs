@@ -57,7 +57,7 @@ impl Problem {
     /// # let sign = [(0.0, 0.0), (0.6, 0.1), (0.3, 1.0)].map(|(x, y)| Vector3::new(x, y, 0.0)).to_vec();
     /// # let observed = [ObservedRegion::new(vec![sign.iter().map(|x| x + Vector3::z() * 4.0).collect()], 20_000.0)];
     /// # let worlds = [WorldRegion::from_rings(&[sign])?];
-    /// // A region of half a radian is compared on the sphere, where a camera with a wide field has its own measure.
+    /// // Moments of solid angle: the measure of a camera with a wide field.
     /// let problem = Problem::with(&observed, &worlds, System::Sphere, Integration::Boundary)?;
     /// assert!(problem.estimate().is_some());
     /// # Ok::<(), regionpose::Error>(())

@@ -98,7 +98,6 @@ fn normal_equations_are_sums_over_the_rows() {
     }
     let (mut matrix, mut gradient) = (Matrix6::zeros(), Tangent::zeros());
     for (reading, row) in rows(&problem, &pose) {
-        // The weight is that of the distance: the equations are of its square, as is the weight that they are given.
         matrix += row * row.transpose() * weight(&reading);
         gradient += row * (weight(&reading) * reading.distance);
     }

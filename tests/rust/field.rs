@@ -7,14 +7,11 @@ use regionpose::contour::field::EdgeField;
 use support::random::Random;
 use support::scene::{Ring, pierced_star, rectangle, regular, star};
 
-/// Within the grid the nearest edge is found, to rounding.
+/// The nearest edge is found to rounding, as a share of the coordinates.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of the extent that the grid reaches beyond the rings.
-const MARGIN: f64 = 0.25;
-
-/// Beyond the grid, the edge that is named may be farther than the nearest by this share of the rings' extent.
-const BEYOND: f64 = 0.5;
+/// Share of the extent, beyond the rings on each side, up to which points are drawn: within the grid and about its rim.
+const AROUND: f64 = 0.5;
 
 type Point = Vector2<f64>;
 
@@ -55,22 +52,21 @@ fn bounds(rings: &[Ring]) -> (Point, Point) {
 }
 
 #[test]
-fn within_the_grid_the_nearest_edge_is_found() {
+fn near_the_rings_the_nearest_edge_is_found() {
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let rings = shape(&mut random);
         let (field, edges, (low, extent)) = (EdgeField::new(&rings), edges(&rings), bounds(&rings));
         for _ in 0..50 {
-            let share = Point::new(random.uniform(-MARGIN, 1.0 + MARGIN), random.uniform(-MARGIN, 1.0 + MARGIN));
+            let share = Point::new(random.uniform(-AROUND, 1.0 + AROUND), random.uniform(-AROUND, 1.0 + AROUND));
             let [found, nearest] = found_and_nearest(&field, &edges, &(low + extent.component_mul(&share)));
             assert!(found - nearest < ROUNDING, "seed {seed}: {found} {nearest}");
         }
     }
 }
 
-/// The cells at the grid's rim serve all that lies beyond it.
 #[test]
-fn far_away_an_edge_is_named_that_is_about_as_near() {
+fn far_away_it_is_found_too() {
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let rings = shape(&mut random);
@@ -78,7 +74,7 @@ fn far_away_an_edge_is_named_that_is_about_as_near() {
         for far in [1.0, 2.0, 10.0, 1e3, 1e6] {
             let off = random.direction().xy().normalize() * (far * extent.norm());
             let [found, nearest] = found_and_nearest(&field, &edges, &(low + extent * 0.5 + off));
-            assert!(found - nearest < BEYOND * extent.norm(), "seed {seed}, {far} extents off: {found} {nearest}");
+            assert!(found - nearest < ROUNDING * found, "seed {seed}, {far} extents off: {found} {nearest}");
         }
     }
 }

@@ -8,7 +8,9 @@ use crate::geometry::clipping::Clipped;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::mesh::PlaneMesh;
+#[cfg(feature = "mesh")]
 use crate::mesh::even_mesh::even_mesh;
+#[cfg(feature = "mesh")]
 use crate::mesh::triangulation::{MeshOptions, triangulate};
 use crate::moments::lanes::{LANES, Lanes, vectorized};
 use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
@@ -97,6 +99,7 @@ pub fn facets(
 ///
 /// # Errors
 /// A size that is not positive and finite, or an outline that cannot be meshed.
+#[cfg(feature = "mesh")]
 pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>) -> Result<PlaneMesh> {
     if let Some(size) = size.filter(|size| !(size.is_finite() && *size > 0.0)) {
         let needed = "positive and finite, a share of the square root of the region's area".into();
@@ -108,6 +111,16 @@ pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>)
         (System::Plane, None) => triangulate(outline, MeshOptions::default()),
         (System::Sphere, None) => even(SPHERE_MESH_SIZE),
     }
+}
+
+/// No mesh.
+///
+/// # Errors
+/// Always: the crate was built without the feature `mesh`.
+#[cfg(not(feature = "mesh"))]
+pub fn integration_mesh(_: &PlaneRings, _: System, _: Option<f64>) -> Result<PlaneMesh> {
+    let needed = "another, or the crate's feature `mesh`".into();
+    Err(Error::OutOfRange { item: "integration", found: "over a mesh".into(), needed })
 }
 
 fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {

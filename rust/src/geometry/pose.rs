@@ -110,7 +110,7 @@ pub fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// Derivative of the left increment at `pose.moved(x)` with respect to `x`: the chain from [`Pose::moved`]'s parameter
-/// to the derivatives of [`crate::derivatives`] (`docs/math.md`, eq. 1.5).
+/// to the derivatives of [`crate::equations::derivatives`] (`docs/math.md`, eq. 1.5).
 ///
 /// With the left Jacobian `L` of SO(3): `d omega = L(omega) dx_omega` and `d tau = dx_tau + tau x d omega`.
 pub fn increment_derivative(x: &Tangent) -> Matrix6<f64> {

@@ -138,6 +138,7 @@ pub(crate) fn signed_area(ring: &[Vector2<f64>]) -> f64 {
 }
 
 /// Whether the area of a ring is too small for its extent, or the ring has no area at all.
+#[cfg(feature = "mesh")]
 pub(crate) fn is_flat(ring: &[Vector2<f64>]) -> bool {
     signed_area(ring).abs() <= smallest_area(ring)
 }

@@ -11,9 +11,32 @@ use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation
 
 use super::PlaneMesh;
 use crate::error::{Error, Result};
+use crate::geometry::rings::PlaneRings;
+
+/// Relative difference allowed between the areas of a mesh and of its region; rounding stays far below it, while a
+/// triangle lost or gained in a mesh of [`MOST_TRIANGLES`](super::MOST_TRIANGLES) does not.
+const AREA_TOLERANCE: f64 = 1e-9;
+
+/// Rounding of a new vertex, in units of the largest coordinate: it moves the boundary, hence the area, by this much.
+const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// The triangulation with constraint edges.
 pub(super) type Cdt = ConstrainedDelaunayTriangulation<Vertex>;
+
+impl PlaneMesh {
+    /// The mesh itself if it covers just the area of `region`.
+    pub(super) fn covering(self, region: &PlaneRings) -> Result<Self> {
+        let (found, needed) = (self.area(), region.area());
+        let (lower, upper) = region.bounds();
+        let perimeter: f64 = region.edges().map(|(a, b)| (b - a).norm()).sum();
+        let rounding = VERTEX_ROUNDING * lower.amax().max(upper.amax()) * perimeter;
+        if (found - needed).abs() <= AREA_TOLERANCE * needed + rounding {
+            Ok(self)
+        } else {
+            Err(Error::MeshArea { found, needed })
+        }
+    }
+}
 
 /// A vertex that spade accepts: never a coordinate that is tiny but not zero.
 #[derive(Debug, Clone, Copy)]

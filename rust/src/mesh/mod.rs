@@ -1,24 +1,18 @@
-//! Triangulated regions and outlines of point sets: the only module that names spade.
+//! Triangulated regions and outlines of point sets: the only module that names spade, and only with the feature `mesh`.
 
+#[cfg(feature = "mesh")]
 pub mod alpha_shape;
+#[cfg(feature = "mesh")]
 mod delaunay;
+#[cfg(feature = "mesh")]
 pub mod even_mesh;
+#[cfg(feature = "mesh")]
 pub mod triangulation;
 
 use nalgebra::Vector2;
 
-use crate::error::{Error, Result};
-use crate::geometry::rings::PlaneRings;
-
 /// Most triangles a mesh may be asked for: about a second of work and 100 MB.
 pub const MOST_TRIANGLES: usize = 1_000_000;
-
-/// Relative difference allowed between the areas of a mesh and of its region; rounding stays far below it, while a
-/// triangle lost or gained in a mesh of [`MOST_TRIANGLES`] does not.
-const AREA_TOLERANCE: f64 = 1e-9;
-
-/// Rounding of a new vertex, in units of the largest coordinate: it moves the boundary, hence the area, by this much.
-const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// A triangulated region of the plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,18 +33,5 @@ impl PlaneMesh {
     fn triangle_area(&self, [a, b, c]: [usize; 3]) -> f64 {
         let origin = self.vertices[a];
         0.5 * (self.vertices[b] - origin).perp(&(self.vertices[c] - origin))
-    }
-
-    /// The mesh itself if it covers just the area of `region`.
-    fn covering(self, region: &PlaneRings) -> Result<Self> {
-        let (found, needed) = (self.area(), region.area());
-        let (lower, upper) = region.bounds();
-        let perimeter: f64 = region.edges().map(|(a, b)| (b - a).norm()).sum();
-        let rounding = VERTEX_ROUNDING * lower.amax().max(upper.amax()) * perimeter;
-        if (found - needed).abs() <= AREA_TOLERANCE * needed + rounding {
-            Ok(self)
-        } else {
-            Err(Error::MeshArea { found, needed })
-        }
     }
 }

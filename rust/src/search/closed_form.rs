@@ -87,7 +87,7 @@ pub fn closed_form(
 }
 
 /// The paper's start (section 2.1.1 and 2.2.1): the region faces the camera along the ray of its centroid, at the
-/// distance at which both areas agree (`docs/math.md`, eq. 7.9); `up` (world) is turned to the camera's -y as far as
+/// distance at which both areas agree (`docs/math.md`, eq. 7.10); `up` (world) is turned to the camera's -y as far as
 /// that leaves the ray alone.
 ///
 /// Without `up` the plane's own axes are taken as they come.
@@ -119,7 +119,7 @@ pub fn facing(
 }
 
 /// The other pose whose first-order view of a region is the same: its normal mirrored at the ray of its centroid
-/// (`docs/math.md`, eq. 7.10).
+/// (`docs/math.md`, eq. 7.11).
 ///
 /// Facing poses lie midway between the two, where first derivatives hardly tell them apart: least squares from there end
 /// at either.
@@ -158,7 +158,7 @@ fn posed(
 /// decomposition of Collins and Bartoli 2014).
 ///
 /// `affine * depth` is the upper left block of a rotation, so `depth = 1 / (largest singular value)`
-/// (`docs/math.md`, eq. 7.6 to 7.8).
+/// (`docs/math.md`, eq. 7.7 to 7.9).
 fn two_fold(affine: &Matrix2<f64>) -> Vec<(Rotation3<f64>, f64)> {
     let gram = affine.transpose() * affine;
     let half = gram.trace() / 2.0;
@@ -222,7 +222,7 @@ fn best_turns(seen: &NormalizedShape, model: &NormalizedShape, wanted: WantedTur
 const WINDINGS: usize = *SHAPE_ORDERS.end();
 
 /// Squared difference between the observed moments and the model's after a mirror and a turn: a trigonometric polynomial
-/// (`docs/math.md`, eq. 7.5 and 7.11).
+/// (`docs/math.md`, eq. 7.5 and 7.6).
 struct Difference {
     mirrored: bool,
     constant: f64,

@@ -13,7 +13,7 @@ const LEAST_OWN: f64 = 2.0 * BY_CHANCE;
 
 /// Natural logarithm of the odds that a region belongs to the pose, for each region; infinite for a region alone.
 ///
-/// Of `m` pieces that vary independently a share `q` is clean. Of a region elsewhere each is by chance, with [`BY_CHANCE`]; of
+/// Of `m` pieces that vary independently a share `q` is clean. Of a region elsewhere each is by chance, with `BY_CHANCE`; of
 /// one that belongs to the pose with half the share that the cleanest of the others has.
 pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     let shares = fit.clean_shares();
