@@ -13,6 +13,13 @@ use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
+
+/// Parameters of a pose.
+const PARAMETERS: usize = 6;
+
 /// Regions seen in one image and known in the world, ready to be solved.
 ///
 /// ```
@@ -120,6 +127,13 @@ impl Problem {
     pub fn evaluate_moved(&self, pose: &Pose, increment: &Tangent, weighting: Weighting) -> Option<Evaluation> {
         let evaluation = self.evaluate(&pose.moved(increment), weighting)?;
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
+    }
+
+    /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
+    pub fn noise_variance(&self, cost: f64) -> f64 {
+        let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
+        let left = count.saturating_sub(PARAMETERS).max(1) as f64;
+        (cost / left).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
     /// The regions that a pose sees from the side away from their viewpoint.

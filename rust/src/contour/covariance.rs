@@ -54,9 +54,10 @@ fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usiz
         contour.read_rows(&fit.pose, &mut read)?;
         counts.push(read.len());
         rows.extend(read.into_iter().zip(contour.runs()).map(|((reading, derivative), run)| {
-            let weight = mixture.clean_probability(region, &reading);
+            let clean = mixture.clean_probability(region, &reading);
+            let weight = mixture.weight(region, &reading);
             // The weight falls as the piece's chance to be clean does.
-            let fall = weight * (1.0 - weight) * (1.0 - ratio) * (reading.misfit / mixture.sigma).powi(2);
+            let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.misfit / mixture.sigma).powi(2);
             Row { reading, derivative, weight, slope: weight - fall, place: (region, reading.edge, run) }
         }));
     }

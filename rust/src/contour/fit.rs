@@ -255,7 +255,11 @@ fn settled(contours: &[Contour], start: Pose, step: usize, mixture: &Mixture) ->
 fn equations_at(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
     for (region, contour) in contours.iter().enumerate() {
-        let weight = |reading: &Reading| mixture.clean_probability(region, reading);
+        let weight = |reading: &Reading| match mixture.sigma > FINEST_SCALE {
+            // On the way only what may be clean pulls; the likeliest pose is where all of the density's slopes balance.
+            true => mixture.clean_probability(region, reading),
+            false => mixture.weight(region, reading),
+        };
         contour.add_normal_equations(pose, step, weight, &mut equations)?;
     }
     Some(equations)

@@ -60,6 +60,14 @@ impl Mixture {
     }
 }
 
+impl Mixture {
+    /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
+    pub fn weight(&self, region: usize, reading: &Reading) -> f64 {
+        let clean = self.clean_probability(region, reading);
+        clean + (1.0 - clean) * (self.sigma / self.wide).powi(2)
+    }
+}
+
 /// Histograms of distances, in pixels, in steps of a constant ratio: one a region.
 #[derive(Debug, Clone)]
 pub struct Distances {

@@ -176,9 +176,11 @@ impl Problem {
 
     fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
         let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
-        let alone = self.regions().len() == 1 || options.refinement == Refinement::Off;
+        let cut = self.regions().iter().any(|region| region.border().is_some());
+        // Several regions that are disturbed are looked at further on their contours.
+        let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
-            Some(pose) if !alone || explains(pose) => poses,
+            Some(pose) if enough || explains(pose) => poses,
             _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
         }
     }
@@ -218,18 +220,18 @@ pub fn sketch_step(contours: &[Contour]) -> usize {
     contours.iter().map(|contour| contour.count(1).div_ceil(wanted)).max().unwrap_or(1).max(1)
 }
 
-/// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best.
+/// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best: by the equations, which
+/// know what a pose shows beyond the observed contours, and by these.
 fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let few = sketch_step(problem.contours());
-    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE).pose;
     let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
-    could_be(problem, ranked(problem.contours(), poses.into_iter().map(solved), few), prior)
-}
-
-/// Poses by their likelihood on every `step`-th part, each once.
-fn ranked(contours: &[Contour], poses: impl Iterator<Item = Pose>, step: usize) -> Vec<ContourFit> {
-    let fits = poses.filter_map(|pose| ContourFit::at(contours, &pose, step));
-    once(fits.collect(), usize::MAX, SAME_CANDIDATE)
+    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE);
+    let minima: Vec<Minimum> = poses.into_iter().map(solved).collect();
+    let least = minima.iter().map(|minimum| minimum.cost).fold(f64::INFINITY, f64::min);
+    let limit = COARSE_AMBIGUITY * (least + (AMBIGUITY + problem.most_penalty(prior)) * problem.noise_variance(least));
+    let fitting = minima.into_iter().filter(|minimum| minimum.cost <= limit);
+    let fits = fitting.filter_map(|minimum| ContourFit::at(problem.contours(), &minimum.pose, few));
+    could_be(problem, once(fits.collect(), usize::MAX, SAME_CANDIDATE), prior)
 }
 
 /// The likeliest fits, each pose once.

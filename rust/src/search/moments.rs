@@ -13,7 +13,7 @@ use crate::region::WorldRegion;
 use crate::search::cuts::cut_worlds;
 
 /// A candidate of one region: enough to tell it from the others, not yet a solution.
-const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 14 };
+const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 28 };
 
 /// A candidate of all regions together.
 const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };

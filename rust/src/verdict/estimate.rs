@@ -10,7 +10,6 @@ use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
-use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
@@ -33,10 +32,6 @@ const TIE: f64 = 1.0;
 
 /// Step, in radians, in which equally good poses are put in order.
 const TIE_STEP: f64 = 1e-3;
-
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
 
 /// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
@@ -112,7 +107,7 @@ impl Search {
         let best = places.first()?;
         let evidence = Evidence::new(&best.fit, &best.covariance);
         let noise = match &best.minimum {
-            Some(minimum) => boundary_noise(&self.problem, minimum.cost),
+            Some(minimum) => self.problem.noise_variance(minimum.cost).sqrt(),
             None => best.fit.mixture.sigma,
         };
         let all: f64 = places.iter().map(Place::weight).sum();
@@ -126,7 +121,7 @@ impl Search {
         Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
     }
 
-    /// The poses that may be the answer, the likeliest first.
+    /// The poses that may be the answer, those that fit best first.
     fn places(&self, minima: Vec<Minimum>) -> Vec<Place> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         // What is clean and fits from one pose alone shows it by a few pieces.
@@ -135,8 +130,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let noise = boundary_noise(problem, minimum.cost);
-            let covariance = moment_covariance(problem, &minimum.pose, noise);
+            let covariance = moment_covariance(problem, &minimum.pose, problem.noise_variance(minimum.cost));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -147,7 +141,7 @@ impl Search {
             let covariance = covariance(contours, fit);
             Place { pose: problem.uncentred(&fit.pose), minimum: None, fit: fit.clone(), covariance, against: 0.0 }
         });
-        let scored = minima.chain(led).map(|place| (-place.fit.mixture.likelihood, place)).collect();
+        let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
         distinct(scored, usize::MAX, SAME_MINIMUM, |place| &place.fit.pose)
             .into_iter()
             .map(|(_, place)| place)
@@ -160,9 +154,9 @@ impl Search {
 ///
 /// An initial pose without an uncertainty chooses the first among them.
 fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
-    let Some(first) = places.first().map(|place| place.fit.clone()) else { return places };
+    let Some(first) = places.first().cloned() else { return places };
     let against = |place: &Place| {
-        let worse = if apart(&first.pose, &place.fit.pose, 0.0) { first.against(&place.fit) } else { 0.0 };
+        let worse = first.outdoes(place, problem);
         let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
         (if worse <= TIE { 0.0 } else { worse }) + prior.penalty(&place.pose, &place.covariance) + behind
     };
@@ -185,26 +179,36 @@ fn order(pose: &Pose) -> [i64; 3] {
 }
 
 impl Place {
+    /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
+    fn outdoes(&self, other: &Self, problem: &Problem) -> f64 {
+        if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
+            return 0.0;
+        }
+        let by_contours = self.fit.against(&other.fit);
+        match (&self.minimum, &other.minimum) {
+            (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
+            _ => by_contours,
+        }
+    }
+
+    /// What places are sorted by: the moments' cost, or how unlikely the contours are.
+    fn cost(&self) -> f64 {
+        self.minimum.as_ref().map_or(-self.fit.mixture.likelihood, |minimum| minimum.cost)
+    }
+
     /// Likelihood against that of the best place.
     fn weight(&self) -> f64 {
         (-0.5 * self.against).exp()
     }
 }
 
-/// Standard deviation of the boundary's noise, from the whitened cost and the equations left over.
-pub fn boundary_noise(problem: &Problem, cost: f64) -> f64 {
-    let count: usize = problem.regions().iter().map(|region: &RegionEquations| region.count(Weighting::Whitened)).sum();
-    let left = count.saturating_sub(6).max(1) as f64;
-    (cost / left).sqrt().max(NOISE_FLOOR)
-}
-
-/// `noise^2 (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-fn moment_covariance(problem: &Problem, pose: &Pose, noise: f64) -> Matrix6<f64> {
+/// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
+fn moment_covariance(problem: &Problem, pose: &Pose, variance: f64) -> Matrix6<f64> {
     let free = Matrix6::from_element(f64::INFINITY);
     let Some(evaluation) = problem.evaluate(pose, Weighting::Whitened) else { return free };
     let information = evaluation.jacobian.transpose() * &evaluation.jacobian;
     let information = Matrix6::from_iterator(information.iter().copied());
-    information.cholesky().map_or(free, |cholesky| cholesky.inverse() * (noise * noise))
+    information.cholesky().map_or(free, |cholesky| cholesky.inverse() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
