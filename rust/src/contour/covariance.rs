@@ -1,4 +1,4 @@
-//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.8 to 11.10).
+//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.9 to 11.11).
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -64,7 +64,7 @@ fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usiz
     Some((rows, counts))
 }
 
-/// What straight runs add to the scatter of the gradient: all parts of one are off alike.
+/// What straight runs add to the scatter of the gradient: all pieces of one are off alike.
 ///
 /// A mask's edge along the pixels' grid lies anywhere within a pixel, as the side of a polygon does within a click's
 /// error: the deviation of the contour's points, not that of the pieces, over which a staircase averages out. The

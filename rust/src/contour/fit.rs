@@ -7,7 +7,7 @@ use super::mixture::{Distances, Mixture};
 use super::readings::{Contour, NormalEquations, Reading};
 use crate::geometry::pose::{Pose, Tangent};
 
-/// The finest scale, in pixels: parts of a binary mask's contour scatter by 0.15 to 0.25.
+/// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
 
 /// Distance, pixels, within which a piece speaks for a pose that is not refined: that of corners' noise.
@@ -39,11 +39,11 @@ const LONGEST_STEP: f64 = 0.1;
 /// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is.
 const RIDGE: f64 = 1e-9;
 
-/// A part is astray at this many standard deviations of the clean ones; a clean contour has such parts at corners alone.
+/// A piece is astray at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
 const ASTRAY: f64 = 4.0;
 const FEW_ASTRAY: f64 = 0.02;
 
-/// Standard deviation of the parts' distances, pixels, above which a contour isn't clean, however even they are.
+/// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
 const CLEAN_SIGMA: f64 = 1.0;
 
 /// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
@@ -52,7 +52,7 @@ const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 /// Clean share of a contour above which the rest is what disturbs it.
 const MOSTLY: f64 = 0.5;
 
-/// Variances by which chance alone parts the likelihoods of two poses, from the scatter of their own differences, for a
+/// Variances by which chance alone separates the likelihoods of two poses, from the scatter of their own differences, for a
 /// standard deviation of that: above what the turns of symmetric shapes differ by, below what poses do that fit worse.
 const CHANCE: f64 = 25.0 / (1.2 * 1.2);
 
@@ -71,7 +71,7 @@ pub struct ContourFit {
 }
 
 impl ContourFit {
-    /// The fit at a pose about the problem's origin, from every `step`-th part of the boundaries; `None` where a region is out
+    /// The fit at a pose about the problem's origin, from every `step`-th piece of the boundaries; `None` where a region is out
     /// of view.
     pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
         let readings = Readings::at(contours, pose, step)?;
@@ -91,7 +91,7 @@ impl ContourFit {
             .collect()
     }
 
-    /// Share of the clean parts of each region.
+    /// Share of the clean pieces of each region.
     pub fn clean_shares(&self) -> Vec<f64> {
         let clean = |(region, readings): (usize, &[Reading])| {
             readings.iter().map(|reading| self.mixture.clean_probability(region, reading)).sum::<f64>()
@@ -100,7 +100,7 @@ impl ContourFit {
         self.regions().map(clean).collect()
     }
 
-    /// Whether the parts scatter by less than a pixel, and hardly one lies far off.
+    /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     pub fn is_clean(&self) -> bool {
         let limit = ASTRAY * self.mixture.sigma;
         let astray = self.readings.iter().filter(|reading| reading.misfit > limit).count();
@@ -129,12 +129,12 @@ impl ContourFit {
             / self.readings.len().max(1) as f64
     }
 
-    /// By how much the log likelihood exceeds that of another pose for the same parts, over those that vary independently.
+    /// By how much the log likelihood exceeds that of another pose for the same pieces, over those that vary independently.
     pub fn gain_over(&self, other: &Self) -> f64 {
         self.independent() * (self.mixture.likelihood - other.mixture.likelihood)
     }
 
-    /// How much worse another pose fits the same parts, in variances: twice the ratio of the log likelihoods, or what is left
+    /// How much worse another pose fits the same pieces, in variances: twice the ratio of the log likelihoods, or what is left
     /// of that where chance may have decided (`docs/math.md`, eq. 11.7).
     pub fn against(&self, other: &Self) -> f64 {
         let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));

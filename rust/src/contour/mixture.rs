@@ -1,4 +1,4 @@
-//! The one likelihood of a pose: how far the parts of its boundaries lie from the contours, of which a share is clean and the
+//! The one likelihood of a pose: how far the pieces of the contours lie from its boundaries, of which a share is clean and the
 //! rest disturbed (`docs/math.md`, eq. 11.5).
 
 use super::readings::Reading;
@@ -25,7 +25,7 @@ const SHARES: (f64, f64) = (1e-3, 0.999);
 /// The wide scale over the narrow one at least.
 const WIDE: f64 = 2.0;
 
-/// Two normal distributions of distances, of the clean parts and of the disturbed ones, and the share of these in each region.
+/// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
     /// Standard deviation of the clean ones, pixels.
@@ -34,7 +34,7 @@ pub struct Mixture {
     pub wide: f64,
     /// Share of the disturbed ones, region by region.
     pub disturbed: Vec<f64>,
-    /// Mean logarithm of the density over all parts, in 1 / pixels.
+    /// Mean logarithm of the density over all pieces, in 1 / pixels.
     pub likelihood: f64,
 }
 

@@ -52,7 +52,7 @@ const MOST_REFINED: usize = 12;
 /// Further poses of one kind that are led onto the contours.
 const MOST_FURTHER: usize = 16;
 
-/// Poses from corners that are compared on more than a few parts.
+/// Poses from corners that are compared on more than a few pieces.
 const FIRST_LOOK: usize = 250;
 
 /// Pairs of triples of corners at most, over all regions.
@@ -61,7 +61,7 @@ const MOST_PAIRS: usize = 4000;
 /// How far poses from corners are apart at least that are led onto the contours, rad and share of the distance.
 const SAME_FURTHER: f64 = 0.05;
 
-/// Poses that are led from few parts onto all at most.
+/// Poses that are led from few pieces onto all at most.
 const MOST_LED: usize = 16;
 
 /// How many times as many pieces follow a refinement on few.
@@ -147,7 +147,7 @@ pub struct Search {
 pub(crate) enum Answers {
     /// Near minima of the moments' equations, which average the noise of the whole outlines.
     Moments(Vec<Pose>),
-    /// Led onto the clean parts of the contours.
+    /// Led onto the clean pieces of the contours.
     Contours(Vec<ContourFit>),
 }
 
@@ -247,7 +247,7 @@ fn could_be(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Cont
     fits.into_iter().filter(|fit| best.against(fit) <= limit).collect()
 }
 
-/// The likeliest poses on every `step`-th part, without any being moved.
+/// The likeliest poses on every `step`-th piece, without any being moved.
 fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -> Vec<Pose> {
     if poses.len() <= 1 {
         return poses;
@@ -274,7 +274,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
 }
 
 /// The likeliest poses on the contours: the candidates, further ones where none of these is found, and other turns of a
-/// plane, each refined on few parts, then on all.
+/// plane, each refined on few pieces, then on all.
 fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = sketch_step(contours);

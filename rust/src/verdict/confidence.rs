@@ -9,7 +9,7 @@ use crate::verdict::weakness::weakest;
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
 const WEIGHTS: [f64; 6] = [-1.2590, -0.3804, -0.4465, 0.0968, 0.6493, 1.3099];
 
-/// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean parts.
+/// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean pieces.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
 const SHARE: (f64, f64) = (1e-3, 1.0 - 1e-3);
 const PARTS: (f64, f64) = (0.1, 1e4);
@@ -23,7 +23,7 @@ pub struct Evidence {
     pub scatter: f64,
     /// Share of the clean pieces, mean over the regions.
     pub clean_share: f64,
-    /// Clean parts of the contours that vary independently.
+    /// Clean pieces of the contours that vary independently.
     pub clean_parts: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,

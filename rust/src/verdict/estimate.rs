@@ -27,7 +27,7 @@ const TRUSTED: f64 = 0.9;
 /// Poses nearer than this, rad and share of the distance, are one minimum.
 const SAME_MINIMUM: f64 = 1e-4;
 
-/// Poses within this many variances of the best are equally good: what differs is where the boundary's parts lie.
+/// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
 
 /// Step, in radians, in which equally good poses are put in order.

@@ -1,4 +1,4 @@
-//! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, section 11).
+//! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, eq. 11.8).
 
 use crate::contour::fit::ContourFit;
 
