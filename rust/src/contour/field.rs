@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use nalgebra::Vector2;
 
 /// Cells along a side of the grid: of a region of some hundred pixels they are as large as the distances that decide a pose.
-const CELLS: usize = 32;
+const CELLS: usize = 24;
 
 /// Room around the rings that the grid covers, as a share of their extent.
 const MARGIN: f64 = 0.25;

@@ -49,6 +49,10 @@ const MOST_SOLVED: usize = 32;
 /// Candidates that are led onto the contours, those of each kind that are likeliest.
 const MOST_REFINED: usize = 12;
 
+/// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
+/// over 120 pieces, odds of e to the 120.
+const HOPELESS: f64 = 1.0;
+
 /// Further poses of one kind that are led onto the contours.
 const MOST_FURTHER: usize = 16;
 
@@ -162,7 +166,7 @@ impl Problem {
             Start::Paper => paper_poses(self, &options.prior),
         };
         let first = poses.first().and_then(|pose| ContourFit::at(contours, pose, few));
-        let clean = first.as_ref().is_none_or(ContourFit::is_clean);
+        let clean = first.as_ref().is_some_and(ContourFit::is_clean);
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.clone().whitened(first.map_or(0.0, |fit| fit.noise()), orders);
         let answers = match options.refinement {
@@ -254,7 +258,10 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
     }
     let sketch = Sketch::new(contours, step);
     let scored = sorted(poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect());
-    scored.into_iter().take(most).map(|(_, pose)| pose).collect()
+    // A region alone may be disturbed so much that its moments lead nowhere near; several tell a wrong pose at a glance.
+    let worst = if contours.len() > 1 { HOPELESS } else { f64::INFINITY };
+    let least = scored.first().map_or(0.0, |(misfit, _)| *misfit);
+    scored.into_iter().take(most).take_while(|(misfit, _)| *misfit <= least + worst).map(|(_, pose)| pose).collect()
 }
 
 /// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are

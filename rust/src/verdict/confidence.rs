@@ -7,7 +7,7 @@ use crate::verdict::outliers::log_odds;
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 6] = [-1.2590, -0.3804, -0.4465, 0.0968, 0.6493, 1.3099];
+const WEIGHTS: [f64; 6] = [-0.3362, -0.5018, -0.5995, 0.1591, 0.1458, 2.4619];
 
 /// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean pieces.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
