@@ -263,7 +263,8 @@ fn poor_regions(best: &Solution, trusted: bool) -> Vec<Warning> {
     let others_of = |region: usize| {
         let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
         let others: Vec<f64> = others.map(|other| shares[other]).collect();
-        let found = best.fit.mixture.sigma < LOOSE && others.len() >= needed;
+        // A pose by the moments is a compromise of all regions.
+        let found = best.minimum.is_none() && best.fit.mixture.sigma < LOOSE && others.len() >= needed;
         others.into_iter().reduce(f64::min).filter(|_| found)
     };
     let mut warnings = Vec::new();
