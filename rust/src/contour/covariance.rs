@@ -33,16 +33,18 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let steepness = (rows.iter().map(|row| row.slope).sum::<f64>() / held).max(LEAST_SLOPE);
     let pulls: Vec<f64> = rows.iter().map(|row| row.reading.distance * row.weight).collect();
     let correlation = long_run(&pulls, &counts);
-    let (mut information, mut scatter) = (Matrix6::zeros(), Matrix6::zeros());
+    let (mut information, mut single) = (Matrix6::zeros(), Matrix6::zeros());
     for (row, pull) in rows.iter().zip(&pulls) {
         information.ger(row.weight * steepness, &row.derivative, &row.derivative, 1.0);
-        scatter.ger(pull * pull * correlation, &row.derivative, &row.derivative, 1.0);
+        single.ger(pull * pull, &row.derivative, &row.derivative, 1.0);
     }
     let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else { return free };
+    let runs = runs_scatter(&rows);
+    // A run that is off as a whole is one measurement, whatever the number of its pieces.
+    let alike = (inverse * runs).trace() / (inverse * single).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
-    let independent = held / correlation.max(1.0);
-    let left = independent / (independent - PARAMETERS).max(1.0);
-    inverse * (scatter + runs_scatter(&rows)) * inverse * left
+    let independent = (held / correlation.max(alike).max(1.0)).max(PARAMETERS + 1.0);
+    inverse * (single * correlation + runs) * inverse * (independent / (independent - PARAMETERS))
 }
 
 fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usize>)> {
