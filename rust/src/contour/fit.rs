@@ -52,9 +52,10 @@ const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 /// Clean share of a contour above which the rest is what disturbs it.
 const MOSTLY: f64 = 0.5;
 
-/// Variances by which chance alone separates the likelihoods of two poses, from the scatter of their own differences, for a
-/// standard deviation of that: above what the turns of symmetric shapes differ by, below what poses do that fit worse.
-const CHANCE: f64 = 25.0 / (1.2 * 1.2);
+/// Variances that count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
+/// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by more than one
+/// (`cargo test --test symmetry`).
+const CHANCE: f64 = 25.0;
 
 /// A pose and what the contours show there.
 #[derive(Debug, Clone)]

@@ -130,7 +130,7 @@ pub fn corner_poses(
     };
     let groups: Vec<_> = groups.iter().map(triples_of).collect();
     let compared: usize = groups.iter().map(|(observed, models)| observed.len() * models.len()).sum();
-    let every = compared.div_ceil(COMPARED_EACH * most.max(1)).max(1);
+    let every = compared.div_ceil(COMPARED_EACH.saturating_mul(most.max(1))).max(1);
     let alike = |one: &Triple<Vector2<f64>>, other: &Triple<Vector3<f64>>| (0..3).all(|k| one[k].left == other[k].left);
     let of_group = |(observed, models): &(Vec<_>, Vec<_>)| {
         let pair = |k: usize| (observed[k / models.len()], models[k % models.len()]);
