@@ -5,7 +5,8 @@ mod support;
 use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
 use regionpose::contour::fit::{ContourFit, refined};
-use regionpose::contour::readings::{NormalEquations, Reading};
+use regionpose::contour::readings::Reading;
+use regionpose::equations::residual::NormalEquations;
 use regionpose::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, Problem, Refinement, Warning};
 use support::contours::{all_bitten, distances, one_turned, readings, rows};
@@ -101,7 +102,7 @@ fn normal_equations_are_sums_over_the_rows() {
         matrix += row * row.transpose() * weight(&reading);
         gradient += row * (weight(&reading) * reading.distance);
     }
-    assert!((equations.matrix - matrix).amax() < ROUNDING * matrix.amax());
+    assert!((equations.information - matrix).amax() < ROUNDING * matrix.amax());
     assert!((equations.gradient - gradient).amax() < ROUNDING * gradient.amax());
 }
 

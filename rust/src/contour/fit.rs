@@ -4,7 +4,8 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::correlation::correlation;
 use super::mixture::{Distances, Mixture};
-use super::readings::{Contour, NormalEquations, Reading};
+use super::readings::{Contour, Reading};
+use crate::equations::residual::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
@@ -268,8 +269,8 @@ fn equations_at(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixtur
 
 /// The step to the least weighted squares; `None` where no direction is held.
 fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
-    let ridge = Matrix6::from_diagonal(&(equations.matrix.diagonal() * RIDGE));
-    let increment: Vector6<f64> = -(equations.matrix + ridge).cholesky()?.solve(&equations.gradient);
+    let ridge = Matrix6::from_diagonal(&(equations.information.diagonal() * RIDGE));
+    let increment: Vector6<f64> = -(equations.information + ridge).cholesky()?.solve(&equations.gradient);
     increment.iter().all(|value| value.is_finite()).then_some(increment)
 }
 

@@ -1,11 +1,11 @@
 //! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
 //! section 11).
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::field::EdgeField;
 use super::pieces::{Piece, edges, pieces};
-use crate::equations::residual::RegionEquations;
+use crate::equations::residual::{NormalEquations, RegionEquations};
 use crate::geometry::pose::Pose;
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::border::{edge_before, near_plane};
@@ -52,15 +52,6 @@ pub struct Reading {
     pub misfit: f64,
     /// The edge of the boundary that it is nearest to, counted over all rings.
     pub edge: u32,
-}
-
-/// Normal equations of the distances of some pieces: `J^T W J` and `J^T W d`.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct NormalEquations {
-    /// `J^T W J` by the left increment `[omega (rad), tau (metres)]`.
-    pub matrix: Matrix6<f64>,
-    /// `J^T W d`.
-    pub gradient: Vector6<f64>,
 }
 
 impl Contour {
@@ -134,10 +125,11 @@ impl Contour {
             let weight = weight(&reading);
             let row = self.derivative(&view, reading.edge, &foot);
             let weighted = row * weight;
-            sums.matrix.ger(1.0, &weighted, &row, 1.0);
+            sums.information.ger(1.0, &weighted, &row, 1.0);
             sums.gradient += weighted * reading.distance;
+            sums.cost += weight * reading.distance * reading.distance;
         }
-        into.add_turned(&sums, self.rotation.matrix());
+        *into += sums.turned(&self.rotation);
         Some(())
     }
 
@@ -277,21 +269,5 @@ impl Edge {
         let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
         let normal = Vector2::new(self.step.y, -self.step.x) * self.inverse.sqrt();
         Foot { share, offset: offset - self.step * share, normal }
-    }
-}
-
-impl NormalEquations {
-    /// Adds equations along a chart's axes, to which `rotation` leads from the camera's.
-    fn add_turned(&mut self, chart: &Self, rotation: &Matrix3<f64>) {
-        for row in [0, 3] {
-            for column in [0, 3] {
-                let turned = rotation.transpose() * chart.matrix.fixed_view::<3, 3>(row, column) * rotation;
-                let mut into = self.matrix.fixed_view_mut::<3, 3>(row, column);
-                into += turned;
-            }
-            let turned = rotation.transpose() * chart.gradient.fixed_rows::<3>(row);
-            let mut into = self.gradient.fixed_rows_mut::<3>(row);
-            into += turned;
-        }
     }
 }

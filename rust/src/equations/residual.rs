@@ -3,7 +3,9 @@
 
 use std::sync::OnceLock;
 
-use nalgebra::{DVector, Dyn, Matrix6, OMatrix, U6, Vector2, Vector3};
+use std::ops::AddAssign;
+
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
 
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::system::{
@@ -123,11 +125,6 @@ impl RegionEquations {
         self.border.as_ref()
     }
 
-    /// Length in the chart of the observed boundary, without what lies on the image's border.
-    pub fn boundary_length(&self) -> f64 {
-        seen_edges(&self.outline, self.border.as_ref()).map(|(a, b)| (b - a).norm()).sum()
-    }
-
     /// Number of independent equations.
     pub fn count(&self, weighting: Weighting) -> usize {
         match weighting {
@@ -236,16 +233,6 @@ fn add_sphere<const N: usize>(moments: &SphereMoments, scale: f64, nu: &Vector3<
     }
 }
 
-/// The edges of an observed outline that do not lie on the image's border.
-fn seen_edges<'a>(
-    outline: &'a PlaneRings,
-    border: Option<&'a Border>,
-) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> + 'a {
-    let on_border = border.into_iter().flat_map(|border| border.on_border().iter().flatten().copied());
-    let known = on_border.chain(std::iter::repeat(false));
-    outline.edges().zip(known).filter(|(_, on_border)| !on_border).map(|(edge, _)| edge)
-}
-
 /// The moments on the sphere of rings in a chart.
 fn lifted_moments<'a>(rings: impl Iterator<Item = &'a [Vector2<f64>]>, chart: &Chart, order: usize) -> SphereMoments {
     let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0).normalize();
@@ -323,8 +310,8 @@ pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> O
     regions.iter().map(|region| region.rows::<ALONE>(pose, weighting).map(|rows| rows.cost())).sum()
 }
 
-/// What least squares need of the equations: with residuals `r` and derivatives `J` by the left increment, the sums over all.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What least squares need of equations: with residuals `r` and derivatives `J` by the left increment, the sums over all.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NormalEquations {
     /// `J^T J`.
     pub information: Matrix6<f64>,
@@ -336,13 +323,10 @@ pub struct NormalEquations {
 
 /// The normal equations of several regions; `None` where one of them is not in view.
 pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<NormalEquations> {
-    let mut sum = NormalEquations { information: Matrix6::zeros(), gradient: Tangent::zeros(), cost: 0.0 };
+    let mut sum = NormalEquations::default();
     for region in regions {
         let rows = region.rows(pose, weighting)?;
-        let one = NormalEquations::along_chart(&rows).turned(&region.chart);
-        sum.information += one.information;
-        sum.gradient += one.gradient;
-        sum.cost += one.cost;
+        sum += NormalEquations::along_chart(&rows).turned(&region.chart.rotation);
     }
     Some(sum)
 }
@@ -363,9 +347,10 @@ impl NormalEquations {
         }
     }
 
-    /// The same by an increment along the camera's axes (`docs/math.md`, eq. 6.7).
-    fn turned(self, chart: &Chart) -> Self {
-        let turn = chart.rotation.matrix();
+    /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera` (`docs/math.md`,
+    /// eq. 6.7).
+    pub fn turned(self, rotation: &Rotation3<f64>) -> Self {
+        let turn = rotation.matrix();
         let mut information = Matrix6::zeros();
         let mut gradient = Tangent::zeros();
         for a in [0, 3] {
@@ -377,6 +362,15 @@ impl NormalEquations {
             }
         }
         Self { information, gradient, cost: self.cost }
+    }
+}
+
+impl AddAssign for NormalEquations {
+    /// Adds those of other equations by the same increment.
+    fn add_assign(&mut self, other: Self) {
+        self.information += other.information;
+        self.gradient += other.gradient;
+        self.cost += other.cost;
     }
 }
 
