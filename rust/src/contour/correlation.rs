@@ -1,6 +1,6 @@
 //! How neighbours on a contour vary together (`docs/math.md`, section 11).
 
-/// Parts over which neighbours are taken to vary together, or in turns.
+/// Pieces over which neighbours are taken to vary together, or in turns.
 const WINDOW: usize = 12;
 
 /// The least that a sum of neighbours may vary against independent ones.

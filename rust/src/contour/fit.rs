@@ -212,8 +212,8 @@ impl<'a> Sketch<'a> {
 
 /// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
 ///
-/// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest: what lies
-/// far off loses its weight step by step. `None` where a region is out of view at the start.
+/// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
+/// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
     let first = readings.distances().mixture(FINEST_SCALE);

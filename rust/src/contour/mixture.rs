@@ -16,6 +16,10 @@ const SCALE_RATIO: f64 = 2.0;
 /// Steps of expectation and maximization for the shares and the wide scale at each narrow one.
 const ITERATIONS: usize = 8;
 
+/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share.
+const FIRST_WIDE: f64 = 1.2;
+const FIRST_SHARE: f64 = 0.3;
+
 /// Logarithm of odds from which a piece is disturbed for certain.
 const CERTAIN: f64 = 500.0;
 
@@ -58,9 +62,7 @@ impl Mixture {
         let disturbed = self.disturbed[region];
         log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide))
     }
-}
 
-impl Mixture {
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
     pub fn weight(&self, region: usize, reading: &Reading) -> f64 {
         let clean = self.clean_probability(region, reading);
@@ -115,7 +117,7 @@ impl Distances {
             sigma *= SCALE_RATIO;
         }
         for _ in 0..ITERATIONS {
-            self.improve(&mut best, finest);
+            self.improve(&mut best, Some(finest));
         }
         best.likelihood = self.likelihood(&best);
         best
@@ -125,19 +127,19 @@ impl Distances {
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
-            wide: (1.2 * spread).max(WIDE * sigma),
-            disturbed: vec![0.3; self.regions.len()],
+            wide: (FIRST_WIDE * spread).max(WIDE * sigma),
+            disturbed: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
         for _ in 0..ITERATIONS {
-            self.improve(&mut mixture, f64::NAN);
+            self.improve(&mut mixture, None);
         }
         mixture.likelihood = self.likelihood(&mixture);
         mixture
     }
 
-    /// One step of expectation and maximization; the narrow scale stays at least `finest`, and as it is where that is NaN.
-    fn improve(&self, mixture: &mut Mixture, finest: f64) {
+    /// One step of expectation and maximization; the narrow scale stays as it is, or at least `finest` where that is given.
+    fn improve(&self, mixture: &mut Mixture, finest: Option<f64>) {
         let (mut others, mut squares, mut all, mut all_squares) = (0.0, 0.0, 0.0, 0.0);
         let fall = 0.5 * (mixture.sigma.powi(-2) - mixture.wide.powi(-2));
         let ratio = mixture.sigma / mixture.wide;
@@ -156,7 +158,7 @@ impl Distances {
             all += count;
             *share = (disturbed / f64::max(count, 1.0)).clamp(SHARES.0, SHARES.1);
         }
-        if !finest.is_nan() {
+        if let Some(finest) = finest {
             mixture.sigma =
                 ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }

@@ -36,7 +36,7 @@ struct Drawing {
 }
 
 /// The poses at which the plane of all regions is where it was and they, turned in it, lie nearest to their contours, the
-/// nearest first; `pose` itself is none of them. Every `step`-th part is read. Poses are about the problem's origin; none for
+/// nearest first; `pose` itself is none of them. Every `step`-th piece is read. Poses are about the problem's origin; none for
 /// regions in several planes.
 pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
     let sketch = Sketch::new(problem.contours(), step);
