@@ -23,7 +23,7 @@ const ROUNDING: f64 = 1e-12;
 const DIFFERENCES: f64 = 1e-6;
 
 /// The same on the whitened scale, which magnifies the rounding of moments that hardly differ.
-const WHITENED_DIFFERENCES: f64 = 2e-5;
+const WHITENED_DIFFERENCES: f64 = 1e-5;
 
 /// Rotation error (rad) of a pose from exact outlines: by moments, and on contours whose pieces round the corners.
 const EXACT: f64 = 1e-6;

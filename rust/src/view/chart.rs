@@ -16,8 +16,8 @@ const CENTROID_AXIS_MIN_COSINE: f64 = 0.3;
 /// Turns that bring the axis onto the centroid; each leaves the square of the region's angular size.
 const CENTROID_STEPS: usize = 3;
 
-/// A turn by less than this (rad) is the last: what it leaves is far below what any moment feels.
-const CENTRED: f64 = 1e-4;
+/// A turn by less than this (rad) is the last: round-off.
+const CENTRED: f64 = 1e-12;
 
 /// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, eq. 6.1).
 #[derive(Debug, Clone, Copy, PartialEq)]
