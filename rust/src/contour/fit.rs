@@ -24,15 +24,16 @@ const FIRST_SCALE: f64 = 2.2;
 /// From scale to scale.
 const SCALE_STEP: f64 = 2.0;
 
-/// Gauss-Newton steps at one scale at most, and at the finest.
+/// Gauss-Newton steps from one reading of the nearest edges to the next at most, and such rounds at the finest scale.
 const STEPS: usize = 3;
-const LAST_STEPS: usize = 12;
+const LAST_ROUNDS: usize = 4;
 
-/// A step below this, rad and share of the distance, ends the iteration at a scale: a hundredth of what a contour is good to.
-const SETTLED: f64 = 1e-6;
+/// A step that moves the boundary by less than this share of the pieces' distances, in the mean square, ends the iteration: a
+/// tenth of what a thousand pieces tell.
+const SETTLED: f64 = 3e-3;
 
 /// Halvings of a step that takes a region out of view.
-const HALVINGS: usize = 6;
+const HALVINGS: i32 = 6;
 
 /// Longest step, rad and share of the distance.
 const LONGEST_STEP: f64 = 0.1;
@@ -51,7 +52,7 @@ const CLEAN_SIGMA: f64 = 1.0;
 const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
 /// Clean share of a contour above which the rest is what disturbs it.
-const MOSTLY: f64 = 0.5;
+pub const MOSTLY: f64 = 0.5;
 
 /// Variances that count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
 /// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by more than one
@@ -76,9 +77,16 @@ impl ContourFit {
     /// The fit at a pose about the problem's origin, from every `step`-th piece of the boundaries; `None` where a region is out
     /// of view.
     pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
-        let readings = Readings::at(contours, pose, step)?;
+        Some(Self::of(*pose, Readings::at(contours, pose, step)?, step))
+    }
+
+    fn of(pose: Pose, readings: Readings, step: usize) -> Self {
         let mixture = readings.distances().mixture(FINEST_SCALE);
-        Some(Self { pose: *pose, mixture, readings: readings.all, counts: readings.counts, step })
+        Self { pose, mixture, readings: readings.all, counts: readings.counts, step }
+    }
+
+    fn or_likelier(self, other: Self) -> Self {
+        if other.mixture.likelihood > self.mixture.likelihood { other } else { self }
     }
 
     /// The readings of each region, and its number.
@@ -151,6 +159,7 @@ impl ContourFit {
 }
 
 /// Readings of several regions.
+#[derive(Clone)]
 struct Readings {
     all: Vec<Reading>,
     counts: Vec<usize>,
@@ -216,53 +225,70 @@ impl<'a> Sketch<'a> {
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
-    let first = readings.distances().mixture(FINEST_SCALE);
     let (mut pose, mut scale) = (*start, FIRST_SCALE * readings.median());
-    let mut best = (first.likelihood, *start);
+    let mut best = ContourFit::of(pose, readings.clone(), step);
+    let mut likeliest = (best.mixture.likelihood, pose);
     loop {
         let distances = readings.distances();
         let mixture = distances.mixture_of(scale, distances.root_mean_square());
-        if mixture.likelihood > best.0 {
-            best = (mixture.likelihood, pose);
+        if mixture.likelihood > likeliest.0 {
+            likeliest = (mixture.likelihood, pose);
         }
-        pose = settled(contours, pose, step, &mixture);
         // The comparison fails for a scale that is not finite, too.
-        if !(scale > FINEST_SCALE && scale.is_finite()) {
+        let last = !(scale > FINEST_SCALE && scale.is_finite());
+        for _ in 0..if last { LAST_ROUNDS } else { 1 } {
+            let (next, settled) = stepped(contours, pose, step, &readings, &mixture);
+            readings = Readings::at(contours, &next, step)?;
+            pose = next;
+            if settled {
+                break;
+            }
+        }
+        if last {
             break;
         }
-        readings = Readings::at(contours, &pose, step)?;
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
-    let fits = [best.1, pose].into_iter().filter_map(|pose| ContourFit::at(contours, &pose, step));
-    fits.max_by(|a, b| a.mixture.likelihood.total_cmp(&b.mixture.likelihood))
+    best = best.or_likelier(ContourFit::of(pose, readings, step));
+    // A mixture whose scale is free is likelier still.
+    match likeliest.0 > best.mixture.likelihood {
+        true => ContourFit::at(contours, &likeliest.1, step).map(|fit| best.or_likelier(fit)),
+        false => Some(best),
+    }
 }
 
-/// The pose after Gauss-Newton steps by the weights of one mixture.
-fn settled(contours: &[Contour], start: Pose, step: usize, mixture: &Mixture) -> Pose {
-    let steps = if mixture.sigma > FINEST_SCALE { STEPS } else { LAST_STEPS };
+/// The pose after Gauss-Newton steps by the weights of one mixture, each piece held to the edge that it was read from, and
+/// whether the first step was hardly one.
+fn stepped(contours: &[Contour], start: Pose, step: usize, readings: &Readings, mixture: &Mixture) -> (Pose, bool) {
     let mut pose = start;
-    let mut equations = equations_at(contours, &pose, step, mixture);
-    for _ in 0..steps {
-        let Some(increment) = equations.as_ref().and_then(gauss_newton) else { break };
-        let Some((next, moved, size)) = advanced(contours, &pose, &increment, step, mixture) else { break };
-        (pose, equations) = (next, Some(moved));
-        if size < SETTLED {
-            break;
+    for number in 0..STEPS {
+        let Some(equations) = equations_at(contours, &pose, step, readings, mixture) else { break };
+        let Some(increment) = gauss_newton(&equations) else { return (pose, true) };
+        let Some(next) = advanced(contours, &pose, &increment) else { return (pose, true) };
+        pose = next;
+        if increment.dot(&(equations.information * increment)) <= SETTLED * SETTLED * equations.cost {
+            return (pose, number == 0);
         }
     }
-    pose
+    (pose, false)
 }
 
 /// The normal equations of the distances by the weights of a mixture; `None` where a region is out of view.
-fn equations_at(contours: &[Contour], pose: &Pose, step: usize, mixture: &Mixture) -> Option<NormalEquations> {
+fn equations_at(
+    contours: &[Contour],
+    pose: &Pose,
+    step: usize,
+    readings: &Readings,
+    mixture: &Mixture,
+) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
-    for (region, contour) in contours.iter().enumerate() {
+    for (region, (contour, before)) in contours.iter().zip(split(&readings.all, &readings.counts)).enumerate() {
         let weight = |reading: &Reading| match mixture.sigma > FINEST_SCALE {
             // On the way only what may be clean pulls; the likeliest pose is where all of the density's slopes balance.
             true => mixture.clean_probability(region, reading),
             false => mixture.weight(region, reading),
         };
-        contour.add_normal_equations(pose, step, weight, &mut equations)?;
+        contour.add_normal_equations(pose, step, before, weight, &mut equations)?;
     }
     Some(equations)
 }
@@ -274,23 +300,11 @@ fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
     increment.iter().all(|value| value.is_finite()).then_some(increment)
 }
 
-/// The pose moved by an increment, shortened until every region is in view, the equations there and the size of what was gone.
-fn advanced(
-    contours: &[Contour],
-    pose: &Pose,
-    increment: &Tangent,
-    step: usize,
-    mixture: &Mixture,
-) -> Option<(Pose, NormalEquations, f64)> {
-    let mut increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
-    for _ in 0..=HALVINGS {
-        let moved = pose.moved(&increment);
-        if let Some(equations) = equations_at(contours, &moved, step, mixture) {
-            return Some((moved, equations, size(&increment, pose)));
-        }
-        increment *= 0.5;
-    }
-    None
+/// The pose moved by an increment, shortened until every region is in view.
+fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Pose> {
+    let increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
+    let shorter = (0..=HALVINGS).map(|times| pose.moved(&(increment * 0.5_f64.powi(times))));
+    shorter.into_iter().find(|moved| contours.iter().all(|contour| contour.is_in_view(moved)))
 }
 
 /// Size of an increment: radians, or a share of the distance.

@@ -110,18 +110,20 @@ impl Contour {
         Some(())
     }
 
-    /// Adds the normal equations of every `step`-th piece, each with the weight of its reading.
+    /// Adds the normal equations of every `step`-th piece, each with the weight of its reading against the edge that it was
+    /// nearest to in `before`, the readings of the same pieces at a pose close by.
     pub fn add_normal_equations(
         &self,
         pose: &Pose,
         step: usize,
+        before: &[Reading],
         weight: impl Fn(&Reading) -> f64,
         into: &mut NormalEquations,
     ) -> Option<()> {
         let view = self.view(pose)?;
         let mut sums = NormalEquations::default();
-        for piece in self.pieces.iter().step_by(step) {
-            let (reading, foot) = self.reading(&view, piece);
+        for (piece, before) in self.pieces.iter().step_by(step).zip(before) {
+            let (reading, foot) = self.reading_from(&view, piece, before.edge);
             let weight = weight(&reading);
             let row = self.derivative(&view, reading.edge, &foot);
             let weighted = row * weight;
@@ -131,6 +133,17 @@ impl Contour {
         }
         *into += sums.turned(&self.rotation);
         Some(())
+    }
+
+    /// Whether the projected boundary is in view at a pose.
+    pub fn is_in_view(&self, pose: &Pose) -> bool {
+        let depths = self.rotation.matrix().row(2) * pose.rotation.matrix();
+        let offset = (self.rotation.matrix().row(2) * pose.translation).x;
+        let before = |ring: &Vec<Vector3<f64>>| {
+            let is_before = |x: &Vector3<f64>| (depths * x).x + offset > 0.0;
+            if self.cut { ring.iter().any(is_before) } else { ring.iter().all(is_before) }
+        };
+        self.rings.iter().all(before)
     }
 
     /// The projected boundary at a pose; `None` where it isn't wholly before the chart's plane, or for a region that the image's
@@ -167,8 +180,11 @@ impl Contour {
     }
 
     fn reading(&self, view: &View, piece: &Piece) -> (Reading, Foot) {
-        let index = self.nearest(view, &piece.mean);
-        let edge = &view.edges[index];
+        self.reading_from(view, piece, self.nearest(view, &piece.mean) as u32)
+    }
+
+    fn reading_from(&self, view: &View, piece: &Piece, index: u32) -> (Reading, Foot) {
+        let edge = &view.edges[index as usize];
         let mut foot = edge.foot(&piece.mean);
         let length = foot.offset.norm();
         // Beyond an end the distance is that from the vertex, and its direction the offset's own.
@@ -181,7 +197,7 @@ impl Contour {
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
         let misfit = (distance * distance + squared * crossing).sqrt();
-        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
+        (Reading { distance, spread: squared * spread, misfit, edge: index }, foot)
     }
 
     /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).

@@ -1,11 +1,13 @@
 //! From a problem to the poses that may be its answer: candidates in, refined and ranked by the likelihood of the contours.
 
+use std::iter;
+
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
-use crate::contour::fit::{ContourFit, Sketch, refined};
+use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, Stopping, minimize};
 use crate::equations::system::Weighting;
@@ -158,34 +160,30 @@ pub(crate) enum Answers {
 impl Problem {
     /// The poses that may be the answer.
     pub fn search(&self, options: &Options) -> Search {
-        let contours = self.contours();
-        let few = sketch_step(contours);
-        let explains = |pose: &Pose| ContourFit::at(contours, pose, few).is_some_and(|fit| fit.is_clean());
+        let mut looks = Looks::new(self, options.refinement);
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &explains),
+            Start::Global => self.global_poses(options, &mut looks),
             Start::Paper => paper_poses(self, &options.prior),
         };
-        let first = poses.first().and_then(|pose| ContourFit::at(contours, pose, few));
-        let clean = first.as_ref().is_some_and(ContourFit::is_clean);
+        let (noise, clean) =
+            poses.first().and_then(|pose| looks.at(pose)).map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
         let orders = if clean { Orders::All } else { Orders::Low };
-        let problem = self.clone().whitened(first.map_or(0.0, |fit| fit.noise()), orders);
+        let problem = self.clone().whitened(noise, orders);
         let answers = match options.refinement {
-            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior),
-            _ => {
-                Answers::Moments(by_moments(&problem, poses, &options.prior).into_iter().map(|fit| fit.pose).collect())
-            }
+            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, looks.led),
+            _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
         Search { problem, options: *options, answers }
     }
 
-    fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
+    fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
+        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, |pose| looks.explains(pose));
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
-            Some(pose) if enough || explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
+            Some(pose) if enough || looks.explains(pose) => poses,
+            _ => moment_poses(self, &options.prior, WantedTurns::All, |_| false),
         }
     }
 
@@ -193,6 +191,45 @@ impl Problem {
     pub(crate) fn most_penalty(&self, prior: &Prior) -> f64 {
         let sides = self.worlds().iter().filter(|world| world.viewpoint().is_some()).count();
         prior.most() + BELIEVED * sides as f64
+    }
+}
+
+/// What was seen of poses on a few pieces while the search went on.
+struct Looks<'a> {
+    contours: &'a [Contour],
+    /// One piece in so many is looked at.
+    step: usize,
+    /// Whether poses may be led onto the contours: of several regions, whose contours tell a wrong one.
+    leads: bool,
+    last: Option<ContourFit>,
+    /// Starts that were led onto the contours, and where they came to.
+    led: Vec<(Pose, ContourFit)>,
+}
+
+impl<'a> Looks<'a> {
+    fn new(problem: &'a Problem, refinement: Refinement) -> Self {
+        let contours = problem.contours();
+        let leads = contours.len() > 1 && refinement == Refinement::Contour;
+        Self { contours, step: sketch_step(contours), leads, last: None, led: Vec::new() }
+    }
+
+    /// The fit at a pose that is not moved.
+    fn at(&mut self, pose: &Pose) -> Option<&ContourFit> {
+        if self.last.as_ref().is_none_or(|fit| fit.pose != *pose) {
+            self.last = ContourFit::at(self.contours, pose, self.step);
+        }
+        self.last.as_ref()
+    }
+
+    /// Whether all regions are where a pose shows them, or most of each once it is led onto the contours.
+    fn explains(&mut self, pose: &Pose) -> bool {
+        if self.at(pose).is_some_and(ContourFit::is_clean) {
+            return true;
+        }
+        let led = if self.leads { refined(self.contours, pose, self.step) } else { None };
+        let explains = led.as_ref().is_some_and(|fit| is_found(fit, MOSTLY));
+        self.led.extend(led.map(|fit| (*pose, fit)));
+        explains
     }
 }
 
@@ -226,7 +263,10 @@ pub fn sketch_step(contours: &[Contour]) -> usize {
 
 /// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best: by the equations, which
 /// know what a pose shows beyond the observed contours, and by these.
-fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
+fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
+    if poses.len() <= 1 {
+        return poses;
+    }
     let few = sketch_step(problem.contours());
     let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
     let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE);
@@ -235,7 +275,8 @@ fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Contour
     let limit = COARSE_AMBIGUITY * (least + (AMBIGUITY + problem.most_penalty(prior)) * problem.noise_variance(least));
     let fitting = minima.into_iter().filter(|minimum| minimum.cost <= limit);
     let fits = fitting.filter_map(|minimum| ContourFit::at(problem.contours(), &minimum.pose, few));
-    could_be(problem, once(fits.collect(), usize::MAX, SAME_CANDIDATE), prior)
+    let fits = could_be(problem, once(fits.collect(), usize::MAX, SAME_CANDIDATE), prior);
+    fits.into_iter().map(|fit| fit.pose).collect()
 }
 
 /// The likeliest fits, each pose once.
@@ -247,8 +288,10 @@ fn once(fits: Vec<ContourFit>, most: usize, limit: f64) -> Vec<ContourFit> {
 /// The fits, sorted, that could be as likely as the first once they are solved.
 fn could_be(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
     let limit = COARSE_AMBIGUITY * (AMBIGUITY + problem.most_penalty(prior));
-    let Some(best) = fits.first().cloned() else { return fits };
-    fits.into_iter().filter(|fit| best.against(fit) <= limit).collect()
+    let mut fits = fits.into_iter();
+    let Some(best) = fits.next() else { return Vec::new() };
+    let others: Vec<ContourFit> = fits.filter(|fit| best.against(fit) <= limit).collect();
+    iter::once(best).chain(others).collect()
 }
 
 /// The likeliest poses on every `step`-th piece, without any being moved.
@@ -266,30 +309,40 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 
 /// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are
 /// disturbed all over the moments are the better measure.
-fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
-    let contours = problem.contours();
-    let places = places(problem, poses, prior);
-    let starts = places.iter().map(|place| place.pose).collect();
-    let minima = by_moments(problem, starts, prior);
+fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pose, ContourFit)>) -> Answers {
+    let (contours, few) = (problem.contours(), sketch_step(problem.contours()));
+    let places = places(problem, poses, prior, led);
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
-    let minimum = minima.first().and_then(|minimum| ContourFit::at(contours, &minimum.pose, 1));
-    let gain = minimum.map_or(f64::INFINITY, |minimum| place.gain_over(&minimum));
-    if gain < DECISIVE {
-        return Answers::Moments(minima.into_iter().map(|minimum| minimum.pose).collect());
-    }
-    Answers::Contours(places)
+    let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, COARSE).pose;
+    let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
+    let gain = |step: usize| {
+        let fits =
+            minima.first().map(|minimum| [place.pose, *minimum].map(|pose| ContourFit::at(contours, &pose, step)));
+        match fits {
+            Some([Some(place), Some(minimum)]) => place.gain_over(&minimum),
+            _ => f64::INFINITY,
+        }
+    };
+    // A few pieces decide where they tell enough; all of them tell more.
+    let decided = [few, 1].into_iter().any(|step| gain(step) >= DECISIVE);
+    if decided { Answers::Contours(places) } else { Answers::Moments(minima) }
 }
 
 /// The likeliest poses on the contours: the candidates, further ones where none of these is found, and other turns of a
-/// plane, each refined on few pieces, then on all.
-fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit> {
+/// plane, each refined on few pieces, then on all. `known` has starts that were led already.
+fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, known: Vec<(Pose, ContourFit)>) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = sketch_step(contours);
-    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few)).collect::<Vec<_>>();
-    let known = prior.initial.iter().map(|pose| problem.centred(pose));
-    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
+    let fit = |start: &Pose| match known.iter().find(|(pose, _)| pose == start) {
+        Some((_, fit)) => Some(fit.clone()),
+        None => refined(contours, start, few),
+    };
+    let led = |poses: Vec<Pose>| poses.iter().filter_map(fit).collect::<Vec<_>>();
+    let initial = prior.initial.iter().map(|pose| problem.centred(pose));
+    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(initial).collect();
     let mut found = led(starts);
-    if !found.iter().any(is_found) {
+    let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
+    if !found.iter().any(|fit| is_found(fit, least)) {
         found.extend(led(further_poses(problem, few)));
     }
     let mut all = sharpened(problem, found, few, prior);
@@ -303,8 +356,8 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit>
 /// The fits led on from every `step`-th piece to all, those that could be as likely as the best.
 fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prior: &Prior) -> Vec<ContourFit> {
     while step > 1 {
-        step = (step / MORE_PIECES).max(1);
         let likely = likely(problem, fits, prior);
+        step = (step / MORE_PIECES).max(1);
         fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
@@ -315,11 +368,9 @@ fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Contou
     could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior)
 }
 
-/// Whether enough of the contours is explained to look no further.
-fn is_found(fit: &ContourFit) -> bool {
-    let shares = fit.clean_shares();
-    let least = if shares.len() > 1 { FOUND } else { FOUND_ALONE };
-    fit.mixture.sigma < LOOSE && shares.iter().all(|&share| share >= least)
+/// Whether at least this share of every region's contour is explained.
+fn is_found(fit: &ContourFit, least: f64) -> bool {
+    fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 
 /// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.

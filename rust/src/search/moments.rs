@@ -50,7 +50,7 @@ pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
     turns: WantedTurns,
-    explains: impl Fn(&Pose) -> bool,
+    mut explains: impl FnMut(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
@@ -59,7 +59,7 @@ pub fn moment_poses(
     for index in order {
         poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
         poses = narrowed(problem.regions(), poses);
-        if turns == WantedTurns::Likely && poses.first().is_some_and(&explains) {
+        if turns == WantedTurns::Likely && poses.first().is_some_and(&mut explains) {
             break;
         }
     }
