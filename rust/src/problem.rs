@@ -88,7 +88,7 @@ impl Problem {
                 RegionEquations::new(observed, world, &origin, system, integration).map_err(|e| e.in_region(index))
             })
             .collect::<Result<_>>()?;
-        let contours = regions.iter().zip(worlds).map(|(region, world)| Contour::new(region, world, &origin)).collect();
+        let contours = Contour::all(&regions, worlds, &origin).into();
         Ok(Self { origin, regions, worlds: worlds.into(), contours })
     }
 
@@ -105,6 +105,11 @@ impl Problem {
     /// The observed contour of each region and the boundary of its world region, about the problem's origin.
     pub fn contours(&self) -> &[Contour] {
         &self.contours
+    }
+
+    /// One piece in so many of the contours is what a first look takes.
+    pub(crate) fn few(&self) -> usize {
+        self.contours[0].few()
     }
 
     /// The point relative to which world coordinates are taken.

@@ -6,7 +6,7 @@ use regionpose::geometry::rings::PlaneRings;
 
 fn cut(ring: &[(f64, f64)], pixels: f64, on_border: &[Vec<bool>]) -> Vec<Piece> {
     let ring = ring.iter().map(|&(x, y)| Vector2::new(x, y)).collect();
-    pieces(&PlaneRings::polygon(vec![ring]).unwrap(), on_border, pixels)
+    pieces(&PlaneRings::polygon(vec![ring]).unwrap(), on_border, pixels, 1)
 }
 
 const SQUARE: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];

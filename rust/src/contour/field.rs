@@ -7,6 +7,8 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector2;
 
+use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+
 /// Cells along a side of the grid: of a region of some hundred pixels they are as large as the distances that decide a pose.
 const CELLS: usize = 24;
 
@@ -17,6 +19,7 @@ const MARGIN: f64 = 0.25;
 #[derive(Debug, Clone)]
 pub struct EdgeField {
     edges: Vec<FieldEdge>,
+    groups: Vec<EdgeGroup>,
     origin: Vector2<f64>,
     /// Size of a cell.
     cell: Vector2<f64>,
@@ -40,6 +43,49 @@ impl FieldEdge {
     }
 }
 
+/// Edges whose distances are worked out together; past the last one comes it again.
+#[derive(Debug, Clone, Copy)]
+struct EdgeGroup {
+    start: [Lanes; 2],
+    step: [Lanes; 2],
+    inverse: Lanes,
+}
+
+impl EdgeGroup {
+    fn new(edges: &[FieldEdge]) -> Self {
+        let edge: [FieldEdge; LANES] = std::array::from_fn(|lane| edges[lane.min(edges.len() - 1)]);
+        let lanes = |value: fn(&FieldEdge) -> f64| Lanes(edge.map(|edge| value(&edge)));
+        Self {
+            start: [lanes(|edge| edge.start.x), lanes(|edge| edge.start.y)],
+            step: [lanes(|edge| edge.step.x), lanes(|edge| edge.step.y)],
+            inverse: lanes(|edge| edge.inverse),
+        }
+    }
+}
+
+/// Squared distances of a point from all edges.
+struct Squares<'a> {
+    groups: &'a [EdgeGroup],
+    point: Vector2<f64>,
+}
+
+impl NullaryFnOnce for Squares<'_> {
+    type Output = Vec<Lanes>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<Lanes> {
+        let point = [Lanes::splat(self.point.x), Lanes::splat(self.point.y)];
+        let mut squares = Vec::with_capacity(self.groups.len());
+        for EdgeGroup { start, step, inverse } in self.groups {
+            let [x, y] = [point[0] - start[0], point[1] - start[1]];
+            let share = ((x * step[0] + y * step[1]) * *inverse).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
+            let [x, y] = [x - share * step[0], y - share * step[1]];
+            squares.push(x * x + y * y);
+        }
+        squares
+    }
+}
+
 impl EdgeField {
     /// The field of closed rings; edges are counted ring after ring.
     pub fn new(rings: &[Vec<Vector2<f64>>]) -> Self {
@@ -49,7 +95,8 @@ impl EdgeField {
         let high = points().fold(Vector2::repeat(f64::NEG_INFINITY), |high, point| high.sup(point));
         let room = (high - low) * MARGIN;
         let cell = (high - low + room * 2.0) / CELLS as f64;
-        Self { edges, origin: low - room, cell, candidates: vec![OnceLock::new(); CELLS * CELLS] }
+        let groups = edges.chunks(LANES).map(EdgeGroup::new).collect();
+        Self { edges, groups, origin: low - room, cell, candidates: vec![OnceLock::new(); CELLS * CELLS] }
     }
 
     /// The edges that may be nearest to a point of a cell: those that are farther from its middle than the nearest by no more
@@ -57,10 +104,15 @@ impl EdgeField {
     fn may_be_nearest(&self, cell: usize) -> Box<[u32]> {
         let place = Vector2::new((cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5);
         let middle = self.origin + self.cell.component_mul(&place);
-        let squares: Vec<f64> = self.edges.iter().map(|edge| edge.square(&middle)).collect();
-        let least = squares.iter().fold(f64::INFINITY, |least, &square| if square < least { square } else { least });
+        let squares = vectorized(Squares { groups: &self.groups, point: middle });
+        let least = squares.iter().fold(Lanes::splat(f64::INFINITY), |least, square| least.lower(*square)).min();
         let limit = (least.sqrt() + self.cell.norm()).powi(2);
-        (0..).zip(&squares).filter(|(_, square)| **square <= limit).map(|(edge, _)| edge).collect()
+        let mut near = Vec::with_capacity(LANES * LANES);
+        for (group, squares) in squares.iter().enumerate().filter(|(_, squares)| squares.min() <= limit) {
+            let edges = (group * LANES..self.edges.len()).zip(squares.0);
+            near.extend(edges.filter(|(_, square)| *square <= limit).map(|(edge, _)| edge as u32));
+        }
+        near.into()
     }
 
     /// The edge nearest to a point, by its number.

@@ -1,6 +1,6 @@
 //! The parts of equal length that an observed contour is cut into (`docs/math.md`, eq. 11.1).
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::geometry::rings::PlaneRings;
 
@@ -38,24 +38,57 @@ impl Piece {
     }
 }
 
-/// The pieces of a region's rings, `pixels` to the unit; those that touch an edge on the image's border are left out.
-pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64) -> Vec<Piece> {
-    pieces_by_ring(outline.rings(), on_border, pixels).into_iter().flatten().collect()
+/// The pieces that a region's rings are cut into, and every `step`-th of them; `pixels` to the unit.
+///
+/// Those that touch an edge on the image's border are left out.
+pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64, step: usize) -> Vec<Piece> {
+    let cuts = cuts(outline.rings(), pixels);
+    let mut pieces = Vec::with_capacity(cuts.iter().map(|cut| cut.count).sum::<usize>().div_ceil(step));
+    cut_rings(outline.rings(), on_border, &cuts, step, |_, piece| pieces.push(piece));
+    pieces
 }
 
-/// The same ring by ring, of closed rings that need not bound a region.
+/// All pieces ring by ring, of closed rings that need not bound a region.
 pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], on_border: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
+    let mut pieces = vec![Vec::new(); rings.len()];
+    cut_rings(rings, on_border, &cuts(rings, pixels), 1, |ring, piece| pieces[ring].push(piece));
+    pieces
+}
+
+/// Number of the pieces of a region's rings.
+pub fn count(outline: &PlaneRings, pixels: f64) -> usize {
+    cuts(outline.rings(), pixels).iter().map(|cut| cut.count).sum()
+}
+
+/// Length of a ring and number of the pieces that it is cut into.
+struct Cut {
+    length: f64,
+    count: usize,
+}
+
+fn cuts(rings: &[Vec<Vector2<f64>>], pixels: f64) -> Vec<Cut> {
     let lengths: Vec<f64> = rings.iter().map(|ring| edges(ring).map(|(a, b)| (b - a).norm()).sum()).collect();
     let piece = (PIECE / pixels).max(lengths.iter().sum::<f64>() / MOST_PIECES as f64);
-    let mut pieces = Vec::with_capacity(rings.len());
-    let mut runs = 0;
-    for (index, (ring, length)) in rings.iter().zip(lengths).enumerate() {
+    let cut = |length: f64| Cut { length, count: ((length / piece).round() as usize).max(FEWEST_PIECES) };
+    lengths.into_iter().map(cut).collect()
+}
+
+/// Gives every `step`-th piece of all rings with its ring's number to `found`.
+fn cut_rings(
+    rings: &[Vec<Vector2<f64>>],
+    on_border: &[Vec<bool>],
+    cuts: &[Cut],
+    step: usize,
+    mut found: impl FnMut(usize, Piece),
+) {
+    let (mut runs, mut number) = (0, 0);
+    for (index, (ring, cut)) in rings.iter().zip(cuts).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
-        let count = ((length / piece).round() as usize).max(FEWEST_PIECES);
         let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
-        pieces.push(ring_pieces(ring, &numbers, on_border, length, count));
+        let wanted = |part: usize| (number + part) % step == 0;
+        ring_pieces(ring, &numbers, on_border, cut, wanted, |piece| found(index, piece));
+        number += cut.count;
     }
-    pieces
 }
 
 /// Consecutive pairs of a closed ring.
@@ -81,23 +114,21 @@ fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
 struct Sums {
     length: f64,
     first: Vector2<f64>,
-    second: Matrix2<f64>,
+    /// Of the squares of x, the products and the squares of y.
+    second: Vector3<f64>,
     runs: Option<(usize, usize)>,
     left_out: bool,
 }
 
 impl Sums {
-    /// With the straight stretch from `a` to `b` of a run.
-    fn with(self, a: &Vector2<f64>, b: &Vector2<f64>, run: usize) -> Self {
-        let (length, middle) = ((b - a).norm(), (a + b) / 2.0);
-        let about_middle = (b - a) * (b - a).transpose() / 12.0;
-        Self {
-            length: self.length + length,
-            first: self.first + middle * length,
-            second: self.second + (middle * middle.transpose() + about_middle) * length,
-            runs: Some((self.runs.map_or(run, |runs| runs.0), run)),
-            left_out: self.left_out,
-        }
+    /// Adds a straight stretch of a run by its length, middle and direction.
+    fn add(&mut self, length: f64, middle: &Vector2<f64>, along: &Vector2<f64>, run: usize) {
+        self.length += length;
+        self.first += middle * length;
+        let about_middle = length * length / 12.0;
+        let product = |a: usize, b: usize| length * (middle[a] * middle[b] + about_middle * along[a] * along[b]);
+        self.second = self.second.zip_map(&[product(0, 0), product(0, 1), product(1, 1)].into(), |sum, new| sum + new);
+        self.runs = Some((self.runs.map_or(run, |runs| runs.0), run));
     }
 
     /// `None` where it was marked to be left out.
@@ -106,31 +137,44 @@ impl Sums {
             return None;
         }
         let mean = self.first / self.length;
-        let spread = self.second / self.length - mean * mean.transpose();
+        let [xx, xy, yy] = (self.second / self.length).into();
+        let cross = xy - mean.x * mean.y;
+        let spread = Matrix2::new(xx - mean.x * mean.x, cross, cross, yy - mean.y * mean.y);
         Some(Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run) })
     }
 }
 
-/// `count` equally long parts of a closed ring, exact; without those that touch an edge marked in `without`.
-fn ring_pieces(ring: &[Vector2<f64>], runs: &[usize], without: &[bool], length: f64, count: usize) -> Vec<Piece> {
+/// Gives the wanted ones of the equally long parts of a closed ring to `found`, exact; without those that touch an edge marked
+/// in `without`.
+fn ring_pieces(
+    ring: &[Vector2<f64>],
+    runs: &[usize],
+    without: &[bool],
+    &Cut { length, count }: &Cut,
+    wanted: impl Fn(usize) -> bool,
+    mut found: impl FnMut(Piece),
+) {
     let part = length / count as f64;
-    let mut pieces = Vec::with_capacity(count);
-    let (mut sums, mut parts) = (Sums::default(), 0);
+    let whole = part * (1.0 - f64::EPSILON * count as f64);
+    let (mut sums, mut parts, mut summed) = (Sums::default(), 0, 0.0);
     for (edge, (a, b)) in edges(ring).enumerate() {
         let step = (b - a).norm();
+        let along = (b - a) / step;
         let mut from = 0.0;
         while from < step * WHOLE {
             let last = parts + 1 == count;
-            let to = if last { step } else { step.min(from + part - sums.length) };
-            sums = sums.with(&a.lerp(&b, from / step), &a.lerp(&b, to / step), runs[edge]);
-            sums.left_out |= without.get(edge) == Some(&true);
+            let to = if last { step } else { step.min(from + part - summed) };
+            if wanted(parts) {
+                sums.add(to - from, &(a + along * (0.5 * (from + to))), &along, runs[edge]);
+                sums.left_out |= without.get(edge) == Some(&true);
+            }
+            summed += to - from;
             from = to;
-            if !last && sums.length >= part * (1.0 - f64::EPSILON * count as f64) {
-                pieces.extend(sums.piece());
-                (sums, parts) = (Sums::default(), parts + 1);
+            if !last && summed >= whole {
+                sums.piece().into_iter().for_each(&mut found);
+                (sums, parts, summed) = (Sums::default(), parts + 1, 0.0);
             }
         }
     }
-    pieces.extend(sums.piece());
-    pieces
+    sums.piece().into_iter().for_each(found);
 }

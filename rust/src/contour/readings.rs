@@ -1,12 +1,15 @@
 //! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
 //! section 11).
 
+use std::sync::OnceLock;
+
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::field::EdgeField;
-use super::pieces::{Piece, edges, pieces};
+use super::pieces::{self, Piece, edges, pieces};
 use crate::equations::residual::{NormalEquations, RegionEquations};
 use crate::geometry::pose::Pose;
+use crate::geometry::rings::PlaneRings;
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::border::{edge_before, near_plane};
 
@@ -22,13 +25,25 @@ const OBLIQUE: f64 = 0.15;
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
 const FAR: f64 = 1e9;
 
+/// Pieces of all contours that a first look takes, and of each at least.
+const SKETCHED: usize = 120;
+const FEWEST_SKETCHED: usize = 40;
+
 /// The observed contour of one region and the boundary of its world region.
 #[derive(Debug, Clone)]
 pub struct Contour {
     /// `chart_from_camera`.
     rotation: Rotation3<f64>,
-    /// On the plane z = 1 of the chart's axes.
-    pieces: Vec<Piece>,
+    /// The observed outline in the chart, and which of its edges lie on the image's border.
+    outline: PlaneRings,
+    on_border: Vec<Vec<bool>>,
+    /// Chart units to the unit of the plane z = 1 of the chart's axes.
+    scale: f64,
+    /// All pieces of the outline, on that plane, once they are asked for.
+    pieces: OnceLock<Vec<Piece>>,
+    /// One piece in `few` of them.
+    sketch: Vec<Piece>,
+    few: usize,
     /// Pixels per unit of that plane.
     pixels: f64,
     /// Side, in pixels, of a square of the region's area.
@@ -55,24 +70,40 @@ pub struct Reading {
 }
 
 impl Contour {
-    /// The contour of an observed region, without what lies on the image's border, and the boundary of its world region about
+    /// The contours of observed regions, without what lies on the image's border, and the boundaries of their world regions about
     /// `origin`.
-    pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+    pub fn all(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vector3<f64>) -> Vec<Self> {
+        let wanted = (SKETCHED / regions.len()).max(FEWEST_SKETCHED);
+        let count = |region: &RegionEquations| pieces::count(region.outline(), region.pixel_area().sqrt());
+        let few = regions.iter().map(|region| count(region).div_ceil(wanted)).max().unwrap_or(1).max(1);
+        regions.iter().zip(worlds).map(|(region, world)| Self::new(region, world, origin, few)).collect()
+    }
+
+    fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>, few: usize) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let on_border = region.border().map_or(&[][..], |border| border.on_border());
-        let pieces = pieces(region.outline(), on_border, pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
+        let on_border = region.border().map_or(Vec::new(), |border| border.on_border().to_vec());
         let frame = world.frame();
         let plane = PlaneFrame { origin: frame.origin - origin, axes: frame.axes };
         Self {
             rotation: region.chart().rotation,
-            pieces,
+            sketch: scaled(pieces(region.outline(), &on_border, pixels, few), scale),
+            few,
+            pieces: OnceLock::new(),
+            outline: region.outline().clone(),
+            on_border,
+            scale,
             pixels: pixels * scale,
             size: pixels,
             rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
             plane: world.surface().is_none().then(|| (plane, EdgeField::new(world.outline().rings()))),
             cut: region.border().is_some(),
         }
+    }
+
+    /// One piece in so many of all contours of a problem is what a first look takes.
+    pub fn few(&self) -> usize {
+        self.few
     }
 
     /// Side, in pixels, of a square of the region's area.
@@ -82,18 +113,27 @@ impl Contour {
 
     /// Number of pieces of which every `step`-th is read.
     pub fn count(&self, step: usize) -> usize {
-        self.pieces.len().div_ceil(step)
+        self.pieces(step).len()
     }
 
     /// The straight run of the contour that each piece wholly lies on, by number.
     pub fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
-        self.pieces.iter().map(|piece| piece.run)
+        self.pieces(1).map(|piece| piece.run)
+    }
+
+    /// Every `step`-th piece.
+    fn pieces(&self, step: usize) -> impl ExactSizeIterator<Item = &Piece> {
+        if step == self.few {
+            return self.sketch.iter().step_by(1);
+        }
+        let all = self.pieces.get_or_init(|| scaled(pieces(&self.outline, &self.on_border, self.size, 1), self.scale));
+        all.iter().step_by(step)
     }
 
     /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
     pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
         let view = self.view(pose)?;
-        into.extend(self.pieces.iter().step_by(step).map(|piece| self.reading(&view, piece).0));
+        into.extend(self.pieces(step).map(|piece| self.reading(&view, piece).0));
         Some(())
     }
 
@@ -101,7 +141,7 @@ impl Contour {
     pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
         let view = self.view(pose)?;
         let back = self.rotation.inverse();
-        into.extend(self.pieces.iter().map(|piece| {
+        into.extend(self.pieces(1).map(|piece| {
             let (reading, foot) = self.reading(&view, piece);
             let row = self.derivative(&view, reading.edge, &foot);
             let [turning, moving] = [0, 3].map(|first| back * row.fixed_rows::<3>(first));
@@ -122,7 +162,7 @@ impl Contour {
     ) -> Option<()> {
         let view = self.view(pose)?;
         let mut sums = NormalEquations::default();
-        for (piece, before) in self.pieces.iter().step_by(step).zip(before) {
+        for (piece, before) in self.pieces(step).zip(before) {
             let (reading, foot) = self.reading_from(&view, piece, before.edge);
             let weight = weight(&reading);
             let row = self.derivative(&view, reading.edge, &foot);
@@ -211,6 +251,11 @@ impl Contour {
         let turning = seen.cross(&moving);
         Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
     }
+}
+
+/// Pieces of a chart on the plane z = 1 of its axes.
+fn scaled(pieces: Vec<Piece>, scale: f64) -> Vec<Piece> {
+    pieces.into_iter().map(|piece| piece.scaled(scale)).collect()
 }
 
 /// A projected boundary.

@@ -74,13 +74,14 @@ impl BoundaryCovariance {
             Orders::All => self.bias.len(),
             Orders::Low => self.low,
         };
-        let entry = |a: usize, b: usize| {
-            let at = packed(a.max(b), a.min(b));
-            self.first[at] + variance * (self.second[at] + self.bias[a] * self.bias[b])
-        };
         let mut entries = [[0.0; MOST_EQUATIONS]; MOST_EQUATIONS];
-        for (a, row) in entries.iter_mut().enumerate().take(count) {
-            row.iter_mut().enumerate().take(count).for_each(|(b, value)| *value = entry(a, b));
+        let mut packed = self.first.iter().zip(&self.second);
+        for a in 0..count {
+            for (b, (first, second)) in packed.by_ref().take(a + 1).enumerate() {
+                let value = first + variance * (second + self.bias[a] * self.bias[b]);
+                entries[a][b] = value;
+                entries[b][a] = value;
+            }
         }
         Covariance { entries, count }
     }
@@ -265,7 +266,40 @@ fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]
     }
 }
 
-/// The plane system's: the entries are a few integrals of monomials each (`docs/math.md`, eq. 6.8).
+/// What an entry of the plane system's covariance takes of the sums: the monomial of the values, and of the slopes
+/// `(derivatives along x, across, along y)` the monomials and their factors.
+#[derive(Clone, Copy)]
+struct Entry {
+    values: [usize; 2],
+    slopes: [([usize; 2], f64); 3],
+}
+
+/// All entries by [`packed`] (`docs/math.md`, eq. 6.8).
+const PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
+
+const fn plane_entries() -> [Entry; ENTRIES] {
+    let mut entries = [Entry { values: [0; 2], slopes: [([0; 2], 0.0); 3] }; ENTRIES];
+    let mut a = 0;
+    while a < PLANE_EXPONENTS.len() {
+        let mut b = 0;
+        while b <= a {
+            let ([i, j], [k, l]) = (PLANE_EXPONENTS[a], PLANE_EXPONENTS[b]);
+            let (x, y) = (i + k, j + l);
+            // A monomial with an exponent below zero has the factor zero: any other does in its place.
+            let slopes = [
+                (if i * k == 0 { [0; 2] } else { [x - 2, y] }, (i * k) as f64),
+                (if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] }, (i * l + j * k) as f64),
+                (if j * l == 0 { [0; 2] } else { [x, y - 2] }, (j * l) as f64),
+            ];
+            entries[packed(a, b)] = Entry { values: [x, y], slopes };
+            b += 1;
+        }
+        a += 1;
+    }
+    entries
+}
+
+/// The plane system's: the entries are a few integrals of monomials each.
 fn plane_products(rings: &PlaneRings) -> Products {
     let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
     let nodes = nodes.as_slice();
@@ -275,17 +309,11 @@ fn plane_products(rings: &PlaneRings) -> Products {
     let of_normal = |normal: &Vector2<f64>| normal.x * normal.y;
     let mixed: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
     let (mut values, mut slopes) = (Vec::with_capacity(ENTRIES), Vec::with_capacity(ENTRIES));
-    for (a, &[i, j]) in PLANE_EXPONENTS.iter().enumerate() {
-        for &[k, l] in &PLANE_EXPONENTS[..=a] {
-            let (x, y) = (i + k, j + l);
-            values.push(plain[x][y]);
-            // A term with an exponent below zero has the factor zero: any other sum does in its place.
-            let (left, down) = (x.saturating_sub(2), y.saturating_sub(2));
-            let along_x = squared[left][y.min(SLOPE_SIZE - 1)];
-            let along_y = plain[x][down] - squared[x.min(SLOPE_SIZE - 1)][down];
-            let across = mixed[x.saturating_sub(1).min(SLOPE_SIZE - 1)][y.saturating_sub(1).min(SLOPE_SIZE - 1)];
-            slopes.push((i * k) as f64 * along_x + (i * l + j * k) as f64 * across + (j * l) as f64 * along_y);
-        }
+    for Entry { values: [x, y], slopes: [(along_x, of_x), (across, of_both), (along_y, of_y)] } in &PLANE_ENTRIES {
+        values.push(plain[*x][*y]);
+        let [along_x, along_y] =
+            [(along_x, &squared), (along_y, &squared)].map(|([x, y], sums)| (sums[*x][*y], plain[*x][*y]));
+        slopes.push(of_x * along_x.0 + of_both * mixed[across[0]][across[1]] + of_y * (along_y.1 - along_y.0));
     }
     Products { values, slopes, bias: plane_bias(rings) }
 }

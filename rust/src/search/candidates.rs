@@ -41,10 +41,6 @@ const FOUND_ALONE: f64 = 0.9;
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
 
-/// Pieces of all contours on which candidates are compared, and of each at least.
-const SKETCHED: usize = 120;
-const FEWEST_SKETCHED: usize = 40;
-
 /// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
 const MOST_SOLVED: usize = 32;
 
@@ -210,7 +206,7 @@ impl<'a> Looks<'a> {
     fn new(problem: &'a Problem, refinement: Refinement) -> Self {
         let contours = problem.contours();
         let leads = contours.len() > 1 && refinement == Refinement::Contour;
-        Self { contours, step: sketch_step(contours), leads, last: None, led: Vec::new() }
+        Self { contours, step: problem.few(), leads, last: None, led: Vec::new() }
     }
 
     /// The fit at a pose that is not moved.
@@ -255,19 +251,13 @@ impl Search {
     }
 }
 
-/// The step that leaves about as many pieces of all contours as a first look takes.
-pub fn sketch_step(contours: &[Contour]) -> usize {
-    let wanted = (SKETCHED / contours.len()).max(FEWEST_SKETCHED);
-    contours.iter().map(|contour| contour.count(1).div_ceil(wanted)).max().unwrap_or(1).max(1)
-}
-
 /// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best: by the equations, which
 /// know what a pose shows beyond the observed contours, and by these.
 fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
     if poses.len() <= 1 {
         return poses;
     }
-    let few = sketch_step(problem.contours());
+    let few = problem.few();
     let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
     let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE);
     let minima: Vec<Minimum> = poses.into_iter().map(solved).collect();
@@ -310,7 +300,7 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 /// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are
 /// disturbed all over the moments are the better measure.
 fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pose, ContourFit)>) -> Answers {
-    let (contours, few) = (problem.contours(), sketch_step(problem.contours()));
+    let (contours, few) = (problem.contours(), problem.few());
     let places = places(problem, poses, prior, led);
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
     let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, COARSE).pose;
@@ -332,7 +322,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pos
 /// plane, each refined on few pieces, then on all. `known` has starts that were led already.
 fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, known: Vec<(Pose, ContourFit)>) -> Vec<ContourFit> {
     let contours = problem.contours();
-    let few = sketch_step(contours);
+    let few = problem.few();
     let fit = |start: &Pose| match known.iter().find(|(pose, _)| pose == start) {
         Some((_, fit)) => Some(fit.clone()),
         None => refined(contours, start, few),

@@ -55,15 +55,15 @@ pub fn moment_poses(
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let known: Vec<Pose> = prior.initial.iter().map(|pose| problem.centred(pose)).collect();
-    let mut poses = solved_together(problem, known);
+    let mut found = solved_together(problem, known);
     for index in order {
-        poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
-        poses = narrowed(problem.regions(), poses);
-        if turns == WantedTurns::Likely && poses.first().is_some_and(&mut explains) {
+        found.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
+        found = narrowed(found);
+        if turns == WantedTurns::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
         }
     }
-    poses
+    without_cost(found)
 }
 
 /// Poses that single regions give, whatever the others say.
@@ -86,7 +86,8 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTur
         poses.extend(cut_starts(problem, region, world));
     }
     if turns == WantedTurns::Likely && !alone {
-        poses = best_fitting(problem.regions(), poses, STARTS_PER_REGION);
+        poses = without_cost(worth_a_look(costs_of(problem.regions(), poses)));
+        poses.truncate(STARTS_PER_REGION);
     }
     poses.iter().filter_map(|pose| solved_alone(region, pose)).collect()
 }
@@ -97,7 +98,8 @@ fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) 
     let closed =
         |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), WantedTurns::Likely);
     let poses = cut_worlds(world).iter().flat_map(closed).collect();
-    best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
+    let best = sorted(costs_of(std::slice::from_ref(region), poses)).into_iter().take(STARTS_OF_CUT);
+    best.map(|(_, pose)| pose).collect()
 }
 
 /// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
@@ -116,31 +118,40 @@ pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
             facing.iter().flat_map(both).collect()
         }
     };
-    narrowed(regions, solved_together(problem, starts))
+    without_cost(narrowed(solved_together(problem, starts)))
 }
 
-/// Minima of all regions' unweighted equations near the starts.
-fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<Pose> {
-    let poses = narrowed(problem.regions(), starts);
-    if problem.regions().len() == 1 {
-        return poses;
+/// Minima of all regions' unweighted equations near the starts, with their cost.
+fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<(f64, Pose)> {
+    let regions = problem.regions();
+    let found = narrowed(starts.into_iter().map(|pose| (cost(regions, &pose), pose)).collect());
+    if regions.len() == 1 {
+        return found;
     }
-    let joint = |pose: &Pose| minimize(problem.regions(), pose, Weighting::Uniform, JOINT).pose;
-    poses.iter().map(joint).collect()
+    let joint = |(_, pose): &(f64, Pose)| minimize(regions, pose, Weighting::Uniform, JOINT);
+    found.iter().map(joint).map(|minimum| (minimum.cost, minimum.pose)).collect()
 }
 
-/// Distinct poses by their joint unweighted cost, best first, as many as are worth another look.
-fn narrowed(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<Pose> {
-    let costs = poses.into_iter().map(|pose| (cost(regions, &pose), pose)).collect();
-    let kept = distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose);
-    let limit = kept.first().map_or(0.0, |(least, _)| least * WORTH_A_LOOK + SMALL_COST);
-    kept.into_iter().filter(|(cost, _)| *cost <= limit).map(|(_, pose)| pose).collect()
+/// Distinct poses by their cost, best first, as many as are worth another look.
+fn narrowed(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
+    worth_a_look(distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose))
 }
 
-/// The poses at which the regions' unweighted equations fit best.
-fn best_fitting(regions: &[RegionEquations], poses: Vec<Pose>, most: usize) -> Vec<Pose> {
-    let costs = poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect();
-    sorted(costs).into_iter().take(most).map(|(_, pose)| pose).collect()
+/// The poses by their cost, best first, without those that are far from the best.
+fn worth_a_look(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
+    let mut costs = sorted(costs);
+    let limit = costs.first().map_or(0.0, |(least, _)| least * WORTH_A_LOOK + SMALL_COST);
+    costs.retain(|(cost, _)| *cost <= limit);
+    costs
+}
+
+fn without_cost(costs: Vec<(f64, Pose)>) -> Vec<Pose> {
+    costs.into_iter().map(|(_, pose)| pose).collect()
+}
+
+/// Poses with their joint unweighted cost, the largest of all where they show a region out of view.
+fn costs_of(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<(f64, Pose)> {
+    poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect()
 }
 
 /// Sum of the squared unweighted residuals; infinite where a region is out of view.
@@ -150,10 +161,6 @@ fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
 
 /// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
 fn solved_alone(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
-    let region = std::slice::from_ref(region);
-    if !cost(region, pose).is_finite() {
-        return None;
-    }
-    let minimum = minimize(region, pose, Weighting::Uniform, SINGLE_REGION);
+    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, SINGLE_REGION);
     (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
 }

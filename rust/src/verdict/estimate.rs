@@ -15,7 +15,7 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromUp, Prior};
 use crate::problem::Problem;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search, sketch_step};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -125,7 +125,7 @@ impl Search {
     fn places(&self, minima: Vec<Minimum>) -> Vec<Place> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         // What is clean and fits from one pose alone shows it by a few pieces.
-        let few = if minima.len() > 1 { 1 } else { sketch_step(contours) };
+        let few = if minima.len() > 1 { 1 } else { problem.few() };
         let minima = minima.into_iter().filter_map(|minimum| {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
