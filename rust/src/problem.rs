@@ -118,9 +118,9 @@ impl Problem {
     }
 
     /// The same problem, its moments compared on the scale of a boundary noise in pixels.
-    pub(crate) fn whitened(mut self, noise: f64, orders: Orders) -> Self {
-        self.regions = self.regions.into_iter().map(|region| region.whitened_for(noise, orders)).collect();
-        self
+    pub(crate) fn whitened(&self, noise: f64, orders: Orders) -> Self {
+        let regions = self.regions.iter().map(|region| region.whitened_for(noise, orders)).collect();
+        Self { regions, origin: self.origin, worlds: self.worlds.clone(), contours: self.contours.clone() }
     }
 
     /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.

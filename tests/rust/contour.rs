@@ -95,7 +95,9 @@ fn normal_equations_are_sums_over_the_rows() {
     let weight = |reading: &Reading| 1.0 / (1.0 + reading.misfit);
     let mut equations = NormalEquations::default();
     for contour in problem.contours() {
-        contour.add_normal_equations(&problem.centred(&pose), 1, weight, &mut equations).unwrap();
+        let mut before = Vec::new();
+        contour.read(&problem.centred(&pose), 1, &mut before).unwrap();
+        contour.add_normal_equations(&problem.centred(&pose), 1, &before, weight, &mut equations).unwrap();
     }
     let (mut matrix, mut gradient) = (Matrix6::zeros(), Tangent::zeros());
     for (reading, row) in rows(&problem, &pose) {

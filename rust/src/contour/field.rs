@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Cells along a side of the grid: of a region of some hundred pixels they are as large as the distances that decide a pose.
-const CELLS: usize = 24;
+const CELLS: usize = 32;
 
 /// Room around the rings that the grid covers, as a share of their extent.
 const MARGIN: f64 = 0.25;

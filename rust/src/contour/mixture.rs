@@ -13,8 +13,9 @@ const BINS: usize = 80;
 /// Ratio of neighbouring scales that are tried.
 const SCALE_RATIO: f64 = 2.0;
 
-/// Steps of expectation and maximization for the shares and the wide scale at each narrow one.
+/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of it.
 const ITERATIONS: usize = 8;
+const NEXT_ITERATIONS: usize = 3;
 
 /// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share.
 const FIRST_WIDE: f64 = 1.2;
@@ -108,18 +109,15 @@ impl Distances {
     pub fn mixture(&self, finest: f64) -> Mixture {
         let spread = self.root_mean_square();
         let mut best = self.mixture_of(finest, spread);
-        let mut sigma = finest * SCALE_RATIO;
-        while sigma * sigma < SCALE_RATIO * spread * spread {
-            let other = self.mixture_of(sigma, spread);
-            if other.likelihood > best.likelihood {
-                best = other;
+        let mut next = best.clone();
+        while (SCALE_RATIO * next.sigma).powi(2) < SCALE_RATIO * spread * spread {
+            next.sigma *= SCALE_RATIO;
+            self.improve_times(NEXT_ITERATIONS, &mut next, None);
+            if next.likelihood > best.likelihood {
+                best = next.clone();
             }
-            sigma *= SCALE_RATIO;
         }
-        for _ in 0..ITERATIONS {
-            self.improve(&mut best, Some(finest));
-        }
-        best.likelihood = self.likelihood(&best);
+        self.improve_times(ITERATIONS, &mut best, Some(finest));
         best
     }
 
@@ -131,11 +129,13 @@ impl Distances {
             disturbed: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
-        for _ in 0..ITERATIONS {
-            self.improve(&mut mixture, None);
-        }
-        mixture.likelihood = self.likelihood(&mixture);
+        self.improve_times(ITERATIONS, &mut mixture, None);
         mixture
+    }
+
+    fn improve_times(&self, times: usize, mixture: &mut Mixture, finest: Option<f64>) {
+        (0..times).for_each(|_| self.improve(mixture, finest));
+        mixture.likelihood = self.likelihood(mixture);
     }
 
     /// One step of expectation and maximization; the narrow scale stays as it is, or at least `finest` where that is given.

@@ -1,9 +1,8 @@
 //! Predicted minus observed moments of a set of regions, and their derivatives by the pose: the one place where moments,
 //! poses and regions meet.
 
-use std::sync::OnceLock;
-
 use std::ops::AddAssign;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
 
@@ -34,9 +33,19 @@ pub struct Evaluation {
     pub jacobian: OMatrix<f64, Dyn, U6>,
 }
 
-/// The equations of one region seen in the image and known in the world.
+/// The equations of one region seen in the image and known in the world; copies share what does not change.
 #[derive(Debug, Clone)]
 pub struct RegionEquations {
+    sides: Arc<Sides>,
+    /// Noise of the boundary, in pixels, and the orders that the whitened equations are for.
+    noise: (f64, Orders),
+    /// Worked out when it is first asked for.
+    whitening: OnceLock<Whitening>,
+}
+
+/// The observed side of the equations, and the world side.
+#[derive(Debug)]
+struct Sides {
     system: System,
     chart: Chart,
     outline: PlaneRings,
@@ -44,11 +53,8 @@ pub struct RegionEquations {
     observed: Vec<f64>,
     facets: Vec<Facet>,
     pixel_area: f64,
-    /// Noise of the boundary, in pixels, and the orders that the whitened equations are for.
-    noise: (f64, Orders),
-    /// Both are worked out when they are first asked for.
+    /// Worked out when it is first asked for.
     covariance: OnceLock<BoundaryCovariance>,
-    whitening: OnceLock<Whitening>,
 }
 
 impl RegionEquations {
@@ -74,30 +80,21 @@ impl RegionEquations {
         };
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
-        Ok(Self {
-            system,
-            chart,
-            outline,
-            border,
-            observed: values,
-            facets,
-            pixel_area,
-            noise: (0.0, Orders::All),
-            covariance: OnceLock::new(),
-            whitening: OnceLock::new(),
-        })
+        let covariance = OnceLock::new();
+        let sides = Sides { system, chart, outline, border, observed: values, facets, pixel_area, covariance };
+        Ok(Self { sides: Arc::new(sides), noise: (0.0, Orders::All), whitening: OnceLock::new() })
     }
 
     /// The same equations, whitened for a boundary noise of `sigma` pixels instead of the least.
-    pub fn whitened_for(self, sigma: f64, orders: Orders) -> Self {
+    pub fn whitened_for(&self, sigma: f64, orders: Orders) -> Self {
         let whitening = OnceLock::from(Whitening::new(self.covariance(), sigma, orders));
-        Self { noise: (sigma, orders), whitening, ..self }
+        Self { sides: self.sides.clone(), noise: (sigma, orders), whitening }
     }
 
     /// Over the whole outline, the border's edges too: moments that vanish on all the others would be trusted without end.
     fn covariance(&self) -> &BoundaryCovariance {
-        let Self { system, chart, outline, pixel_area, .. } = self;
-        self.covariance.get_or_init(|| BoundaryCovariance::new(*system, chart, outline, *pixel_area))
+        let Sides { system, chart, outline, pixel_area, covariance, .. } = self.sides.as_ref();
+        covariance.get_or_init(|| BoundaryCovariance::new(*system, chart, outline, *pixel_area))
     }
 
     fn whitening(&self) -> &Whitening {
@@ -107,28 +104,28 @@ impl RegionEquations {
 
     /// The observed area in pixels.
     pub fn pixel_area(&self) -> f64 {
-        self.pixel_area
+        self.sides.pixel_area
     }
 
     /// The region's chart.
     pub fn chart(&self) -> &Chart {
-        &self.chart
+        &self.sides.chart
     }
 
     /// The observed outline in the chart.
     pub fn outline(&self) -> &PlaneRings {
-        &self.outline
+        &self.sides.outline
     }
 
     /// The border of the image along which the region was cut.
     pub fn border(&self) -> Option<&Border> {
-        self.border.as_ref()
+        self.sides.border.as_ref()
     }
 
     /// Number of independent equations.
     pub fn count(&self, weighting: Weighting) -> usize {
         match weighting {
-            Weighting::Uniform => self.system.count(weighting),
+            Weighting::Uniform => self.sides.system.count(weighting),
             Weighting::Whitened => self.whitening().rank(),
         }
     }
@@ -137,13 +134,13 @@ impl RegionEquations {
     /// in view of its chart or its plane passes through the camera.
     fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
-        let count = self.system.count(weighting);
+        let count = self.sides.system.count(weighting);
         self.add_predicted(pose, weighting, &mut rows[..count])?;
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
         if rows[0][0] < 0.0 {
             rows[..count].iter_mut().flatten().for_each(|entry| *entry = -*entry);
         }
-        rows[..count].iter_mut().zip(&self.observed).for_each(|(row, observed)| row[0] -= observed);
+        rows[..count].iter_mut().zip(&self.sides.observed).for_each(|(row, observed)| row[0] -= observed);
         Some(match weighting {
             Weighting::Uniform => Rows { rows, count },
             Weighting::Whitened => Rows { rows: self.whitening().applied(&rows), count: self.whitening().rank() },
@@ -152,20 +149,20 @@ impl RegionEquations {
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.
     fn add_predicted<const N: usize>(&self, pose: &Pose, weighting: Weighting, rows: &mut [[f64; N]]) -> Option<()> {
-        let turn = self.chart.rotation;
+        let turn = self.sides.chart.rotation;
         let chart_from_world = Pose::new(turn * pose.rotation, turn * pose.translation);
-        let order = self.system.order(weighting) + if N > ALONE { self.system.reach() } else { 0 };
-        self.facets.iter().try_for_each(|facet| {
+        let order = self.sides.system.order(weighting) + if N > ALONE { self.sides.system.reach() } else { 0 };
+        self.sides.facets.iter().try_for_each(|facet| {
             let nu = facet.nu(&chart_from_world)?;
-            match (&self.border, self.system) {
+            match (&self.sides.border, self.sides.system) {
                 (Some(border), _) => self.add_cut_facet(facet, border, &chart_from_world, order, &nu, rows),
                 (None, System::Plane) => {
                     let moments = facet.plane_moments(&chart_from_world, order)?;
-                    add_plane(&moments, self.chart.scale, &nu, rows);
+                    add_plane(&moments, self.sides.chart.scale, &nu, rows);
                 }
                 (None, System::Sphere) => {
                     let moments = facet.sphere_moments(&chart_from_world, order)?;
-                    add_sphere(&moments, self.chart.scale, &nu, rows);
+                    add_sphere(&moments, self.sides.chart.scale, &nu, rows);
                 }
             }
             Some(())
@@ -183,16 +180,16 @@ impl RegionEquations {
         nu: &Vector3<f64>,
         sums: &mut [[f64; N]],
     ) {
-        let (clipped, side) = facet.clipped(chart_from_world, &self.chart, border);
+        let (clipped, side) = facet.clipped(chart_from_world, &self.sides.chart, border);
         let rings = clipped.rings.iter().map(Vec::as_slice);
-        let scale = self.chart.scale;
+        let scale = self.sides.chart.scale;
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..sums.len()];
-        match self.system {
+        match self.sides.system {
             System::Plane => add_plane(&planar_moments(rings, order).scaled(1.0 / scale), scale, nu, rows),
-            System::Sphere => add_sphere(&lifted_moments(rings, &self.chart, order), scale, nu, rows),
+            System::Sphere => add_sphere(&lifted_moments(rings, &self.sides.chart, order), scale, nu, rows),
         }
-        subtract_flux(self.system, &clipped.border, scale, nu, rows);
+        subtract_flux(self.sides.system, &clipped.border, scale, nu, rows);
         sums.iter_mut().flatten().zip(rows.iter().flatten()).for_each(|(sum, entry)| *sum += side * entry);
     }
 }
@@ -289,7 +286,7 @@ pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) 
     let mut all: Vec<[f64; DERIVED]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
     for region in regions {
         let rows = region.rows(pose, weighting)?;
-        all.extend(rows.iter().map(|row| turned(row, &region.chart)));
+        all.extend(rows.iter().map(|row| turned(row, region.chart())));
     }
     Some(Evaluation {
         residual: DVector::from_iterator(all.len(), all.iter().map(|row| row[0])),
@@ -326,7 +323,7 @@ pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Wei
     let mut sum = NormalEquations::default();
     for region in regions {
         let rows = region.rows(pose, weighting)?;
-        sum += NormalEquations::along_chart(&rows).turned(&region.chart.rotation);
+        sum += NormalEquations::along_chart(&rows).turned(&region.chart().rotation);
     }
     Some(sum)
 }

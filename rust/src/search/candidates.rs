@@ -164,7 +164,7 @@ impl Problem {
         let (noise, clean) =
             poses.first().and_then(|pose| looks.at(pose)).map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
         let orders = if clean { Orders::All } else { Orders::Low };
-        let problem = self.clone().whitened(noise, orders);
+        let problem = self.whitened(noise, orders);
         let answers = match options.refinement {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, looks.led),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
