@@ -1,9 +1,11 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
 use std::collections::HashMap;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use crate::contour::field::EdgeField;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 
@@ -153,6 +155,8 @@ pub struct WorldRegion {
     outline: PlaneRings,
     surface: Option<Surface>,
     viewpoint: Option<Vector3<f64>>,
+    /// The edges of the outline, for all problems and copies that the region is in.
+    field: Arc<OnceLock<EdgeField>>,
 }
 
 /// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
@@ -187,12 +191,12 @@ impl WorldRegion {
         let frame = PlaneFrame::fit(&rings.concat())?;
         check_planar(rings, &frame)?;
         let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
-        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None, viewpoint: None })
+        Ok(Self::from_outline(frame, PlaneRings::polygon(flat)?))
     }
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None, viewpoint: None }
+        Self { frame, outline, surface: None, viewpoint: None, field: Arc::default() }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -210,7 +214,7 @@ impl WorldRegion {
         let outline = PlaneRings::polygon(largest_first(flat))?;
         let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
         let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
-        Ok(Self { frame, outline, surface, viewpoint: None })
+        Ok(Self { surface, ..Self::from_outline(frame, outline) })
     }
 
     /// The same region of which a viewpoint, such as the scanner's place, lies on the side that the camera sees.
@@ -250,6 +254,12 @@ impl WorldRegion {
     /// The outline in plane coordinates; of a surface, its projection along the mean normal.
     pub fn outline(&self) -> &PlaneRings {
         &self.outline
+    }
+
+    /// The edges of the outline in plane coordinates, found again by all copies of the region.
+    pub(crate) fn edge_field(&self) -> Arc<OnceLock<EdgeField>> {
+        self.field.get_or_init(|| EdgeField::new(self.outline.rings()));
+        self.field.clone()
     }
 
     /// The surface, for a region that is not planar.

@@ -1,7 +1,7 @@
 //! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
 //! section 11).
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
@@ -51,7 +51,7 @@ pub struct Contour {
     /// Boundary rings of the world region about the problem's origin.
     rings: Vec<Vec<Vector3<f64>>>,
     /// The plane that holds the rings, about the problem's origin, and their edges there; `None` for a surface.
-    plane: Option<(PlaneFrame, EdgeField)>,
+    plane: Option<(PlaneFrame, Arc<OnceLock<EdgeField>>)>,
     /// Whether the image's border cuts the region, so that a part of its boundary may be behind the camera.
     cut: bool,
 }
@@ -96,7 +96,7 @@ impl Contour {
             pixels: pixels * scale,
             size: pixels,
             rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
-            plane: world.surface().is_none().then(|| (plane, EdgeField::new(world.outline().rings()))),
+            plane: world.surface().is_none().then(|| (plane, world.edge_field())),
             cut: region.border().is_some(),
         }
     }
@@ -212,7 +212,8 @@ impl Contour {
     /// the edge that is nearest there.
     fn nearest(&self, view: &View, point: &Vector2<f64>) -> usize {
         let place = view.sight.as_ref().and_then(|sight| sight.place(point));
-        if let (Some((_, field)), Some(place)) = (&self.plane, place) {
+        let field = self.plane.as_ref().and_then(|(_, field)| field.get());
+        if let (Some(field), Some(place)) = (field, place) {
             return field.nearest_edge(&place);
         }
         let square = |index: &usize| view.edges[*index].foot(point).offset.norm_squared();

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::CleanRing;
-use super::predicates::{contact, is_left_of_corner, lies_on};
+use super::predicates::{contact, is_left_of_corner, lies_on, turn};
 use crate::error::{Contact, Error, Result};
 
 /// One edge of one ring with its box, `along` the sweep axis and `across` it.
@@ -56,6 +56,9 @@ fn edges_for_sweep(rings: &[CleanRing]) -> Vec<Edge> {
 }
 
 fn check_pair(rings: &[CleanRing], first: &Edge, second: &Edge) -> Result<()> {
+    if first.ring == second.ring && are_bent(first, second, rings[first.ring].vertices.len()) {
+        return Ok(());
+    }
     let Some(contact) = contact(first.ends, second.ends) else { return Ok(()) };
     let contact = match contact {
         Contact::Touches if first.ring == second.ring => {
@@ -81,6 +84,14 @@ fn check_pair(rings: &[CleanRing], first: &Edge, second: &Edge) -> Result<()> {
 
 fn are_neighbours(first: &Edge, second: &Edge, count: usize) -> bool {
     (first.index + 1) % count == second.index || (second.index + 1) % count == first.index
+}
+
+/// Whether two edges of a ring follow each other round a corner: they then meet there alone.
+fn are_bent(first: &Edge, second: &Edge, count: usize) -> bool {
+    let [before, after] = if first.index < second.index { [first, second] } else { [second, first] };
+    let [before, after] = if before.index == 0 && after.index + 1 == count { [after, before] } else { [before, after] };
+    let follows = (before.index + 1) % count == after.index;
+    follows && turn(before.ends[0], before.ends[1], after.ends[1]).is_ne()
 }
 
 /// Whether two rings that touch at a vertex change sides there, rather than only meet.
