@@ -236,7 +236,8 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
         }
         // The comparison fails for a scale that is not finite, too.
         let last = !(scale > FINEST_SCALE && scale.is_finite());
-        for _ in 0..if last { LAST_ROUNDS } else { 1 } {
+        // Of a few pieces the place is not final.
+        for _ in 0..if last && step == 1 { LAST_ROUNDS } else { 1 } {
             let (next, settled) = stepped(contours, pose, step, &readings, &mixture);
             readings = Readings::at(contours, &next, step)?;
             pose = next;
