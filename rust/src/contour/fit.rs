@@ -1,5 +1,7 @@
 //! What the contours show at a pose, and the likeliest pose near one (`docs/math.md`, section 11).
 
+use std::sync::OnceLock;
+
 use nalgebra::{Matrix6, Vector6};
 
 use super::correlation::correlation;
@@ -71,6 +73,8 @@ pub struct ContourFit {
     counts: Vec<usize>,
     /// One piece in so many was read.
     step: usize,
+    /// Probability of each reading to be clean, once it is asked for.
+    clean: OnceLock<Vec<f64>>,
 }
 
 impl ContourFit {
@@ -82,7 +86,7 @@ impl ContourFit {
 
     fn of(pose: Pose, readings: Readings, step: usize) -> Self {
         let mixture = readings.distances().mixture(FINEST_SCALE);
-        Self { pose, mixture, readings: readings.all, counts: readings.counts, step }
+        Self { pose, mixture, readings: readings.all, counts: readings.counts, step, clean: OnceLock::new() }
     }
 
     fn or_likelier(self, other: Self) -> Self {
@@ -101,13 +105,13 @@ impl ContourFit {
             .collect()
     }
 
+    fn clean(&self) -> &[f64] {
+        self.clean.get_or_init(|| self.of_each(|region, reading| self.mixture.clean_probability(region, reading)))
+    }
+
     /// Share of the clean pieces of each region.
     pub fn clean_shares(&self) -> Vec<f64> {
-        let clean = |(region, readings): (usize, &[Reading])| {
-            readings.iter().map(|reading| self.mixture.clean_probability(region, reading)).sum::<f64>()
-                / readings.len().max(1) as f64
-        };
-        self.regions().map(clean).collect()
+        split(self.clean(), &self.counts).map(mean).collect()
     }
 
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
@@ -127,9 +131,9 @@ impl ContourFit {
             let clean = shares.iter().zip(&self.counts).map(|(share, &count)| share * count as f64);
             return self.step as f64 * clean.sum::<f64>();
         }
-        let clean = self.of_each(|region, reading| self.mixture.clean_probability(region, reading));
+        let clean = self.clean();
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
-        let about_mean: Vec<f64> = split(&clean, &self.counts).flat_map(centred).collect();
+        let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
         clean.len() as f64 / correlation(&about_mean, &self.counts)
     }
 
@@ -159,7 +163,6 @@ impl ContourFit {
 }
 
 /// Readings of several regions.
-#[derive(Clone)]
 struct Readings {
     all: Vec<Reading>,
     counts: Vec<usize>,
@@ -219,15 +222,14 @@ impl<'a> Sketch<'a> {
     }
 }
 
-/// The most likely pose that is reached from a start on every `step`-th piece; the start itself where nothing is likelier.
+/// The most likely pose that is reached from a start on every `step`-th piece; a pose on the way where that is likelier.
 ///
 /// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let mut readings = Readings::at(contours, start, step)?;
     let (mut pose, mut scale) = (*start, FIRST_SCALE * readings.median());
-    let mut best = ContourFit::of(pose, readings.clone(), step);
-    let mut likeliest = (best.mixture.likelihood, pose);
+    let mut likeliest = (f64::NEG_INFINITY, pose);
     loop {
         let distances = readings.distances();
         let mixture = distances.mixture_of(scale, distances.root_mean_square());
@@ -250,11 +252,11 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
         }
         scale = (scale / SCALE_STEP).max(FINEST_SCALE);
     }
-    best = best.or_likelier(ContourFit::of(pose, readings, step));
-    // A mixture whose scale is free is likelier still.
-    match likeliest.0 > best.mixture.likelihood {
-        true => ContourFit::at(contours, &likeliest.1, step).map(|fit| best.or_likelier(fit)),
-        false => Some(best),
+    let last = ContourFit::of(pose, readings, step);
+    // A pose on the way is likelier still by a mixture whose scale is free.
+    match likeliest.0 > last.mixture.likelihood {
+        true => ContourFit::at(contours, &likeliest.1, step).map(|fit| last.or_likelier(fit)),
+        false => Some(last),
     }
 }
 
