@@ -33,7 +33,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
-    ("calibration", "fusion", "scan_lines"),
+    ("calibration", "fusion", "prior", "scan_lines"),
     ("mask", "outline", "pixel_edges"),
     ("regions",),
     ("contours", "segmentation", "solver"),

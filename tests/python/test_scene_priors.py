@@ -89,17 +89,15 @@ def test_a_contradicted_side_names_its_region(tmp_path: Path) -> None:
 REFUSED: list[tuple[dict[str, Any], str]] = [
     (
         poster({"initial_sigma": {"rotation_deg": 5, "camera_center_m": 1}}),
-        r"prior\.initial_sigma: found no initial pose",
+        r"prior\.initial_sigma: found a deviation of nothing; needed the key initial",
     ),
-    (
-        poster({"initial": "paper", "initial_sigma": {"rotation_deg": 5, "camera_center_m": 1}}),
-        r"prior\.initial_sigma: found no initial pose",
-    ),
+    (poster({"initial": "paper"}), r"prior\.initial: found 'paper'; needed camera_from_world or world_from_camera"),
     (
         poster({"initial": rough(0.0, 0.0), "initial_sigma": {"rotation_deg": 0, "camera_center_m": 1}}),
         r"prior\.initial_sigma\.rotation_deg: found 0; needed greater than 0",
     ),
-    (poster({"up_sigma_deg": 5}), r"prior\.up_sigma_deg: found no direction that it is of; needed the key up"),
+    (poster({"up_sigma_deg": 5}), r"prior\.up_sigma_deg: found a deviation of nothing; needed the key up"),
+    (poster({"up": [0.0, 0.0, 0.0]}), r"prior: up is a zero vector; it needs to be a direction"),
     (poster(seen_from=[1.0, 2.0]), r"regions\[0\]\.world\.seen_from: found 2 numbers; needed \[x, y, z\]"),
     (poster(seen_from=[3.0, 0.0, 0.0]), r"regions\[0\]\.world\.seen_from: the viewpoint is .* off the region's plane"),
 ]

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
@@ -129,16 +129,13 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
 
 
 def _estimate(sides: SceneSides) -> PoseEstimate:
-    model, prior = sides.scene.model.solver, sides.scene.model.prior
-    sigma = prior.initial_sigma
+    model = sides.scene.model.solver
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
-        initial=_initial(sides.scene, sides.origin),
-        initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
-        up=prior.up,
-        up_sigma=prior.up_sigma_deg,
+        prior=scene_prior(sides.scene).about(sides.origin),
+        start=model.start,
         system=model.system,
         integration=model.integration,
         refine=None if model.refine == "none" else model.refine,
@@ -163,17 +160,29 @@ def _moved(pose: Pose, origin: Array) -> Pose:
     return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
 
 
-def _initial(scene: Scene, origin: Array) -> Pose | Literal["paper"] | None:
-    pose = given_pose(scene)
-    if pose is not None:
-        return _moved(pose, -origin)
-    return "paper" if scene.model.prior.initial == "paper" else None
+def scene_prior(scene: Scene) -> Prior:
+    """What the scene says of the pose beforehand, in the cloud's world; SceneError for what is no prior."""
+    item = scene.model.prior
+    sigma = item.initial_sigma
+    initial = given_pose(scene)
+    return named(
+        scene,
+        ("prior",),
+        lambda: Prior(
+            up=item.up,
+            up_sigma_deg=item.up_sigma_deg,
+            initial=initial,
+            initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
+            camera_near=item.camera_near,
+            camera_near_sigma_m=item.camera_near_sigma_m,
+        ),
+    )
 
 
 def given_pose(scene: Scene) -> Pose | None:
     """The pose that the scene gives as `prior.initial`, in the cloud's world; None when it gives none."""
     given = scene.model.prior.initial
-    if given is None or isinstance(given, str):
+    if given is None:
         return None
     key = "camera_from_world" if isinstance(given, CameraFromWorld) else "world_from_camera"
     return named(scene, ("prior", "initial", key), lambda: _written_pose(given))

@@ -320,10 +320,6 @@ class WorldFromCamera(Item):
     world_from_camera: PoseItem
 
 
-def _initial_kind(value: object) -> str | None:
-    return "<word>" if isinstance(value, str) else _key_among("camera_from_world", "world_from_camera")(value)
-
-
 class InitialSigma(Item):
     """Standard deviations of a rough pose, along each of the camera's axes."""
 
@@ -340,15 +336,19 @@ class PriorItem(Item):
     ] = None
     initial: (
         Annotated[
-            Annotated[Literal["paper"], Tag("<word>")]
-            | Annotated[CameraFromWorld, Tag("<camera_from_world>")]
+            Annotated[CameraFromWorld, Tag("<camera_from_world>")]
             | Annotated[WorldFromCamera, Tag("<world_from_camera>")],
-            _choice(_initial_kind, "camera_from_world, world_from_camera or paper"),
+            _choice(_key_among("camera_from_world", "world_from_camera"), "camera_from_world or world_from_camera"),
         ]
         | None
     ) = None
     initial_sigma: Annotated[
         InitialSigma | None, Field(description="how rough the initial pose is; without it, it is but a start")
+    ] = None
+    camera_near: Annotated[Point | None, Field(description="a place that the camera stands near")] = None
+    camera_near_sigma_m: Annotated[
+        Positive | None,
+        Field(description="standard deviation of its place about there along each axis; 2 when left out"),
     ] = None
 
 
@@ -359,6 +359,9 @@ class SolverItem(Item):
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
     refine: Literal["contour", "none"] = "contour"
     driver: Literal["scipy", "native"] = "scipy"
+    start: Annotated[
+        Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
+    ] = "global"
 
 
 class SceneModel(Item):
