@@ -247,13 +247,7 @@ impl Problem {
 
     /// The poses that may be the answer, and the equations to polish them by.
     #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
-    fn search(
-        &self,
-        py: Python<'_>,
-        start: &str,
-        prior: Option<Prior>,
-        refine: Option<&str>,
-    ) -> PyResult<Search> {
+    fn search(&self, py: Python<'_>, start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine)?;
         Ok(Search(py.detach(|| self.0.search(&options))))
     }
@@ -402,7 +396,9 @@ pub fn estimate_batch<'py>(
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
     if problems.len() != priors.len() {
         let (found, needed) = (priors.len(), problems.len());
-        return Err(PyValueError::new_err(format!("priors has {found} items; it needs one for each problem, {needed}")));
+        return Err(PyValueError::new_err(format!(
+            "priors has {found} items; it needs one for each problem, {needed}"
+        )));
     }
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let tasks = problems.iter().zip(priors).map(|((observed, worlds), prior)| {
