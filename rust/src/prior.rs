@@ -132,7 +132,7 @@ impl Prior {
     }
 
     /// The place that the camera stands near, and its standard deviation.
-    fn place(&self) -> Option<(Vector3<f64>, f64)> {
+    pub fn place(&self) -> Option<(Vector3<f64>, f64)> {
         self.near.map(|near| (near, self.near_sigma.unwrap_or(NEAR_SIGMA)))
     }
 

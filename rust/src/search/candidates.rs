@@ -2,6 +2,7 @@
 
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
+use super::directions::direction_poses;
 use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
@@ -162,7 +163,7 @@ impl Problem {
         let few = sketch_step(contours);
         let explains = |pose: &Pose| ContourFit::at(contours, pose, few).is_some_and(|fit| fit.is_clean());
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &explains),
+            Start::Global => self.global_poses(options, few, &explains),
             Start::Paper => paper_poses(self, &options.prior),
         };
         let first = poses.first().and_then(|pose| ContourFit::at(contours, pose, few));
@@ -178,14 +179,15 @@ impl Problem {
         Search { problem, options: *options, answers }
     }
 
-    fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
+    fn global_poses(&self, options: &Options, few: usize, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
+        let known = known_poses(self, &options.prior, few);
+        let poses = moment_poses(self, &options.prior, &known, WantedTurns::Likely, explains);
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
+            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, explains),
         }
     }
 
@@ -216,6 +218,12 @@ impl Search {
         let minimum = minimize(self.problem.regions(), &start, Weighting::Whitened, FINAL);
         Minimum { pose: self.problem.uncentred(&minimum.pose), ..minimum }
     }
+}
+
+/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's place.
+fn known_poses(problem: &Problem, prior: &Prior, few: usize) -> Vec<Pose> {
+    let initial = prior.initial.map(|pose| problem.centred(&pose));
+    initial.into_iter().chain(direction_poses(problem, prior, few)).collect()
 }
 
 /// The step that leaves about as many pieces of all contours as a first look takes.
@@ -286,7 +294,7 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit>
     let contours = problem.contours();
     let few = sketch_step(contours);
     let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few)).collect::<Vec<_>>();
-    let known = prior.initial.iter().map(|pose| problem.centred(pose));
+    let known = known_poses(problem, prior, few);
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
     if !found.iter().any(is_found) {

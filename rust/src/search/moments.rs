@@ -45,17 +45,18 @@ pub const SAME_CANDIDATE: f64 = 0.01;
 
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
-/// From the closed forms of one region after the other, the largest first, until one explains all regions.
+/// From poses that are known, then from the closed forms of one region after the other, the largest first, until one explains all
+/// regions.
 pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
+    known: &[Pose],
     turns: WantedTurns,
     explains: impl Fn(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
-    let known: Vec<Pose> = prior.initial.iter().map(|pose| problem.centred(pose)).collect();
-    let mut poses = solved_together(problem, known);
+    let mut poses: Vec<Pose> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
         poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
         poses = narrowed(problem.regions(), poses);
@@ -125,8 +126,12 @@ fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<Pose> {
     if problem.regions().len() == 1 {
         return poses;
     }
-    let joint = |pose: &Pose| minimize(problem.regions(), pose, Weighting::Uniform, JOINT).pose;
-    poses.iter().map(joint).collect()
+    poses.iter().map(|pose| solved_jointly(problem, pose)).collect()
+}
+
+/// The minimum of all regions' unweighted equations near a start.
+fn solved_jointly(problem: &Problem, start: &Pose) -> Pose {
+    minimize(problem.regions(), start, Weighting::Uniform, JOINT).pose
 }
 
 /// Distinct poses by their joint unweighted cost, best first, as many as are worth another look.
