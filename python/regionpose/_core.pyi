@@ -286,6 +286,10 @@ class Prior:
         camera_near: ArrayLike | None = None,
         camera_near_sigma_m: float | None = None,
     ) -> Prior: ...
+    @property
+    def camera_near_sigma_m(self) -> float | None:
+        """Deviation of the camera's place, metres, the conventional one where none was given; None without a place."""
+
     def penalty(self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> float:
         """What counts against a pose with this covariance (6, 6) of its left increment, in variances."""
 

@@ -18,7 +18,15 @@ from regionpose.prior import Prior
 from regionpose.regions import ImageRegion
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
-from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
+from regionpose.scene.sensors import (
+    Picture,
+    SensorOrigin,
+    named,
+    scene_camera,
+    scene_cloud,
+    scene_image,
+    sensor_origin,
+)
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
 
@@ -47,7 +55,7 @@ class Stages:
 class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
-    `cloud.points` and the world sides are about `origin` (3,), metres.
+    `cloud.points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the scanner stood, isn't.
     """
 
     scene: Scene
@@ -55,6 +63,7 @@ class SceneSides:
     image: Picture
     cloud: Cloud | None
     origin: Array
+    sensor_origin: SensorOrigin | None
     image_regions: tuple[ImageRegion, ...]
     world_sides: tuple[WorldSide, ...]
 
@@ -71,6 +80,11 @@ class SceneEstimate:
     sides: SceneSides
     estimate: PoseEstimate
     seconds: dict[str, float]
+
+    @property
+    def prior(self) -> Prior:
+        """What was known of the pose beforehand, in the cloud's world."""
+        return scene_prior(self.sides.scene, self.sides.sensor_origin)
 
     @property
     def local_pose(self) -> Pose:
@@ -97,12 +111,13 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
         camera = scene_camera(scene)
         image = scene_image(scene, camera)
         cloud = scene_cloud(scene)
-    origin, count = scene_origin(scene, cloud), len(scene.model.regions)
+    origin, scanner = scene_origin(scene, cloud), sensor_origin(scene, cloud)
+    count = len(scene.model.regions)
     with stages.stage("image regions"):
         image_regions = tuple(image_side(scene, index, image) for index in range(count))
     with stages.stage("world regions"):
-        world_sides = tuple(world_side(scene, index, cloud, origin) for index in range(count))
-    return SceneSides(scene, camera, image, cloud, origin, image_regions, world_sides)
+        world_sides = tuple(world_side(scene, index, cloud, origin, scanner) for index in range(count))
+    return SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
@@ -134,7 +149,7 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
-        prior=scene_prior(sides.scene).about(sides.origin),
+        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
         start=model.start,
         system=model.system,
         integration=model.integration,
@@ -160,11 +175,15 @@ def _moved(pose: Pose, origin: Array) -> Pose:
     return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
 
 
-def scene_prior(scene: Scene) -> Prior:
-    """What the scene says of the pose beforehand, in the cloud's world; SceneError for what is no prior."""
+def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
+    """What the scene says of the pose beforehand, in the cloud's world; SceneError for what is no prior.
+
+    The camera stands near the scanner, where that is known, unless the scene says otherwise.
+    """
     item = scene.model.prior
     sigma = item.initial_sigma
     initial = given_pose(scene)
+    near = None if scanner is None or "camera_near" in item.model_fields_set else scanner.place
     return named(
         scene,
         ("prior",),
@@ -173,7 +192,7 @@ def scene_prior(scene: Scene) -> Prior:
             up_sigma_deg=item.up_sigma_deg,
             initial=initial,
             initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
-            camera_near=item.camera_near,
+            camera_near=item.camera_near if near is None else near,
             camera_near_sigma_m=item.camera_near_sigma_m,
         ),
     )

@@ -345,7 +345,10 @@ class PriorItem(Item):
     initial_sigma: Annotated[
         InitialSigma | None, Field(description="how rough the initial pose is; without it, it is but a start")
     ] = None
-    camera_near: Annotated[Point | None, Field(description="a place that the camera stands near")] = None
+    camera_near: Annotated[
+        Point | None,
+        Field(description="a place that the camera stands near; sensor_origin when left out, nothing when null"),
+    ] = None
     camera_near_sigma_m: Annotated[
         Positive | None,
         Field(description="standard deviation of its place about there along each axis; 2 when left out"),
@@ -372,6 +375,13 @@ class SceneModel(Item):
     camera: CameraItem
     image: FileName
     cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
+    sensor_origin: Annotated[
+        Point | None,
+        Field(
+            description="where the scanner of the cloud stood; what the cloud's file says when left out, unknown when"
+            " null, as of scans merged from several places"
+        ),
+    ] = None
     regions: list[RegionItem] = Field(min_length=1)
     prior: PriorItem = PriorItem()
     solver: SolverItem = SolverItem()

@@ -43,6 +43,12 @@ impl Prior {
         }))
     }
 
+    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a place.
+    #[getter]
+    fn camera_near_sigma_m(&self) -> Option<f64> {
+        self.0.place().map(|(_, sigma)| sigma)
+    }
+
     /// What counts against a pose with this covariance (6, 6) of its left increment, in variances.
     fn penalty(
         &self,
