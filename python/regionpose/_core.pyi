@@ -100,6 +100,7 @@ class ObservedRegion:
     """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over.
 
     `borders`: the image's border beside the region, lines of bearings (m, 3), where it may have cut the region.
+    `hidden`: stretches of the rings that aren't its own boundary, lines of bearings (m, 3).
     """
 
     def __new__(
@@ -108,6 +109,7 @@ class ObservedRegion:
         pixel_area: float,
         *,
         borders: Iterable[ArrayLike] | None = None,
+        hidden: Iterable[ArrayLike] | None = None,
         pixel_bearings: ArrayLike | None = None,
         pixel_solid_angles: ArrayLike | None = None,
     ) -> ObservedRegion: ...

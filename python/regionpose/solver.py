@@ -256,13 +256,18 @@ def observed_regions(
     for index, region in enumerate(regions):
         try:
             bearings = list(islice(following, len(rings[index]))) if straight else region.bearings(camera)
-            borders = region.border_bearings(camera)
+            borders, hidden = region.border_bearings(camera), region.hidden_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
             raise ValueError(f"image region {index}: {error}") from error
         observed.append(
             _core.ObservedRegion(
-                bearings, region.area, borders=borders, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1]
+                bearings,
+                region.area,
+                borders=borders,
+                hidden=hidden,
+                pixel_bearings=pixels[0],
+                pixel_solid_angles=pixels[1],
             )
         )
     return observed

@@ -35,6 +35,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "prior", "scan_lines"),
     ("mask", "outline", "pixel_edges"),
+    ("hidden_edges",),
     ("regions",),
     ("contours", "segmentation", "solver"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),

@@ -217,8 +217,8 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
     (lambda: rp.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
     (lambda: _core.mesh_planar_moments(with_value(SQUARE, np.nan), [[0, 1, 2]], 2), "vertices row 2 is not finite"),
-    (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line of the border needs"),
-    (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line of the border needs"),
+    (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line needs"),
+    (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line needs"),
     (lambda: _core.pixel_moments(LIFTED, np.ones(3), 2), "bearings has 4 rows and solid_angles 3"),
     (lambda: _core.contour_pieces([], []), "the region has no rings"),
     (lambda: _core.contour_pieces([SQUARE[:2]], [MARKS[:2]]), "ring 0 has 2 distinct vertices"),

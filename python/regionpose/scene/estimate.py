@@ -28,7 +28,7 @@ from regionpose.scene.sensors import (
     sensor_origin,
 )
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
-from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
+from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
 
 Array = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
     A fraction; NaN where a region can't be projected.
     """
     problem = _core.Problem(
-        [_core.ObservedRegion(region.bearings(sides.camera), region.area) for region in sides.image_regions],
+        observed_regions(sides.camera, sides.image_regions, "boundary"),
         [side.region.core for side in sides.world_sides],
         system="plane",
         integration="boundary",

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
-from regionpose.scene.models import SceneModel
+from regionpose.scene.models import ImageMask, SceneModel
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,10 @@ def _check_references(scene: Scene) -> None:
         if region.name in names:
             raise scene.error(("regions", index, "name"), f"found {region.name!r} twice; needed names that differ")
         names.add(region.name)
+        image = region.image
+        if isinstance(image, ImageMask) and image.unknown_label is not None and image.unknown is None:
+            place = ("regions", index, "image", "unknown_label")
+            raise scene.error(place, "found a label of nothing; needed the key unknown")
         if scene.model.cloud is None and needs_cloud(region.world):
             raise scene.error(
                 ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"

@@ -169,6 +169,15 @@ def _ring_kind(value: object) -> str | None:
     return "<rings>" if nested else "<ring>"
 
 
+EdgeIndex = Annotated[int, Field(ge=0)]
+
+
+def _edges_kind(value: object) -> str | None:
+    if not isinstance(value, list):
+        return None
+    return "<rings>" if value and isinstance(value[0], list) else "<ring>"
+
+
 RING_NEEDED = "a ring of at least 3 vertices, or a list of rings"
 ImagePolygon = Annotated[
     Annotated[list[Pixel], Field(min_length=3), Tag("<ring>")]
@@ -205,12 +214,27 @@ class ImageMask(Item):
     image: int | str | None = Field(
         None, description="which image of a COCO file that holds several: its id or its file name"
     )
+    unknown: FileName | None = Field(
+        None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"
+    )
+    unknown_label: Annotated[
+        Annotated[int, Tag("<number>")] | Annotated[str, Field(min_length=1), Tag("<name>")] | None,
+        Field(description="which region of it, where it holds several"),
+    ] = None
 
 
 class ImagePolygonSide(Item):
     """The region's outline: one ring, or an outer ring and its holes."""
 
     polygon: ImagePolygon
+    hidden_edges: Annotated[
+        Annotated[list[EdgeIndex], Tag("<ring>")] | Annotated[list[list[EdgeIndex]], Tag("<rings>")],
+        _choice(_edges_kind, "a list of edge indices, or one for each ring"),
+        Field(
+            description="edges that are not the region's own but an occluder's, or not seen; edge i goes from vertex i"
+            " of a ring to the next"
+        ),
+    ] = []
 
 
 ImageSide = Annotated[

@@ -150,6 +150,8 @@ def named_files(scene: Scene) -> dict[str, str]:
     for region in model.regions:
         if isinstance(region.image, ImageMask):
             files[f"mask of {region.name}"] = region.image.mask
+            if region.image.unknown is not None:
+                files[f"unknown pixels of {region.name}"] = region.image.unknown
         if isinstance(region.world, WorldPoints) and isinstance(region.world.points, str):
             files[f"points of {region.name}"] = region.world.points
         if isinstance(region.world, WorldMesh):

@@ -64,8 +64,9 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
     if isinstance(item, ImageSeed):
         return named(scene, (*place, "seed"), lambda: _grown(image, item))
     if isinstance(item, ImageMask):
-        return named(scene, (*place, "mask"), lambda: _masked(scene.file(item.mask), item, image))
-    return named(scene, (*place, "polygon"), lambda: ImageRegion.from_polygon(item.polygon))
+        return _masked(scene, place, item, image)
+    hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
+    return named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
 
 
 def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array, scanner: SensorOrigin | None) -> WorldSide:
@@ -112,10 +113,22 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
     return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
 
 
-def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
-    from regionpose.segmentation.masks import region_from_file
+def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> ImageRegion:
+    from regionpose.segmentation.masks import mask_from_file, region_from_file
 
-    return region_from_file(path, item.label, image=item.image, size=(image.shape[0], image.shape[1]))
+    path, size = scene.file(item.mask), (image.shape[0], image.shape[1])
+    whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
+    if item.unknown is None:
+        return whole
+    unknown = scene.file(item.unknown)
+    return named(
+        scene,
+        (*place, "unknown"),
+        lambda: ImageRegion.from_mask(
+            mask_from_file(path, item.label, image=item.image),
+            unknown=mask_from_file(unknown, item.unknown_label, image=item.image),
+        ),
+    )
 
 
 def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:

@@ -95,10 +95,20 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTur
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
 /// cut by lines from all sides.
 fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
+    best_fitting(std::slice::from_ref(region), cut_forms(problem, region, world), STARTS_OF_CUT)
+}
+
+/// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have cut it.
+pub fn hidden_region_poses(problem: &Problem) -> Vec<Pose> {
+    let pairs = problem.regions().iter().zip(problem.worlds());
+    let hidden = pairs.filter(|(region, _)| region.hides_edges());
+    hidden.flat_map(|(region, world)| cut_forms(problem, region, world)).collect()
+}
+
+fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
     let closed =
         |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), WantedTurns::Likely);
-    let poses = cut_worlds(world).iter().flat_map(closed).collect();
-    best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
+    cut_worlds(world).iter().flat_map(closed).collect()
 }
 
 /// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
