@@ -140,7 +140,7 @@ def estimate_pose(
     observed side) the mask's pixels. `mesh_size`: edge length of the mesh's triangles over the square root of the
     region's area; None is 1/8 on the sphere and, on the plane, where every mesh is exact, triangles between the
     boundary's vertices. `refine="contour"` leads the pose onto the observed contours where a part of them is disturbed
-    (docs/math.md, section 11), or where a region has hidden edges. `driver` runs the final least squares of the moments.
+    (docs/math.md, section 11) or hidden (section 14). `driver` runs the final least squares of the moments.
 
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
