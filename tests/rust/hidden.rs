@@ -123,7 +123,9 @@ fn an_outline_of_which_hardly_anything_is_its_own_is_refused() {
     let mut observed = scene.observed[0].clone();
     let ring = observed.rings[0].clone();
     observed.hidden = vec![[ring.clone(), vec![ring[0]]].concat()];
-    let refused = |observed: &ObservedRegion| Problem::new(&[observed.clone()], &scene.worlds).unwrap_err().to_string();
+    let refused = |observed: &ObservedRegion| {
+        Problem::new(std::slice::from_ref(observed), &scene.worlds).unwrap_err().to_string()
+    };
     let message = refused(&observed);
     assert!(message.contains("share of the observed outline that is the region's own is 0.0 %"), "{message}");
     observed.hidden = vec![vec![ring[0]]];

@@ -125,8 +125,8 @@ pub fn foreign_edges(
     for (edges, on_border) in foreign.iter_mut().zip(border.map_or(&[][..], Border::on_border)) {
         edges.iter_mut().zip(on_border).for_each(|(foreign, &on_border)| *foreign |= on_border);
     }
-    let share = share_of_others(outline, &foreign);
-    if any_hidden && share < LEAST_SEEN {
+    let share = if any_hidden { share_of_others(outline, &foreign) } else { 1.0 };
+    if share < LEAST_SEEN {
         return Err(Error::OutOfRange {
             item: "the share of the observed outline that is the region's own",
             found: format!("{:.1} %, the rest of it hidden or on the image's border", 100.0 * share),
