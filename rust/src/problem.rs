@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use crate::contour::creases::{Crease, creases};
 use crate::contour::readings::Contour;
 use crate::equations::facet::Integration;
 use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
@@ -105,6 +106,11 @@ impl Problem {
     /// The observed contour of each region and the boundary of its world region, about the problem's origin.
     pub fn contours(&self) -> &[Contour] {
         &self.contours
+    }
+
+    /// The straight edges that two regions share, as far as their outlines and planes show any.
+    pub fn creases(&self) -> Vec<Crease> {
+        creases(&self.regions, &self.worlds, &self.origin)
     }
 
     /// The point relative to which world coordinates are taken.

@@ -64,7 +64,7 @@ pub fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
 }
 
 /// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
-fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
+pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
     let mut before = Vector2::zeros();
     let mut number = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;
