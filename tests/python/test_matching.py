@@ -209,6 +209,15 @@ def test_the_direction_up_decides_between_the_readings_of_a_column() -> None:
     assert UP @ upright.estimate.pose.rotation.as_matrix().T @ UP > 0.9
 
 
+def test_a_place_that_the_camera_is_near_decides_too() -> None:
+    column = [window(-0.4, y) for y in (-3.0, -0.6, 1.8)]
+    images, worlds = [seen(ring) for ring in column], [rp.WorldRegion.from_polygon(ring) for ring in column]
+    near = rp.Prior(camera_near=TRUE.camera_center + 0.1, camera_near_sigma_m=0.3)
+    found = rp.match_regions(CAMERA, images, worlds, prior=near)
+    assert found.pairs == ((0, 0), (1, 1), (2, 2)) and not found.alternatives and not found.warnings
+    assert_pose(found.estimate.pose, TRUE)
+
+
 def facade_letter(name: str = "letter_f") -> Array:
     """The outline of a template on the facade."""
     ring: Array = template_named(name).region()[0]

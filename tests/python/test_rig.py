@@ -451,6 +451,10 @@ def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> No
     assert {warning.code for warning in rig.warnings} == contradicted and millimetres(rig.pose, frames) < 5.0
     known = rp.estimate_rig(camera, frames, prior=rp.Prior(initial=RIG, initial_sigma=(3.0, 0.1)))
     assert not known.warnings
+    elsewhere = rp.Prior(camera_near=RIG.camera_center + np.array([9.0, 0.0, 0.0]), camera_near_sigma_m=0.5)
+    far = rp.estimate_rig(camera, frames, prior=elsewhere)
+    assert {warning.code for warning in far.warnings} == {"place-contradicted"} and millimetres(far.pose, frames) < 5.0
+    assert not rp.estimate_rig(camera, frames, prior=rp.Prior(camera_near=RIG.camera_center)).warnings
 
 
 def test_six_boards_of_a_real_rig_agree_and_leave_the_camera_alone() -> None:

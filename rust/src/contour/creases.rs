@@ -14,7 +14,7 @@ const SIGMA: f64 = 1.5;
 /// Distance, pixels, up to which two outlines share an edge: twice a hand's error of each.
 const SHARED: f64 = 5.0;
 
-/// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees at most.
+/// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
 const SHORTEST: f64 = 20.0;
 
 /// Sine of the angle between planes (20 degrees) from which their line is known: its place errs by theirs over the sine.
