@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use crate::contour::creases::{Crease, creases};
 use crate::contour::readings::Contour;
 use crate::equations::facet::Integration;
 use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
@@ -110,6 +111,11 @@ impl Problem {
     /// One piece in so many of the contours is what a first look takes.
     pub(crate) fn few(&self) -> usize {
         self.contours[0].few()
+    }
+
+    /// The straight edges that two regions share, as far as their outlines and planes show any.
+    pub fn creases(&self) -> Vec<Crease> {
+        creases(&self.regions, &self.worlds, &self.origin)
     }
 
     /// The point relative to which world coordinates are taken.

@@ -33,8 +33,9 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
-    ("calibration", "fusion", "scan_lines"),
+    ("calibration", "fusion", "prior", "scan_lines"),
     ("mask", "outline", "pixel_edges"),
+    ("hidden_edges",),
     ("regions",),
     ("contours", "segmentation", "solver"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),

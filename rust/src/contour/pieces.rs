@@ -40,18 +40,18 @@ impl Piece {
 
 /// The pieces that a region's rings are cut into, and every `step`-th of them; `pixels` to the unit.
 ///
-/// Those that touch an edge on the image's border are left out.
-pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64, step: usize) -> Vec<Piece> {
+/// Those that touch a foreign edge are left out.
+pub fn pieces(outline: &PlaneRings, foreign: &[Vec<bool>], pixels: f64, step: usize) -> Vec<Piece> {
     let cuts = cuts(outline.rings(), pixels);
     let mut pieces = Vec::with_capacity(cuts.iter().map(|cut| cut.count).sum::<usize>().div_ceil(step));
-    cut_rings(outline.rings(), on_border, &cuts, step, |_, piece| pieces.push(piece));
+    cut_rings(outline.rings(), foreign, &cuts, step, |_, piece| pieces.push(piece));
     pieces
 }
 
 /// All pieces ring by ring, of closed rings that need not bound a region.
-pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], on_border: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
+pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], foreign: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
     let mut pieces = vec![Vec::new(); rings.len()];
-    cut_rings(rings, on_border, &cuts(rings, pixels), 1, |ring, piece| pieces[ring].push(piece));
+    cut_rings(rings, foreign, &cuts(rings, pixels), 1, |ring, piece| pieces[ring].push(piece));
     pieces
 }
 
@@ -76,7 +76,7 @@ fn cuts(rings: &[Vec<Vector2<f64>>], pixels: f64) -> Vec<Cut> {
 /// Gives every `step`-th piece of all rings with its ring's number to `found`.
 fn cut_rings(
     rings: &[Vec<Vector2<f64>>],
-    on_border: &[Vec<bool>],
+    foreign: &[Vec<bool>],
     cuts: &[Cut],
     step: usize,
     mut found: impl FnMut(usize, Piece),
@@ -84,9 +84,9 @@ fn cut_rings(
     let (mut runs, mut number) = (0, 0);
     for (index, (ring, cut)) in rings.iter().zip(cuts).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
-        let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
+        let foreign = foreign.get(index).map_or(&[][..], Vec::as_slice);
         let wanted = |part: usize| (number + part) % step == 0;
-        ring_pieces(ring, &numbers, on_border, cut, wanted, |piece| found(index, piece));
+        ring_pieces(ring, &numbers, foreign, cut, wanted, |piece| found(index, piece));
         number += cut.count;
     }
 }
@@ -97,7 +97,7 @@ pub fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
 }
 
 /// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
-fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
+pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
     let mut before = Vector2::zeros();
     let mut number = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;

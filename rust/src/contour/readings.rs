@@ -34,9 +34,9 @@ const FEWEST_SKETCHED: usize = 40;
 pub struct Contour {
     /// `chart_from_camera`.
     rotation: Rotation3<f64>,
-    /// The observed outline in the chart, and which of its edges lie on the image's border.
+    /// The observed outline in the chart, and which of its edges are not the region's own.
     outline: PlaneRings,
-    on_border: Vec<Vec<bool>>,
+    foreign: Vec<Vec<bool>>,
     /// Chart units to the unit of the plane z = 1 of the chart's axes.
     scale: f64,
     /// All pieces of the outline, on that plane, once they are asked for.
@@ -70,7 +70,7 @@ pub struct Reading {
 }
 
 impl Contour {
-    /// The contours of observed regions, without what lies on the image's border, and the boundaries of their world regions about
+    /// The contours of observed regions, without what is not their own, and the boundaries of their world regions about
     /// `origin`.
     pub fn all(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vector3<f64>) -> Vec<Self> {
         let wanted = (SKETCHED / regions.len()).max(FEWEST_SKETCHED);
@@ -82,16 +82,15 @@ impl Contour {
     fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>, few: usize) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let on_border = region.border().map_or(Vec::new(), |border| border.on_border().to_vec());
         let frame = world.frame();
         let plane = PlaneFrame { origin: frame.origin - origin, axes: frame.axes };
         Self {
             rotation: region.chart().rotation,
-            sketch: scaled(pieces(region.outline(), &on_border, pixels, few), scale),
+            sketch: scaled(pieces(region.outline(), region.foreign_edges(), pixels, few), scale),
             few,
             pieces: OnceLock::new(),
             outline: region.outline().clone(),
-            on_border,
+            foreign: region.foreign_edges().to_vec(),
             scale,
             pixels: pixels * scale,
             size: pixels,
@@ -126,7 +125,7 @@ impl Contour {
         if step == self.few {
             return self.sketch.iter().step_by(1);
         }
-        let all = self.pieces.get_or_init(|| scaled(pieces(&self.outline, &self.on_border, self.size, 1), self.scale));
+        let all = self.pieces.get_or_init(|| scaled(pieces(&self.outline, &self.foreign, self.size, 1), self.scale));
         all.iter().step_by(step)
     }
 

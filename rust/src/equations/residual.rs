@@ -21,7 +21,7 @@ use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::view::border::Border;
+use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
@@ -50,6 +50,9 @@ struct Sides {
     chart: Chart,
     outline: PlaneRings,
     border: Option<Border>,
+    /// Edges of the outline that are not the region's own boundary, ring by ring.
+    foreign: Vec<Vec<bool>>,
+    hides_edges: bool,
     observed: Vec<f64>,
     facets: Vec<Facet>,
     pixel_area: f64,
@@ -61,7 +64,7 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`] and [`Border::of`] refuse, a pixel area that is not positive, or pixel sums asked for without
+    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel sums asked for without
     /// pixels.
     pub fn new(
         observed: &ObservedRegion,
@@ -72,7 +75,9 @@ impl RegionEquations {
     ) -> Result<Self> {
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
-        let border = Border::of(&observed.borders, &chart, &outline, pixel_area.sqrt().recip())?;
+        let pixel = pixel_area.sqrt().recip();
+        let border = Border::of(&observed.borders, &chart, &outline, pixel)?;
+        let (foreign, hides_edges) = foreign_edges(&observed.hidden, border.as_ref(), &chart, &outline, pixel)?;
         // What the border leaves visible changes with the pose: a mesh of it would not last.
         let integration = match (integration, &border) {
             (Integration::Mesh { .. }, Some(_)) => Integration::Boundary,
@@ -81,7 +86,18 @@ impl RegionEquations {
         let values = observed_values(observed, &chart, &outline, system, integration)?;
         let facets = facets(world, origin, system, integration)?;
         let covariance = OnceLock::new();
-        let sides = Sides { system, chart, outline, border, observed: values, facets, pixel_area, covariance };
+        let sides = Sides {
+            system,
+            chart,
+            outline,
+            border,
+            foreign,
+            hides_edges,
+            observed: values,
+            facets,
+            pixel_area,
+            covariance,
+        };
         Ok(Self { sides: Arc::new(sides), noise: (0.0, Orders::All), whitening: OnceLock::new() })
     }
 
@@ -120,6 +136,16 @@ impl RegionEquations {
     /// The border of the image along which the region was cut.
     pub fn border(&self) -> Option<&Border> {
         self.sides.border.as_ref()
+    }
+
+    /// Edges of the observed outline that are not the region's own boundary, ring by ring: on the image's border, or hidden.
+    pub fn foreign_edges(&self) -> &[Vec<bool>] {
+        &self.sides.foreign
+    }
+
+    /// Whether edges are hidden, so that the moments are those of a part whose other part nobody knows.
+    pub fn hides_edges(&self) -> bool {
+        self.sides.hides_edges
     }
 
     /// Number of independent equations.

@@ -4,12 +4,14 @@ use std::iter;
 
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
-use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
+use super::directions::direction_poses;
+use super::moments::{SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, Stopping, minimize};
+use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
@@ -161,8 +163,10 @@ impl Problem {
             Start::Global => self.global_poses(options, &mut looks),
             Start::Paper => paper_poses(self, &options.prior),
         };
-        let (noise, clean) =
-            poses.first().and_then(|pose| looks.at(pose)).map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
+        let first = poses.first().and_then(|pose| looks.at(pose));
+        let (noise, clean) = first.map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
+        // The moments of a region of which a part is hidden are wrong, however clean the rest of its contour.
+        let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
         let answers = match options.refinement {
@@ -173,14 +177,20 @@ impl Problem {
     }
 
     fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, |pose| looks.explains(pose));
+        let known = known_poses(self, &options.prior);
+        let poses = moment_poses(self, &options.prior, &known, WantedTurns::Likely, |pose| looks.explains(pose));
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || looks.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, WantedTurns::All, |_| false),
+            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, |_| false),
         }
+    }
+
+    /// Whether any region has hidden edges.
+    fn hides_edges(&self) -> bool {
+        self.regions().iter().any(RegionEquations::hides_edges)
     }
 
     /// The most that a prior and the regions' visible sides count against a pose, in variances.
@@ -251,6 +261,12 @@ impl Search {
     }
 }
 
+/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's place.
+fn known_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+    let initial = prior.initial.map(|pose| problem.centred(&pose));
+    initial.into_iter().chain(direction_poses(problem, prior, problem.few())).collect()
+}
+
 /// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best: by the equations, which
 /// know what a pose shows beyond the observed contours, and by these.
 fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
@@ -302,6 +318,9 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pose, ContourFit)>) -> Answers {
     let (contours, few) = (problem.contours(), problem.few());
     let places = places(problem, poses, prior, led);
+    if problem.hides_edges() {
+        return Answers::Contours(places);
+    }
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
     let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, COARSE).pose;
     let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
@@ -319,20 +338,20 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pos
 }
 
 /// The likeliest poses on the contours: the candidates, further ones where none of these is found, and other turns of a
-/// plane, each refined on few pieces, then on all. `known` has starts that were led already.
-fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, known: Vec<(Pose, ContourFit)>) -> Vec<ContourFit> {
+/// plane, each refined on few pieces, then on all. `led_before` has starts that were led already.
+fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led_before: Vec<(Pose, ContourFit)>) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = problem.few();
-    let fit = |start: &Pose| match known.iter().find(|(pose, _)| pose == start) {
+    let fit = |start: &Pose| match led_before.iter().find(|(pose, _)| pose == start) {
         Some((_, fit)) => Some(fit.clone()),
         None => refined(contours, start, few),
     };
     let led = |poses: Vec<Pose>| poses.iter().filter_map(fit).collect::<Vec<_>>();
-    let initial = prior.initial.iter().map(|pose| problem.centred(pose));
-    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(initial).collect();
+    let known = known_poses(problem, prior);
+    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
-    if !found.iter().any(|fit| is_found(fit, least)) {
+    if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
         found.extend(led(further_poses(problem, few)));
     }
     let mut all = sharpened(problem, found, few, prior);
@@ -363,7 +382,8 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 
-/// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
+/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie nearest to the
+/// contours of all.
 fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
     let sketch = Sketch::new(contours, few);
@@ -373,7 +393,8 @@ fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     };
     let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
     let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };
-    corners.chain(best(single)).collect()
+    let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
+    corners.chain(best(single)).chain(best(hidden)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.
