@@ -7,8 +7,8 @@ use crate::geometry::pose::Pose;
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
 
-/// Standard deviation of the camera's place along each axis where none is given, metres: a convention, that of a camera on the
-/// same vehicle, mast or tripod as a scanner.
+/// Standard deviation of the camera's place along each axis where none is given, metres: a convention, that of a camera
+/// on the same vehicle, mast or tripod as a scanner.
 pub const NEAR_SIGMA: f64 = 2.0;
 
 /// Squared distance, in variances, that counts at most against a pose (ten standard deviations): a prior may itself be
@@ -65,8 +65,8 @@ pub struct Prior {
     pub near_sigma: Option<f64>,
 }
 
-/// A prior at a pose as a Gaussian factor of the left increment `x`: `log p = vector . x - x . information x / 2`, but for a
-/// constant.
+/// A prior at a pose as a Gaussian factor of the left increment `x`: `log p = vector . x - x . information x / 2`, but
+/// for a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {
     /// Inverse covariance, zero along what the prior leaves free.
@@ -152,8 +152,9 @@ impl Prior {
 
     /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.8).
     ///
-    /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and prior agree:
-    /// from anywhere, the mean of each term alone is one Newton step away, so none drifts from one linearisation to the next.
+    /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and
+    /// prior agree: from anywhere, the mean of each term alone is one Newton step away, so none drifts from one
+    /// linearisation to the next.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian { information: Matrix6::zeros(), vector: Vector6::zeros() };
         if let Some((initial, sigma)) = self.rough() {
@@ -312,7 +313,8 @@ mod tests {
         assert!((strict.from_up(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
     }
 
-    /// A camera 3 m from where it should be, known to 1 m; its own 2 m along the way there add up to root 5, across they don't.
+    /// A camera 3 m from where it should be, known to 1 m; its own 2 m along the way there add up to root 5, across
+    /// they don't.
     #[test]
     fn a_place_counts_by_its_distance_in_deviations() {
         let way = Vector3::new(2.0, -1.0, 2.0);

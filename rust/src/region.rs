@@ -44,8 +44,8 @@ pub struct ObservedRegion {
     /// image on the same hand, each going on beside the region at both ends or, around the whole image, closed by its first
     /// bearing.
     pub borders: Vec<Vec<Vector3<f64>>>,
-    /// Stretches of the rings that are not the region's own boundary, lines of bearings: edges of what hides a part of it, or edges
-    /// that nobody saw.
+    /// Stretches of the rings that are not the region's own boundary, lines of bearings: edges of what hides a part of
+    /// it, or edges that nobody saw.
     pub hidden: Vec<Vec<Vector3<f64>>>,
 }
 

@@ -21,7 +21,7 @@ HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, 1188, 792), setups
 
 SEEDS = range(16)
 NOISE = (0.0, 0.05, 0.2)
-PRIORS = ("up", "side", "initial", "up and side")
+PRIORS = ("up", "side", "near", "initial", "up and side")
 
 BY_CHANCE_M = 0.002
 """Two minima of one pose, told by a half to a fifth of a pixel of noise at 4 to 6 m, lie no further apart."""

@@ -68,7 +68,8 @@ fn a_place_that_errs_turns_the_pose_by_its_parallax() {
     }
 }
 
-/// What directions leave free, the up direction or else the contours settle: an L alone, from either side, and two close by.
+/// What directions leave free, the up direction or else the contours settle: an L alone, from either side, and two
+/// close by.
 #[test]
 fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
     let mut random = Random::new(83);
@@ -115,8 +116,8 @@ fn a_place_in_a_regions_plane_or_no_place_gives_no_pose() {
     assert!(found(&scene, &Prior::default()).is_empty());
 }
 
-/// Walls of which either side has lost another third, about 5 m away: no outline matches, and still each start is within a few
-/// degrees, a share of what the walls subtend.
+/// Walls of which either side has lost another third, about 5 m away: no outline matches, and still each start is
+/// within a few degrees, a share of what the walls subtend.
 #[test]
 fn walls_cut_on_both_sides_are_seen_in_their_directions() {
     let mut random = Random::new(86);

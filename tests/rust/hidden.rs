@@ -13,7 +13,8 @@ use support::scene::{FOCAL, Layout, Ring, Scene, angle_piece, placed, rectangle,
 /// Rotation error (rad) of a pose from exact contours, whose pieces round the corners.
 const ROUNDED: f64 = 1e-3;
 
-/// What is left of a ring on the plane z = 1 before a straight occluder that covers the share `depth` of its extent on one side.
+/// What is left of a ring on the plane z = 1 before a straight occluder that covers the share `depth` of its extent on
+/// one side.
 fn cut(ring: &Ring, side: f64, depth: f64) -> (Ring, Vec<bool>) {
     let normal = Rotation2::new(side) * Vector2::x();
     let along = Rotation2::new(side) * Vector2::y();

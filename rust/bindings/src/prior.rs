@@ -18,7 +18,8 @@ type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 impl Prior {
     #[new]
     #[pyo3(signature = (
-        *, up = None, up_sigma_deg = None, initial = None, initial_sigma = None, camera_near = None, camera_near_sigma_m = None
+        *, up = None, up_sigma_deg = None, initial = None, initial_sigma = None, camera_near = None,
+        camera_near_sigma_m = None
     ))]
     fn new(
         up: Option<&Bound<'_, PyAny>>,
@@ -43,7 +44,8 @@ impl Prior {
         }))
     }
 
-    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a place.
+    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a
+    /// place.
     #[getter]
     fn camera_near_sigma_m(&self) -> Option<f64> {
         self.0.place().map(|(_, sigma)| sigma)

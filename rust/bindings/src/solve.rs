@@ -383,8 +383,8 @@ impl Sides {
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
-/// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in view,
-/// and what is wrong with it for one that is refused.
+/// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
+/// view, and what is wrong with it for one that is refused.
 #[pyfunction]
 #[pyo3(signature = (problems, priors, *, threads = None, refine = "contour"))]
 pub fn estimate_batch<'py>(

@@ -1,4 +1,5 @@
-//! Lines in which the planes of two regions meet, seen as an edge that their outlines share (`docs/math.md`, section 16).
+//! Lines in which the planes of two regions meet, seen as an edge that their outlines share (`docs/math.md`, section
+//! 16).
 
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
@@ -17,11 +18,12 @@ const SHARED: f64 = 5.0;
 /// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
 const SHORTEST: f64 = 20.0;
 
-/// Sine of the angle between planes (20 degrees) from which their line is known: its place errs by theirs over the sine.
+/// Sine of the angle between planes (20 degrees) from which their line is known: its place errs by theirs over the
+/// sine.
 const APART: f64 = 0.34;
 
-/// Distance of a world outline from the line up to which its region meets it, as a share of the square root of its area: samples
-/// of walls of some 4 m end up to 0.6 m short of the corner.
+/// Distance of a world outline from the line up to which its region meets it, as a share of the square root of its
+/// area: samples of walls of some 4 m end up to 0.6 m short of the corner.
 const MEETS: f64 = 0.15;
 
 /// A straight edge of the scene that two regions share.
@@ -114,7 +116,8 @@ fn sides(region: &RegionEquations) -> Vec<[Vector3<f64>; 2]> {
     found
 }
 
-/// The middle line of two sides where they run beside each other, in opposite directions, as outlines on either side of it do.
+/// The middle line of two sides where they run beside each other, in opposite directions, as outlines on either side of
+/// it do.
 fn shared_part(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> Option<[Vector2<f64>; 2]> {
     let along = (a[1] - a[0]).try_normalize(0.0)?;
     let [start, end] = b.map(|p| along.dot(&(p - a[0])));
@@ -128,8 +131,9 @@ fn shared_part(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> Option<[Vector2<
 }
 
 impl Crease {
-    /// How far the ends of the edge lie from the projected line at a pose about the problem's origin, pixels, and the derivatives
-    /// by the left increment (`docs/math.md`, eq. 16.1 and 16.2); `None` where the line passes through the camera.
+    /// How far the ends of the edge lie from the projected line at a pose about the problem's origin, pixels, and the
+    /// derivatives by the left increment (`docs/math.md`, eq. 16.1 and 16.2); `None` where the line passes through the
+    /// camera.
     pub fn rows(&self, pose: &Pose) -> Option<[(f64, Vector6<f64>); 2]> {
         let (place, direction) = (pose.transform(&self.point), pose.rotation * self.direction);
         let moment = place.cross(&direction);
@@ -143,8 +147,8 @@ impl Crease {
         }))
     }
 
-    /// The crease at a pose as a Gaussian factor of its left increment; one that says nothing where the line passes through the
-    /// camera.
+    /// The crease at a pose as a Gaussian factor of its left increment; one that says nothing where the line passes
+    /// through the camera.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian { information: Matrix6::zeros(), vector: Vector6::zeros() };
         for (distance, row) in self.rows(pose).into_iter().flatten() {

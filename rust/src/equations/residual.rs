@@ -64,8 +64,8 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel sums asked for without
-    /// pixels.
+    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel
+    /// sums asked for without pixels.
     pub fn new(
         observed: &ObservedRegion,
         world: &WorldRegion,
@@ -138,7 +138,8 @@ impl RegionEquations {
         self.sides.border.as_ref()
     }
 
-    /// Edges of the observed outline that are not the region's own boundary, ring by ring: on the image's border, or hidden.
+    /// Edges of the observed outline that are not the region's own boundary, ring by ring: on the image's border, or
+    /// hidden.
     pub fn foreign_edges(&self) -> &[Vec<bool>] {
         &self.sides.foreign
     }

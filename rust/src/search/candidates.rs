@@ -261,7 +261,8 @@ impl Search {
     }
 }
 
-/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's place.
+/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's
+/// place.
 fn known_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
     let initial = prior.initial.map(|pose| problem.centred(&pose));
     initial.into_iter().chain(direction_poses(problem, prior, problem.few())).collect()
@@ -382,8 +383,8 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 
-/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie nearest to the
-/// contours of all.
+/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie
+/// nearest to the contours of all.
 fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
     let sketch = Sketch::new(contours, few);

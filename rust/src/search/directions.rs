@@ -1,8 +1,8 @@
-//! Poses at a place that the camera stands near: directions of the regions in the image against those from there (`docs/math.md`,
-//! section 7).
+//! Poses at a place that the camera stands near: directions of the regions in the image against those from there
+//! (`docs/math.md`, section 7).
 //!
-//! No outline has to be whole for it, nor the same on both sides: a part that is missing turns a region's direction by a share of
-//! its size only.
+//! No outline has to be whole for it, nor the same on both sides: a part that is missing turns a region's direction by
+//! a share of its size only.
 
 use std::f64::consts::TAU;
 
@@ -17,8 +17,8 @@ use crate::prior::{Prior, UP_SIGMA};
 use crate::problem::Problem;
 use crate::region::WorldRegion;
 
-/// Standard deviation of a turn, rad (15 degrees), above which directions leave it free: those of a single region, or of regions
-/// close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
+/// Standard deviation of a turn, rad (15 degrees), above which directions leave it free: those of a single region, or
+/// of regions close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
 const FREE: f64 = std::f64::consts::PI / 12.0;
 
 /// Turns about a free axis that are compared: 4 degrees apart, as of a plane in itself.
@@ -34,8 +34,9 @@ struct Direction {
     weight: f64,
 }
 
-/// Poses about the problem's origin with the camera at the place that the prior says it is near, turned so that every region is
-/// seen where it is; where that leaves a turn free, also those turns at which the contours fit. None without such a place.
+/// Poses about the problem's origin with the camera at the place that the prior says it is near, turned so that every
+/// region is seen where it is; where that leaves a turn free, also those turns at which the contours fit. None without
+/// such a place.
 pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize) -> Vec<Pose> {
     let Some((near, sigma)) = prior.place() else { return Vec::new() };
     let place = near - problem.origin();
@@ -56,8 +57,8 @@ fn standing(rotation: Rotation3<f64>, place: &Vector3<f64>) -> Pose {
     Pose::new(rotation, -(rotation * place))
 }
 
-/// A region's direction: a place that errs by so many metres, or a centroid, turns it by those over the distance. `None` where no
-/// direction can be told, as from a place in the region's plane.
+/// A region's direction: a place that errs by so many metres, or a centroid, turns it by those over the distance.
+/// `None` where no direction can be told, as from a place in the region's plane.
 fn direction(region: &RegionEquations, world: &WorldRegion, near: &Vector3<f64>, sigma: f64) -> Option<Direction> {
     let chart = region.chart();
     let lifted = region.outline().rings().iter().map(|ring| ring.iter().map(|p| (p / chart.scale).push(1.0)).collect());
@@ -84,8 +85,8 @@ fn upright(prior: &Prior) -> Option<Direction> {
     Some(Direction { seen: -Vector3::y(), known, weight: prior.up_sigma.unwrap_or(UP_SIGMA).powi(-2) })
 }
 
-/// The rotation with the least weighted sum of squared chords between directions turned by it and seen (Wahba's problem; Markley
-/// 1988).
+/// The rotation with the least weighted sum of squared chords between directions turned by it and seen (Wahba's
+/// problem; Markley 1988).
 fn best_rotation(directions: &[Direction]) -> Option<Rotation3<f64>> {
     let sum: Matrix3<f64> = directions.iter().map(|d| d.seen * d.known.transpose() * d.weight).sum();
     let svd = sum.try_svd(true, true, f64::EPSILON, 1000)?;
@@ -104,8 +105,8 @@ fn free_axis(directions: &[Direction]) -> Option<Unit<Vector3<f64>>> {
         .then(|| Unit::new_normalize(eigen.eigenvectors.column(least).into_owned()))
 }
 
-/// Poses turned about an axis of the camera's at which the regions lie nearer to their contours than at the turns beside, the
-/// nearest first.
+/// Poses turned about an axis of the camera's at which the regions lie nearer to their contours than at the turns
+/// beside, the nearest first.
 fn least_turns(
     problem: &Problem,
     rotation: &Rotation3<f64>,

@@ -45,8 +45,8 @@ pub const SAME_CANDIDATE: f64 = 0.01;
 
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
-/// From poses that are known, then from the closed forms of one region after the other, the largest first, until one explains all
-/// regions.
+/// From poses that are known, then from the closed forms of one region after the other, the largest first, until one
+/// explains all regions.
 pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
@@ -100,7 +100,8 @@ fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) 
     sorted(poses).into_iter().take(STARTS_OF_CUT).map(|(_, pose)| pose).collect()
 }
 
-/// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have cut it.
+/// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have
+/// cut it.
 pub fn hidden_region_poses(problem: &Problem) -> Vec<Pose> {
     let pairs = problem.regions().iter().zip(problem.worlds());
     let hidden = pairs.filter(|(region, _)| region.hides_edges());

@@ -86,7 +86,8 @@ pub enum Warning {
     },
     /// The camera is not where the prior says.
     #[error(
-        "the camera stands {:.1} mm from the place it is known to be near, {sigmas:.1} times what is known of it (1 sigma)", MM * .shift
+        "the camera stands {:.1} mm from the place it is known to be near, {sigmas:.1} times what is known of it (1 sigma)",
+        MM * .shift
     )]
     PlaceContradicted {
         /// Distance between the two places.

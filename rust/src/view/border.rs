@@ -108,8 +108,9 @@ pub fn near_plane(ring: &[Vector3<f64>]) -> f64 {
     NEAR * ring.iter().map(|p| p.norm()).fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// Which edges of an outline in its chart are not the region's own boundary, ring by ring: those on the image's border, and those
-/// along the lines of hidden edges; and whether there are any of these. `pixel` is a pixel's size in the chart.
+/// Which edges of an outline in its chart are not the region's own boundary, ring by ring: those on the image's border,
+/// and those along the lines of hidden edges; and whether there are any of these. `pixel` is a pixel's size in the
+/// chart.
 ///
 /// # Errors
 /// When hardly any of the outline is left, or a line is none.

@@ -28,7 +28,7 @@ MESHES = (
 """Meshes by the length of their edges, a share of the region's size."""
 
 SYMMETRIES = ("asymmetric", "symmetric")
-KNOWN = ("nothing", "up", "side", "initial", "up and side")
+KNOWN = ("nothing", "up", "side", "near", "initial", "up and side")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
 SOLVED_BY_NOISE = Chart("solved", lines="planes", across="noise")
@@ -145,7 +145,7 @@ _ALL = (
     ),
     Study(
         "priors",
-        "What an up direction, the visible sides or a rough pose beforehand do for one plane and for three.",
+        "What an up direction, visible sides, the camera's place or a rough pose do for one plane and for three.",
         [{"planes": (1, 3), "prior": KNOWN, "noise": (0.0, 0.05, 0.2)}],
         [Chart("solved", lines="prior", panels="planes", across="noise")],
     ),

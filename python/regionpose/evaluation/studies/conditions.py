@@ -18,7 +18,7 @@ Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage", "polygon"]
 Wrong = Literal["none", "shape", "place"]
-Known = Literal["nothing", "up", "side", "initial", "up and side"]
+Known = Literal["nothing", "up", "side", "near", "initial", "up and side"]
 NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
 ]

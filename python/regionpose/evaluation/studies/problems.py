@@ -51,6 +51,9 @@ UP_SIGMA_DEG = 5.0
 INITIAL_SIGMA = (10.0, 0.5)
 """Standard deviations, degrees and metres along each axis, of a rough pose: read off a map, or guessed."""
 
+NEAR_SIGMA_M = 1.0
+"""Standard deviation, metres along each axis, of a place that the camera is near: beside a scanner on a vehicle."""
+
 GRAZING_VIEW_ANGLE_DEG = 90.0
 """Every angle of view is taken where the study asks for grazing ones."""
 
@@ -112,6 +115,9 @@ def known_beforehand(scene: Scene, condition: Condition, rng: np.random.Generato
         true = Pose.from_parts(scene.rotation, scene.translation)
         rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
         return Prior(initial=rough, initial_sigma=INITIAL_SIGMA)
+    if condition.prior == "near":
+        place = Pose.from_parts(scene.rotation, scene.translation).camera_center
+        return Prior(camera_near=place + rng.normal(0.0, NEAR_SIGMA_M, size=3), camera_near_sigma_m=NEAR_SIGMA_M)
     if "up" in condition.prior:
         turn = Rotation.from_rotvec(rng.normal(0.0, UP_SIGMA_DEG, size=3), degrees=True)
         return Prior(up=scene.rotation.T @ turn.apply([0.0, -1.0, 0.0]), up_sigma_deg=UP_SIGMA_DEG)
