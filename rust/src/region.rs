@@ -1,11 +1,14 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
+pub mod samples;
+
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
+use samples::Samples;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
 /// good to a few millimetres in a metre, while a ring bent more than this is not one plane.
@@ -153,6 +156,7 @@ pub struct WorldRegion {
     outline: PlaneRings,
     surface: Option<Surface>,
     viewpoint: Option<Vector3<f64>>,
+    samples: Option<Samples>,
 }
 
 /// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
@@ -187,12 +191,12 @@ impl WorldRegion {
         let frame = PlaneFrame::fit(&rings.concat())?;
         check_planar(rings, &frame)?;
         let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
-        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None, viewpoint: None })
+        Ok(Self { outline: PlaneRings::polygon(flat)?, frame, surface: None, viewpoint: None, samples: None })
     }
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None, viewpoint: None }
+        Self { frame, outline, surface: None, viewpoint: None, samples: None }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -210,7 +214,7 @@ impl WorldRegion {
         let outline = PlaneRings::polygon(largest_first(flat))?;
         let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
         let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
-        Ok(Self { frame, outline, surface, viewpoint: None })
+        Ok(Self { frame, outline, surface, viewpoint: None, samples: None })
     }
 
     /// The same region of which a viewpoint, such as the scanner's place, lies on the side that the camera sees.
@@ -240,6 +244,29 @@ impl WorldRegion {
     /// Of a surface that is not planar, the mean plane's side counts.
     pub fn is_behind(&self, camera: &Vector3<f64>) -> bool {
         self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
+    }
+
+    /// The same region with what a sensor knows of it: places inside and outside of it, moved onto its plane.
+    ///
+    /// Where they are given, they decide of the pose, and the outline is a start.
+    ///
+    /// # Errors
+    /// What [`Samples::new`] refuses, and samples of a surface that is not planar.
+    pub fn with_samples(self, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
+        if self.surface.is_some() {
+            return Err(Error::OutOfRange {
+                item: "the region with samples",
+                found: "a surface that is not planar".into(),
+                needed: "a planar region".into(),
+            });
+        }
+        let samples = Samples::new(&self.frame, inside, outside)?;
+        Ok(Self { samples: Some(samples), ..self })
+    }
+
+    /// What a sensor knows of places on the plane.
+    pub fn samples(&self) -> Option<&Samples> {
+        self.samples.as_ref()
     }
 
     /// The plane's coordinates in which [`WorldRegion::outline`] is given.

@@ -1,0 +1,140 @@
+//! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
+//! possible (`docs/math.md`, eq. 16.4 to 16.6).
+
+use nalgebra::Vector6;
+
+use super::belief::{Belief, Factor};
+use super::normal::{cumulative, density};
+
+/// Sweeps over all sites at most.
+const SWEEPS: usize = 12;
+
+/// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
+const SETTLED: f64 = 0.02;
+
+/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
+#[derive(Debug, Clone, Copy)]
+pub struct Site {
+    /// Derivative of the margin.
+    pub slope: Vector6<f64>,
+    /// The margin at zero, pixels.
+    pub margin: f64,
+    /// Share of wrong labels among its like.
+    pub wrong: f64,
+    /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
+    pub precision: f64,
+    /// See `precision`.
+    pub pull: f64,
+}
+
+/// What a normal distribution of a margin shows of a label.
+struct Tilted {
+    /// Logarithm of the label's probability.
+    log_probability: f64,
+    /// Its first derivative by the mean, and minus its second.
+    first: f64,
+    second: f64,
+}
+
+impl Tilted {
+    /// The label `eps + (1 - 2 eps) Phi(margin / blur)` under a normal distribution of the margin.
+    fn new(mean: f64, variance: f64, blur: f64, wrong: f64) -> Self {
+        let width = (blur * blur + variance).sqrt();
+        let u = mean / width;
+        let probability = wrong + (1.0 - 2.0 * wrong) * cumulative(u);
+        let first = (1.0 - 2.0 * wrong) * density(u) / (width * probability);
+        Self { log_probability: probability.ln(), first, second: first * (first + u / width) }
+    }
+}
+
+impl Site {
+    /// A sample whose factor is not known yet.
+    pub fn new(slope: Vector6<f64>, margin: f64, wrong: f64) -> Self {
+        Self { slope, margin, wrong, precision: 0.0, pull: 0.0 }
+    }
+
+    /// Mean and variance of the margin under a distribution of the increment.
+    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+        let variance = self.slope.dot(&(belief.covariance * self.slope));
+        (self.margin + self.slope.dot(&belief.mean), variance)
+    }
+
+    /// Probability that the label is wrong.
+    pub fn wrong_probability(&self, belief: &Belief, blur: f64) -> f64 {
+        let (mean, variance) = self.margin_under(belief);
+        let beyond = cumulative(-mean / (blur * blur + variance).sqrt());
+        self.wrong * beyond / (self.wrong + (1.0 - 2.0 * self.wrong) * (1.0 - beyond))
+    }
+
+    /// Mean and variance without the site's own factor; `None` where nothing is left.
+    fn cavity(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
+        let left = 1.0 - variance * self.precision;
+        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
+    }
+
+    /// Moment matching of the site's factor, in place in the belief.
+    fn update(&mut self, belief: &mut Belief, blur: f64) {
+        let spread = belief.covariance * self.slope;
+        let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
+        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
+        let tilted = Tilted::new(mean_without, variance_without, blur, self.wrong);
+        let left = 1.0 - variance_without * tilted.second;
+        // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
+        let (precision, pull) = match tilted.second > 0.0 {
+            true => (tilted.second / left, (tilted.first + mean_without * tilted.second) / left),
+            false => (0.0, 0.0),
+        };
+        let (more, farther) = (precision - self.precision, pull - self.pull);
+        let held = 1.0 + more * variance;
+        // The comparison fails for what is not finite, too.
+        if !(held > f64::EPSILON && held.is_finite() && farther.is_finite()) {
+            return;
+        }
+        belief.covariance.ger(-more / held, &spread, &spread, 1.0);
+        belief.mean += spread * ((farther - more * mean) / held);
+        (self.precision, self.pull) = (precision, pull);
+    }
+
+    /// The site's factor of the increment, without what makes it as large as the label's probability.
+    fn factor_into(&self, factor: &mut Factor) {
+        let pull = self.pull - self.precision * self.margin;
+        factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
+        factor.vector += self.slope * pull;
+        factor.offset += self.margin * (self.pull - 0.5 * self.precision * self.margin);
+    }
+
+    /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
+    fn log_scale(&self, belief: &Belief, blur: f64) -> f64 {
+        let (mean, variance) = self.margin_under(belief);
+        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
+        let label = Tilted::new(mean_without, variance_without, blur, self.wrong).log_probability;
+        let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
+        label + potential(mean_without, variance_without) - potential(mean, variance)
+    }
+}
+
+/// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
+fn product(others: &Factor, sites: &[Site]) -> Option<(Belief, f64)> {
+    let mut factor = *others;
+    sites.iter().for_each(|site| site.factor_into(&mut factor));
+    factor.belief()
+}
+
+/// What samples with this blur of their margins (pixels) and other factors leave possible, and the logarithm of the evidence;
+/// the sites keep their factors, from which the next call goes on. `None` where a direction is left free.
+pub fn propagated(others: &Factor, sites: &mut [Site], blur: f64) -> Option<(Belief, f64)> {
+    let mut belief = product(others, sites)?.0;
+    for _ in 0..SWEEPS {
+        let before = belief.mean;
+        sites.iter_mut().for_each(|site| site.update(&mut belief, blur));
+        // Anew from all factors: the updates' rounding errors add up.
+        belief = product(others, sites)?.0;
+        let way = belief.mean - before;
+        let information = belief.covariance.cholesky()?;
+        if way.dot(&information.solve(&way)) < SETTLED * SETTLED {
+            break;
+        }
+    }
+    let (belief, integral) = product(others, sites)?;
+    Some((belief, integral + sites.iter().map(|site| site.log_scale(&belief, blur)).sum::<f64>()))
+}
