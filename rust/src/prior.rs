@@ -1,11 +1,15 @@
 //! What is known of a pose beforehand, and how far a pose is from it (`docs/math.md`, section 10).
 
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
-use crate::geometry::pose::{Pose, Tangent};
+use crate::geometry::pose::Pose;
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
+
+/// Standard deviation of the camera's place along each axis where none is given, metres: a convention, that of a camera on the
+/// same vehicle, mast or tripod as a scanner.
+pub const NEAR_SIGMA: f64 = 2.0;
 
 /// Squared distance, in variances, that counts at most against a pose (ten standard deviations): a prior may itself be
 /// wrong, and what fits better by more stands in spite of it.
@@ -55,6 +59,20 @@ pub struct Prior {
     pub up: Option<Vector3<f64>>,
     /// Standard deviation of its angle from the image's up, rad; [`UP_SIGMA`] where there is none.
     pub up_sigma: Option<f64>,
+    /// A place of the world that the camera stands near.
+    pub near: Option<Vector3<f64>>,
+    /// Standard deviation of the camera's place about it along each axis, metres; [`NEAR_SIGMA`] where there is none.
+    pub near_sigma: Option<f64>,
+}
+
+/// A prior at a pose as a Gaussian factor of the left increment `x`: `log p = vector . x - x . information x / 2`, but for a
+/// constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian {
+    /// Inverse covariance, zero along what the prior leaves free.
+    pub information: Matrix6<f64>,
+    /// Information times mean.
+    pub vector: Vector6<f64>,
 }
 
 /// How far a pose is from the initial one.
@@ -91,15 +109,36 @@ impl FromUp {
     }
 }
 
+/// How far the camera is from the place that it stands near.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FromNear {
+    /// Distance, metres.
+    pub place: f64,
+    /// The same in standard deviations of prior and pose together.
+    pub sigmas: f64,
+}
+
+impl FromNear {
+    /// Whether the camera is not where the prior says.
+    pub fn is_contradiction(&self) -> bool {
+        self.sigmas * self.sigmas > CONTRADICTED
+    }
+}
+
 impl Prior {
-    /// Whether it tells how likely a pose is, and not only where to start.
-    pub fn weighs(&self) -> bool {
-        self.up.is_some() || (self.initial.is_some() && self.initial_sigma.is_some())
+    /// The initial pose and how rough it is, where both are known.
+    fn rough(&self) -> Option<(Pose, PoseSigma)> {
+        self.initial.zip(self.initial_sigma)
+    }
+
+    /// The place that the camera stands near, and its standard deviation.
+    fn place(&self) -> Option<(Vector3<f64>, f64)> {
+        self.near.map(|near| (near, self.near_sigma.unwrap_or(NEAR_SIGMA)))
     }
 
     /// The most that it counts against a pose, in variances.
     pub fn most(&self) -> f64 {
-        let terms = [self.up.is_some(), self.initial.is_some() && self.initial_sigma.is_some()];
+        let terms = [self.up.is_some(), self.rough().is_some(), self.near.is_some()];
         terms.into_iter().filter(|given| *given).count() as f64 * BELIEVED
     }
 
@@ -107,7 +146,30 @@ impl Prior {
     pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
         let initial = self.from_initial(pose, covariance).and_then(|from| from.sigmas);
         let up = self.from_up(pose, covariance).map(|from| from.sigmas);
-        [initial, up].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(BELIEVED)).sum()
+        let near = self.from_near(pose, covariance).map(|from| from.sigmas);
+        [initial, up, near].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(BELIEVED)).sum()
+    }
+
+    /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.8).
+    ///
+    /// The vector is the exact gradient of the log density at the pose, the information that where pose and prior agree: one
+    /// Newton step leads to the prior's mean from anywhere. A place weighs in by its distance alone, so it can't drift from one
+    /// linearisation to the next.
+    pub fn gaussian(&self, pose: &Pose) -> Gaussian {
+        let mut factor = Gaussian { information: Matrix6::zeros(), vector: Vector6::zeros() };
+        if let Some((initial, sigma)) = self.rough() {
+            let turn = pose.increment_to(&initial).fixed_rows::<3>(0).into_owned();
+            factor.add(0, &Matrix3::identity(), &turn, sigma.rotation);
+            factor.add_place(pose, &initial.inverse().translation, sigma.place);
+        }
+        if let Some((turn, seen)) = self.turn_to_up(pose) {
+            let across = Matrix3::identity() - seen * seen.transpose();
+            factor.add(0, &across, &turn, self.up_sigma.unwrap_or(UP_SIGMA));
+        }
+        if let Some((near, sigma)) = self.place() {
+            factor.add_place(pose, &near, sigma);
+        }
+        factor
     }
 
     /// How far a pose is from the initial one; `None` without one.
@@ -122,21 +184,54 @@ impl Prior {
         Some(FromInitial { rotation: turn, place: shift, sigmas })
     }
 
+    /// The rotation vector of the least turn that brings up to the image's up, and where up is seen, a unit vector.
+    fn turn_to_up(&self, pose: &Pose) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let seen = pose.rotation * self.up?.try_normalize(0.0)?;
+        let axis = -seen.cross(&Vector3::y());
+        // Opposite to up every axis square to it will do.
+        let axis = axis.try_normalize(0.0).unwrap_or_else(Vector3::x);
+        Some((axis * seen.angle(&-Vector3::y()), seen))
+    }
+
     /// How far the up direction is from the image's; `None` without one.
     pub fn from_up(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromUp> {
-        let seen = pose.rotation * self.up?;
-        let angle = seen.angle(&-Vector3::y());
-        let deviation = self.up_sigma.unwrap_or(UP_SIGMA);
+        let (turn, _) = self.turn_to_up(pose)?;
+        let (angle, deviation) = (turn.norm(), self.up_sigma.unwrap_or(UP_SIGMA));
         // The pose's own uncertainty of the angle: about the axis that turns one direction into the other.
-        let axis = seen.cross(&Vector3::y()).try_normalize(0.0).unwrap_or_else(Vector3::x);
+        let axis = turn.try_normalize(0.0).unwrap_or_else(Vector3::x);
         let rotation = covariance.fixed_view::<3, 3>(0, 0);
         let variance = deviation * deviation + axis.dot(&(rotation * axis));
         Some(FromUp { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
     }
+
+    /// How far the camera is from the place that it stands near; `None` without one.
+    pub fn from_near(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromNear> {
+        let (near, sigma) = self.place()?;
+        let offset = pose.transform(&near);
+        let sum = covariance.fixed_view::<3, 3>(3, 3) + Matrix3::identity() * (sigma * sigma);
+        Some(FromNear { place: offset.norm(), sigmas: mahalanobis(&offset, &sum) })
+    }
+}
+
+impl Gaussian {
+    /// Adds that the three components from `first` on lie about `mean`, known along the directions that a projection
+    /// `along` keeps.
+    fn add(&mut self, first: usize, along: &Matrix3<f64>, mean: &Vector3<f64>, sigma: f64) {
+        let weight = (sigma * sigma).recip();
+        let mut block = self.information.fixed_view_mut::<3, 3>(first, first);
+        block += along * weight;
+        let mut rows = self.vector.fixed_rows_mut::<3>(first);
+        rows += mean * weight;
+    }
+
+    /// Adds that the camera stands near a place of the world, which it sees at `R (X - C)`: the way there in its axes.
+    fn add_place(&mut self, pose: &Pose, place: &Vector3<f64>, sigma: f64) {
+        self.add(3, &Matrix3::identity(), &-pose.transform(place), sigma);
+    }
 }
 
 /// Length of an increment in standard deviations; 0 where a direction is left free.
-fn mahalanobis(increment: &Tangent, covariance: &Matrix6<f64>) -> f64 {
+fn mahalanobis<const N: usize>(increment: &SVector<f64, N>, covariance: &SMatrix<f64, N, N>) -> f64 {
     if !covariance.iter().all(|entry| entry.is_finite()) {
         return 0.0;
     }
@@ -218,6 +313,27 @@ mod tests {
         assert!((strict.from_up(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
     }
 
+    /// A camera 3 m from where it should be, known to 1 m; its own 2 m along the way there add up to root 5, across they don't.
+    #[test]
+    fn a_place_counts_by_its_distance_in_deviations() {
+        let way = Vector3::new(2.0, -1.0, 2.0);
+        let near = Some(pose().inverse().translation - pose().rotation.inverse() * way);
+        let prior = Prior { near, near_sigma: Some(1.0), ..Prior::default() };
+        let from = prior.from_near(&pose(), &Matrix6::zeros()).unwrap();
+        assert!((from.place - 3.0).abs() < 1e-12 && (from.sigmas - 3.0).abs() < 1e-12 && !from.is_contradiction());
+        let own = |along: Vector3<f64>| {
+            let mut covariance = Matrix6::zeros();
+            covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&(along * along.transpose() * 4.0));
+            prior.from_near(&pose(), &covariance).unwrap().sigmas
+        };
+        assert!((own(way / 3.0) - 3.0 / 5.0_f64.sqrt()).abs() < 1e-12);
+        assert!((own(Vector3::new(1.0, 2.0, 0.0) / 5.0_f64.sqrt()) - 3.0).abs() < 1e-12);
+        let strict = Prior { near_sigma: Some(0.5), ..prior };
+        assert!(strict.from_near(&pose(), &Matrix6::zeros()).unwrap().is_contradiction());
+        let conventional = Prior { near_sigma: None, ..prior };
+        assert!((conventional.from_near(&pose(), &Matrix6::zeros()).unwrap().sigmas - 3.0 / NEAR_SIGMA).abs() < 1e-12);
+    }
+
     #[test]
     fn a_penalty_is_the_sum_of_squares_each_up_to_what_is_believed() {
         let known = Matrix6::zeros();
@@ -226,6 +342,9 @@ mod tests {
         let both = Prior { up: Some(up), ..rough(0.1, 0.1) };
         assert!((both.penalty(&carried(0.3), &known) - 10.0).abs() < 1e-6);
         assert!((both.penalty(&carried(70.0), &known) - (BELIEVED + 1.0)).abs() < 1e-6);
+        let three = Prior { near: Some(pose().inverse().translation), near_sigma: Some(0.1), ..both };
+        assert!((three.penalty(&carried(0.3), &known) - 19.0).abs() < 1e-6 && three.most() == 3.0 * BELIEVED);
+        assert!((three.penalty(&carried(70.0), &known) - (2.0 * BELIEVED + 1.0)).abs() < 1e-6);
         assert!(both.most() == 2.0 * BELIEVED && rough(0.1, 0.1).most() == BELIEVED && Prior::default().most() == 0.0);
         assert!(Prior::default().penalty(&pose(), &known) == 0.0);
     }

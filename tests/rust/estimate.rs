@@ -20,7 +20,8 @@ use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rect
 /// Error allowed of poses from exact images: rad, and a share of the distance.
 const EXACT: f64 = 1e-9;
 
-const NO_PRIOR: Prior = Prior { initial: None, initial_sigma: None, up: None, up_sigma: None };
+const NO_PRIOR: Prior =
+    Prior { initial: None, initial_sigma: None, up: None, up_sigma: None, near: None, near_sigma: None };
 
 /// Error allowed of the sphere's equations, which are nearly dependent on a region of half a radian: whitening multiplies
 /// their rounding by 1e6 (measured: 1.2e-9).

@@ -3,10 +3,12 @@
 
 mod support;
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use regionpose::equations::least_squares::{Minimum, Termination};
+use regionpose::geometry::pose::{Tangent, increment_derivative};
 use regionpose::verdict::warning::Cause;
 use regionpose::{Estimate, Integration, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
+use support::jacobian::{assert_jacobian, differences};
 use support::random::Random;
 use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 
@@ -108,6 +110,125 @@ fn a_rough_prior_does_not_move_a_pose_that_is_held() {
             assert_eq!(told.warnings, free.warnings);
         }
     }
+}
+
+/// A prior with all its terms, each about another pose.
+fn everything(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose) -> Prior {
+    Prior {
+        initial: Some(*initial),
+        initial_sigma: Some(PoseSigma { rotation: random.uniform(0.05, 0.5), place: random.uniform(0.1, 2.0) }),
+        up: Some(upright.rotation.inverse() * Vector3::y() * -random.uniform(0.5, 20.0)),
+        up_sigma: Some(random.uniform(0.05, 0.5)),
+        near: Some(place.inverse().translation),
+        near_sigma: Some(random.uniform(0.1, 2.0)),
+    }
+}
+
+/// Minus the log density of a pose moved by an increment, without the bound on what a wrong prior counts.
+fn energy(prior: &Prior, pose: &Pose, by: &Tangent) -> f64 {
+    let (moved, known) = (pose.moved(by), Matrix6::zeros());
+    let initial = prior.from_initial(&moved, &known).and_then(|from| from.sigmas);
+    let up = prior.from_up(&moved, &known).map(|from| from.sigmas);
+    let near = prior.from_near(&moved, &known).map(|from| from.sigmas);
+    [initial, up, near].into_iter().flatten().map(|sigmas| 0.5 * sigmas * sigmas).sum()
+}
+
+/// The vector of the factor is the slope of the log density wherever the pose is, up to a radian and metres away.
+#[test]
+fn a_priors_gaussian_has_the_slope_of_its_density() {
+    let mut random = Random::new(71);
+    for _ in 0..20 {
+        let pose = random.pose(5.0);
+        let mut away = || pose.moved(&random.tangent(1.0, 3.0));
+        let others = [away(), away(), away()];
+        let prior = everything(&mut random, &others[0], &others[1], &others[2]);
+        let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[-prior.gaussian(&pose).vector.transpose()]);
+        let value = |by: &Tangent| DVector::from_element(1, energy(&prior, &pose, by));
+        assert_jacobian(&slope, value, &Tangent::zeros(), 1.0, 1e-8);
+    }
+}
+
+/// Where pose and prior agree, its information is the curvature of the density: of all terms, and of each alone.
+#[test]
+fn a_priors_gaussian_has_the_curvature_of_its_density_where_they_agree() {
+    let mut random = Random::new(72);
+    for _ in 0..20 {
+        let pose = random.pose(5.0);
+        let all = everything(&mut random, &pose, &pose, &pose);
+        let only = [
+            all,
+            Prior { up: None, near: None, ..all },
+            Prior { initial: None, near: None, ..all },
+            Prior { initial: None, up: None, ..all },
+        ];
+        for prior in only {
+            // The slope at the moved pose, by the further increment, back to the first (`docs/math.md`, eq. 1.5).
+            let slope = |by: &Tangent| {
+                let vector = increment_derivative(by).transpose() * -prior.gaussian(&pose.moved(by)).vector;
+                DVector::from_column_slice(vector.as_slice())
+            };
+            let information = prior.gaussian(&pose).information;
+            let rows = OMatrix::<f64, Dyn, U6>::from_fn(6, |row, column| information[(row, column)]);
+            let curvature = differences(&slope, &Tangent::zeros(), 1.0);
+            assert!((DMatrix::from_fn(6, 6, |r, c| rows[(r, c)]) - &curvature).amax() < 1e-8 * curvature.amax());
+        }
+    }
+}
+
+/// From anywhere: each term's own mean is one Newton step away, and stays put.
+#[test]
+fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
+    let mut random = Random::new(73);
+    for _ in 0..20 {
+        let (pose, mean) = (random.pose(5.0), random.pose(5.0));
+        let all = everything(&mut random, &mean, &mean, &mean);
+        let rough = Prior { up: None, near: None, ..all };
+        let factor = rough.gaussian(&pose);
+        let reached = pose.moved(&(factor.information.try_inverse().unwrap() * factor.vector));
+        assert!(reached.angle_to(&mean) < 1e-9);
+        let place = Prior { initial: None, up: None, ..all }.gaussian(&pose);
+        let tau = place.vector.fixed_rows::<3>(3) / place.information[(3, 3)];
+        let carried = Pose::new(pose.rotation, pose.translation + tau);
+        assert!((carried.inverse().translation - mean.inverse().translation).norm() < 1e-9);
+        let up = Prior { initial: None, near: None, ..all }.gaussian(&pose);
+        let sigma = all.up_sigma.unwrap();
+        let turn = Rotation3::new(up.vector.fixed_rows::<3>(0) * (sigma * sigma));
+        assert!((turn * pose.rotation * all.up.unwrap().normalize() + Vector3::y()).norm() < 1e-9);
+        // It says nothing of a turn about up.
+        assert!((up.information.fixed_view::<3, 3>(0, 0) * (pose.rotation * all.up.unwrap())).norm() < 1e-9);
+    }
+    assert!(Prior::default().gaussian(&random.pose(5.0)).information == Matrix6::zeros());
+}
+
+/// A camera known to stand near a place: it settles which of a rectangle's poses, from four sides, and moves none.
+#[test]
+fn a_place_the_camera_is_near_leaves_one_pose_of_a_rectangle() {
+    let mut random = Random::new(74);
+    for _ in 0..10 {
+        let scene = view(&mut random, rectangle(1.6, 1.0), 0.7);
+        let near = scene.pose.inverse().translation + random.direction() * 0.3;
+        let prior = Prior { near: Some(near), near_sigma: Some(0.2), ..Prior::default() };
+        let estimate = estimated(&scene, &prior);
+        assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
+        let (angle, place) = scene.errors(&estimate.best.pose);
+        assert!(angle.max(place) < SYMMETRIC, "{angle:.1e} rad, {place:.1e}");
+    }
+}
+
+#[test]
+fn a_camera_elsewhere_than_the_place_it_should_be_near_is_warned_of_and_stands() {
+    let scene = Scene::random(&mut Random::new(75), Layout { regions: 2, ..Layout::default() });
+    let near = scene.pose.inverse().translation + Vector3::new(0.0, 12.0, 0.0);
+    let prior = Prior { near: Some(near), ..Prior::default() };
+    let estimate = estimated(&scene, &prior);
+    assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
+    assert_eq!(codes(&estimate), ["place-contradicted"]);
+    let message = estimate.warnings[0].to_string();
+    assert!(
+        message.starts_with("the camera stands 12000.0 mm from the place it is known to be near, 6.0 times"),
+        "{message}"
+    );
+    assert!(codes(&estimated(&scene, &Prior { near_sigma: Some(3.0), ..prior })).is_empty());
 }
 
 #[test]

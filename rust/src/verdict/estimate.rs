@@ -13,7 +13,7 @@ use crate::equations::least_squares::Minimum;
 use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
-use crate::prior::{BELIEVED, FromInitial, FromUp, Prior};
+use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search, sketch_step};
 use crate::search::poses::{apart, distinct, sorted};
@@ -295,8 +295,10 @@ fn contradictions(problem: &Problem, best: &Solution, prior: &Prior) -> Vec<Warn
     });
     let up = prior.from_up(pose, covariance).filter(FromUp::is_contradiction);
     let up = up.map(|from| Warning::UpContradicted { degrees: from.angle.to_degrees(), sigmas: from.sigmas });
+    let near = prior.from_near(pose, covariance).filter(FromNear::is_contradiction);
+    let near = near.map(|from| Warning::PlaceContradicted { shift: from.place, sigmas: from.sigmas });
     let sides = problem.seen_from_behind(pose).into_iter().map(|region| Warning::SideContradicted { region });
-    initial.into_iter().chain(up).chain(sides).collect()
+    initial.into_iter().chain(up).chain(near).chain(sides).collect()
 }
 
 /// From a pose to another: the turn in the camera's axes, and how far the camera goes.

@@ -84,6 +84,16 @@ pub enum Warning {
         /// The same in standard deviations.
         sigmas: f64,
     },
+    /// The camera is not where the prior says.
+    #[error(
+        "the camera stands {:.1} mm from the place it is known to be near, {sigmas:.1} times what is known of it (1 sigma)", MM * .shift
+    )]
+    PlaceContradicted {
+        /// Distance between the two places.
+        shift: f64,
+        /// The same in standard deviations of prior and pose together.
+        sigmas: f64,
+    },
     /// A region is seen from the side away from its viewpoint.
     #[error("region {region} is seen from behind: this pose shows the side away from the viewpoint it was given")]
     SideContradicted {
@@ -104,6 +114,7 @@ impl Warning {
             Self::WeakGeometry { .. } => "weak-geometry",
             Self::InitialContradicted { .. } => "initial-contradicted",
             Self::UpContradicted { .. } => "up-contradicted",
+            Self::PlaceContradicted { .. } => "place-contradicted",
             Self::SideContradicted { .. } => "side-contradicted",
         }
     }
