@@ -12,6 +12,7 @@ use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
+use crate::samples::readings::SampledRegion;
 
 /// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
 /// the quality of calibrations.
@@ -44,6 +45,7 @@ pub struct Problem {
     regions: Vec<RegionEquations>,
     worlds: Arc<[WorldRegion]>,
     contours: Arc<[Contour]>,
+    sampled: Arc<[SampledRegion]>,
 }
 
 impl Problem {
@@ -89,7 +91,9 @@ impl Problem {
             })
             .collect::<Result<_>>()?;
         let contours = regions.iter().zip(worlds).map(|(region, world)| Contour::new(region, world, &origin)).collect();
-        Ok(Self { origin, regions, worlds: worlds.into(), contours })
+        let pairs = regions.iter().zip(worlds).enumerate();
+        let sampled = pairs.filter_map(|(index, (region, world))| SampledRegion::new(index, region, world, &origin));
+        Ok(Self { sampled: sampled.collect(), origin, contours, worlds: worlds.into(), regions })
     }
 
     /// The equations of each region.
@@ -105,6 +109,11 @@ impl Problem {
     /// The observed contour of each region and the boundary of its world region, about the problem's origin.
     pub fn contours(&self) -> &[Contour] {
         &self.contours
+    }
+
+    /// The regions whose world side has samples, which count in place of its outline.
+    pub fn sampled(&self) -> &[SampledRegion] {
+        &self.sampled
     }
 
     /// The point relative to which world coordinates are taken.

@@ -3,19 +3,9 @@
 use nalgebra::{Matrix6, Vector6};
 
 use crate::geometry::pose::Tangent;
+use crate::prior::Gaussian;
 
-/// A Gaussian factor of a left increment `x`, not normalized: `exp(offset + vector . x - x . information x / 2)`.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Factor {
-    /// `information`, positive semidefinite.
-    pub information: Matrix6<f64>,
-    /// `vector`.
-    pub vector: Vector6<f64>,
-    /// Logarithm of its value at zero.
-    pub offset: f64,
-}
-
-impl Factor {
+impl Gaussian {
     /// The normal density about `mean` with independent components of these deviations.
     pub fn normal(mean: &Tangent, deviations: &Vector6<f64>) -> Self {
         let information = deviations.map(|deviation| deviation.powi(-2));
@@ -36,7 +26,7 @@ impl Factor {
     }
 }
 
-impl std::ops::Add for Factor {
+impl std::ops::Add for Gaussian {
     type Output = Self;
 
     /// The product of both factors.

@@ -2,11 +2,12 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::belief::{Belief, Factor};
+use super::belief::Belief;
 use super::normal::cumulative;
 use super::propagation::{Site, propagated};
 use super::readings::{Reading, SampledRegion};
 use crate::geometry::pose::{Pose, Tangent};
+use crate::prior::Gaussian;
 
 /// The finest blur, pixels: contours of binary masks scatter by as much.
 const FINEST: f64 = 0.25;
@@ -61,6 +62,8 @@ pub struct Posterior {
     pub blur: f64,
     /// Share of wrong labels of each region with samples.
     pub wrong: Vec<f64>,
+    /// Number of samples near enough to the contours to tell anything.
+    pub telling: usize,
 }
 
 /// The samples of several regions at a pose.
@@ -157,7 +160,7 @@ impl<'a> Sites<'a> {
 /// held.
 pub fn posterior(
     regions: &[SampledRegion],
-    others: &impl Fn(&Pose) -> Factor,
+    others: &impl Fn(&Pose) -> Gaussian,
     start: &Pose,
 ) -> Option<Posterior> {
     let all: usize = regions.iter().map(SampledRegion::count).sum();
@@ -180,7 +183,7 @@ pub fn posterior(
         }
         let State { pose, belief } = state;
         let wrong = sites.wrong.clone();
-        best = Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong });
+        best = Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling: sites.all.len() });
         if blur <= FINEST {
             break;
         }
@@ -199,7 +202,7 @@ struct State {
 /// The belief once its mean is where it was linearised, and the logarithm of the evidence.
 fn settled(
     sites: &mut Sites,
-    others: &impl Fn(&Pose) -> Factor,
+    others: &impl Fn(&Pose) -> Gaussian,
     start: &Pose,
     mut state: State,
     blur: f64,
@@ -222,10 +225,10 @@ fn settled(
 }
 
 /// The start as all that is known of a pose: without it, what the samples leave free would drift.
-fn anchor(start: &Pose, pose: &Pose) -> Factor {
+fn anchor(start: &Pose, pose: &Pose) -> Gaussian {
     let distance = start.translation.norm();
     let [turn, way] = [ANCHOR, ANCHOR * distance];
-    Factor::normal(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
+    Gaussian::normal(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
 }
 
 /// An increment no longer than the longest step.

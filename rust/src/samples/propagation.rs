@@ -3,8 +3,9 @@
 
 use nalgebra::Vector6;
 
-use super::belief::{Belief, Factor};
+use super::belief::Belief;
 use super::normal::{cumulative, density};
+use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
 const SWEEPS: usize = 12;
@@ -96,7 +97,7 @@ impl Site {
     }
 
     /// The site's factor of the increment, without what makes it as large as the label's probability.
-    fn factor_into(&self, factor: &mut Factor) {
+    fn factor_into(&self, factor: &mut Gaussian) {
         let pull = self.pull - self.precision * self.margin;
         factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
         factor.vector += self.slope * pull;
@@ -114,7 +115,7 @@ impl Site {
 }
 
 /// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
-fn product(others: &Factor, sites: &[Site]) -> Option<(Belief, f64)> {
+fn product(others: &Gaussian, sites: &[Site]) -> Option<(Belief, f64)> {
     let mut factor = *others;
     sites.iter().for_each(|site| site.factor_into(&mut factor));
     factor.belief()
@@ -122,7 +123,7 @@ fn product(others: &Factor, sites: &[Site]) -> Option<(Belief, f64)> {
 
 /// What samples with this blur of their margins (pixels) and other factors leave possible, and the logarithm of the evidence;
 /// the sites keep their factors, from which the next call goes on. `None` where a direction is left free.
-pub fn propagated(others: &Factor, sites: &mut [Site], blur: f64) -> Option<(Belief, f64)> {
+pub fn propagated(others: &Gaussian, sites: &mut [Site], blur: f64) -> Option<(Belief, f64)> {
     let mut belief = product(others, sites)?.0;
     for _ in 0..SWEEPS {
         let before = belief.mean;

@@ -144,6 +144,8 @@ pub struct Search {
     /// How it was searched.
     pub(crate) options: Options,
     pub(crate) answers: Answers,
+    /// Where samples of regions are to be led from, about the problem's origin.
+    pub(crate) starts: Vec<Pose>,
 }
 
 /// Poses about the problem's origin.
@@ -169,13 +171,14 @@ impl Problem {
         let clean = first.as_ref().is_some_and(ContourFit::is_clean);
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.clone().whitened(first.map_or(0.0, |fit| fit.noise()), orders);
+        let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
         let answers = match options.refinement {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior),
             _ => {
                 Answers::Moments(by_moments(&problem, poses, &options.prior).into_iter().map(|fit| fit.pose).collect())
             }
         };
-        Search { problem, options: *options, answers }
+        Search { problem, options: *options, answers, starts }
     }
 
     fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
@@ -323,7 +326,7 @@ fn is_found(fit: &ContourFit) -> bool {
 }
 
 /// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
-fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
+pub(crate) fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {

@@ -7,4 +7,5 @@ pub mod cuts;
 pub mod moments;
 pub mod p3p;
 pub mod poses;
+pub mod sampled;
 pub mod symmetry;
