@@ -13,10 +13,14 @@ const CELLS: usize = 24;
 /// Room around the rings that the grid covers, as a share of their extent.
 const MARGIN: f64 = 0.25;
 
+/// Consecutive edges that are looked at together: of a contour of some hundred edges as many groups as edges in a group.
+const GROUP: usize = 16;
+
 /// Closed rings, and for every place about them the edges that may be nearest.
 #[derive(Debug, Clone)]
 pub struct EdgeField {
     edges: Vec<FieldEdge>,
+    groups: Vec<Group>,
     origin: Vector2<f64>,
     /// Size of a cell.
     cell: Vector2<f64>,
@@ -29,6 +33,27 @@ struct FieldEdge {
     start: Vector2<f64>,
     step: Vector2<f64>,
     inverse: f64,
+}
+
+/// A box around consecutive edges.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    low: Vector2<f64>,
+    high: Vector2<f64>,
+}
+
+impl Group {
+    fn around(edges: &[FieldEdge]) -> Self {
+        let ends = || edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]);
+        let low = ends().fold(Vector2::repeat(f64::INFINITY), |low, end| low.inf(&end));
+        let high = ends().fold(Vector2::repeat(f64::NEG_INFINITY), |high, end| high.sup(&end));
+        Self { low, high }
+    }
+
+    /// Squared distance of a point from the box: no edge in it is nearer.
+    fn square(&self, point: &Vector2<f64>) -> f64 {
+        (self.low - point).sup(&(point - self.high)).sup(&Vector2::zeros()).norm_squared()
+    }
 }
 
 impl FieldEdge {
@@ -49,7 +74,8 @@ impl EdgeField {
         let high = points().fold(Vector2::repeat(f64::NEG_INFINITY), |high, point| high.sup(point));
         let room = (high - low) * MARGIN;
         let cell = (high - low + room * 2.0) / CELLS as f64;
-        Self { edges, origin: low - room, cell, candidates: vec![OnceLock::new(); CELLS * CELLS] }
+        let groups = edges.chunks(GROUP).map(Group::around).collect();
+        Self { edges, groups, origin: low - room, cell, candidates: vec![OnceLock::new(); CELLS * CELLS] }
     }
 
     /// The edges that may be nearest to a point of a cell: those that are farther from its middle than the nearest by no more
@@ -57,10 +83,37 @@ impl EdgeField {
     fn may_be_nearest(&self, cell: usize) -> Box<[u32]> {
         let place = Vector2::new((cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5);
         let middle = self.origin + self.cell.component_mul(&place);
-        let squares: Vec<f64> = self.edges.iter().map(|edge| edge.square(&middle)).collect();
-        let least = squares.iter().fold(f64::INFINITY, |least, &square| if square < least { square } else { least });
-        let limit = (least.sqrt() + self.cell.norm()).powi(2);
-        (0..).zip(&squares).filter(|(_, square)| **square <= limit).map(|(edge, _)| edge).collect()
+        let limit = (self.nearest_of_all(&middle).0.sqrt() + self.cell.norm()).powi(2);
+        let groups = (0..self.groups.len()).filter(|&group| self.groups[group].square(&middle) <= limit);
+        let near = |edge: &u32| self.edges[*edge as usize].square(&middle) <= limit;
+        groups.flat_map(|group| self.numbers_in(group)).filter(near).collect()
+    }
+
+    /// The numbers of the edges in a group.
+    fn numbers_in(&self, group: usize) -> std::ops::Range<u32> {
+        (group * GROUP) as u32..((group + 1) * GROUP).min(self.edges.len()) as u32
+    }
+
+    /// The nearest of all edges, by its squared distance and number: those in the nearest box, then in all that may hold a nearer.
+    fn nearest_of_all(&self, point: &Vector2<f64>) -> (f64, u32) {
+        let mut best = (f64::INFINITY, 0);
+        let look_at = |group: usize, best: &mut (f64, u32)| {
+            for edge in self.numbers_in(group) {
+                let square = self.edges[edge as usize].square(point);
+                if square < best.0 {
+                    *best = (square, edge);
+                }
+            }
+        };
+        let square = |group: &usize| self.groups[*group].square(point);
+        let first = (0..self.groups.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0);
+        look_at(first, &mut best);
+        for group in (0..self.groups.len()).filter(|&group| group != first) {
+            if square(&group) < best.0 {
+                look_at(group, &mut best);
+            }
+        }
+        best
     }
 
     /// The edge nearest to a point, by its number.
@@ -77,7 +130,7 @@ impl EdgeField {
                 let candidates = self.candidates[cell].get_or_init(|| self.may_be_nearest(cell));
                 candidates.iter().for_each(|&edge| look_at(edge));
             }
-            None => (0..self.edges.len() as u32).for_each(look_at),
+            None => return self.nearest_of_all(point).1 as usize,
         }
         best.1 as usize
     }

@@ -26,7 +26,11 @@ impl Samples {
     pub fn new(frame: &PlaneFrame, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
         if inside.is_empty() {
             let needed = "at least 1".into();
-            return Err(Error::OutOfRange { item: "the number of samples inside the region", found: "0".into(), needed });
+            return Err(Error::OutOfRange {
+                item: "the number of samples inside the region",
+                found: "0".into(),
+                needed,
+            });
         }
         check_finite("inside sample", inside)?;
         check_finite("outside sample", outside)?;

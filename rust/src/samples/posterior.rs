@@ -43,6 +43,9 @@ const SETTLED: f64 = 0.1;
 /// Longest step, rad and share of the distance.
 const LONGEST: f64 = 0.3;
 
+/// How much wider the belief of some samples is taken before all of them have told theirs.
+const WIDER: f64 = 3.0;
+
 /// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
 const REACH: f64 = 6.0;
 
@@ -66,47 +69,75 @@ pub struct Posterior {
     pub telling: usize,
 }
 
-/// The samples of several regions at a pose.
-struct Sites<'a> {
+/// A sample that tells something: its site, its region's place among those with samples, and its number there.
+struct Telling {
+    site: Site,
+    region: usize,
+    number: usize,
+}
+
+impl AsRef<Site> for Telling {
+    fn as_ref(&self) -> &Site {
+        &self.site
+    }
+}
+
+impl AsMut<Site> for Telling {
+    fn as_mut(&mut self) -> &mut Site {
+        &mut self.site
+    }
+}
+
+/// The samples of several regions about a start.
+struct Samples<'a, F> {
     regions: &'a [SampledRegion],
+    /// What else is known at a pose.
+    others: &'a F,
+    start: Pose,
+    /// One sample in so many is taken.
     step: usize,
-    all: Vec<Site>,
-    /// Region of each site, and its sample's number.
-    places: Vec<(usize, usize)>,
-    /// Natural parameters of the factors of all samples, region by region.
-    factors: Vec<Vec<(f64, f64)>>,
+    telling: Vec<Telling>,
     /// Share of wrong labels of each region.
     wrong: Vec<f64>,
-    /// Samples, region by region, right or wrong for certain, and those of which the contour tells nothing.
+    /// Numbers of samples, region by region, that are right and wrong for certain; and of those of which nothing is known.
     certain: Vec<[usize; 2]>,
     unknown: usize,
 }
 
-impl<'a> Sites<'a> {
-    fn new(regions: &'a [SampledRegion], step: usize, wrong: Vec<f64>) -> Self {
-        let count = |region: &SampledRegion| region.count().div_ceil(step);
-        Self {
-            regions,
-            step,
-            all: Vec::new(),
-            places: Vec::new(),
-            factors: regions.iter().map(|region| vec![(0.0, 0.0); count(region)]).collect(),
-            wrong,
-            certain: Vec::new(),
-            unknown: 0,
-        }
+/// A pose and what is believed of its left increment.
+#[derive(Clone, Copy)]
+struct State {
+    pose: Pose,
+    belief: Belief,
+    log_evidence: f64,
+}
+
+impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
+    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, wrong: Vec<f64>) -> Self {
+        Self { regions, others, start, step, telling: Vec::new(), wrong, certain: Vec::new(), unknown: 0 }
     }
 
-    /// The sites at a pose; of a belief of the increment there, those count whose margins it does not put out of reach.
-    fn linearise(&mut self, pose: &Pose, belief: &Belief, blur: f64) {
-        self.keep_factors();
-        self.all.clear();
-        self.places.clear();
+    /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
+    fn look(&mut self, state: &State, blur: f64) {
+        let known = std::mem::take(&mut self.telling);
+        let mut known = known.iter().peekable();
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
         (self.certain, self.unknown) = (vec![[0, 0]; self.regions.len()], 0);
         for (region, sampled) in self.regions.iter().enumerate() {
-            for (index, reading) in sampled.read(pose, self.step).enumerate() {
-                match reading {
-                    Reading::Seen(margin, slope) => self.add(region, index, Site::new(slope, margin, self.wrong[region]), belief, blur),
+            for number in (0..sampled.count()).step_by(self.step) {
+                let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
+                match sampled.read(&state.pose, number) {
+                    Reading::Seen(margin, slope) => {
+                        let site = Site::new(slope, margin, self.wrong[region]);
+                        let (mean, variance) = site.margin_under(&belief);
+                        if mean.abs() > REACH * (blur * blur + variance).sqrt() {
+                            self.certain[region][usize::from(mean < 0.0)] += 1;
+                        } else {
+                            // The factors of margins stay what they are when these are linearised anew.
+                            let site = before.map_or(site, |before| site.with_factor_of(&before.site));
+                            self.telling.push(Telling { site, region, number });
+                        }
+                    }
                     Reading::Behind(right) => self.certain[region][usize::from(!right)] += 1,
                     Reading::Unknown => self.unknown += 1,
                 }
@@ -114,21 +145,12 @@ impl<'a> Sites<'a> {
         }
     }
 
-    fn add(&mut self, region: usize, index: usize, site: Site, belief: &Belief, blur: f64) {
-        let (margin, variance) = site.margin_under(belief);
-        if margin.abs() > REACH * (blur * blur + variance).sqrt() {
-            self.certain[region][usize::from(margin < 0.0)] += 1;
-            return;
-        }
-        let (precision, pull) = self.factors[region][index];
-        self.places.push((region, index));
-        self.all.push(Site { precision, pull, ..site });
-    }
-
-    /// Remembers the factors, which stay what they are when margins are linearised anew.
-    fn keep_factors(&mut self) {
-        for (site, (region, index)) in self.all.iter().zip(&self.places) {
-            self.factors[*region][*index] = (site.precision, site.pull);
+    /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
+    fn linearise(&mut self, pose: &Pose) {
+        for telling in &mut self.telling {
+            if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
+                telling.site = Site::new(slope, margin, self.wrong[telling.region]).with_factor_of(&telling.site);
+            }
         }
     }
 
@@ -142,86 +164,104 @@ impl<'a> Sites<'a> {
 
     /// The shares of wrong labels that a belief shows, those that were expected beforehand among them.
     fn learn_wrong(&mut self, belief: &Belief, blur: f64) {
-        let mut sums: Vec<[f64; 2]> = vec![[WEIGHT * WRONG, WEIGHT]; self.regions.len()];
-        for (site, (region, _)) in self.all.iter().zip(&self.places) {
-            sums[*region][0] += site.wrong_probability(belief, blur);
-            sums[*region][1] += 1.0;
+        let mut sums = vec![[WEIGHT * WRONG, WEIGHT]; self.regions.len()];
+        for telling in &self.telling {
+            sums[telling.region][0] += telling.site.wrong_probability(belief, blur);
+            sums[telling.region][1] += 1.0;
         }
         for (sum, [right, wrong]) in sums.iter_mut().zip(&self.certain) {
             *sum = [sum[0] + *wrong as f64, sum[1] + (right + wrong) as f64];
         }
         self.wrong = sums.iter().map(|[wrong, all]| (wrong / all).min(MOST_WRONG)).collect();
     }
+
+    /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
+    /// would tell.
+    fn guard(&self, state: &State, blur: f64) -> Gaussian {
+        let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
+        let unit = || {
+            let mut information = Matrix6::zeros();
+            self.telling.iter().for_each(|telling| information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0));
+            information / (self.telling.len() as f64 * blur * blur)
+        };
+        Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
+    }
+
+    /// The belief once its mean is where it was linearised; `None` where a direction is left free.
+    fn settled(&mut self, mut state: State, blur: f64, rounds: usize) -> Option<State> {
+        let is_first = self.telling.is_empty();
+        self.look(&state, blur);
+        for round in 0..rounds {
+            let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
+            if round > 0 {
+                self.linearise(&state.pose);
+            }
+            let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
+            let (belief, integral) = propagated(&known, &guard, &mut self.telling, blur)?;
+            self.learn_wrong(&belief, blur);
+            let way = belief.mean.dot(&belief.covariance.cholesky()?.solve(&belief.mean));
+            let pose = state.pose.moved(&shortened(&belief.mean, &state.pose));
+            state = State { pose, belief, log_evidence: integral + self.log_certain() };
+            if way < SETTLED * SETTLED {
+                break;
+            }
+        }
+        Some(state)
+    }
 }
 
-/// What the samples leave possible about a start; `others` gives what else is known at a pose, as a factor of its increment.
-///
-/// The blur falls by halves from as far as samples lie on the wrong side, while the evidence grows. `None` where nothing is
-/// held.
-pub fn posterior(
-    regions: &[SampledRegion],
-    others: &impl Fn(&Pose) -> Gaussian,
-    start: &Pose,
-) -> Option<Posterior> {
-    let all: usize = regions.iter().map(SampledRegion::count).sum();
-    let few = (all / LEADING).max(1);
-    let mut state = State { pose: *start, belief: Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() } };
-    let mut blur = first_blur(regions, start, few);
-    let mut sites = Sites::new(regions, few, vec![WRONG; regions.len()]);
-    while blur > SHARP {
-        state = settled(&mut sites, others, start, state, blur, ROUNDS)?.0;
+/// A start led on by some of the samples, to a blur from which on all of them tell more.
+#[derive(Debug, Clone)]
+pub struct Led {
+    /// About the problem's origin.
+    pub pose: Pose,
+    /// Logarithm of the evidence of the samples that led it.
+    pub log_evidence: f64,
+    belief: Belief,
+    wrong: Vec<f64>,
+}
+
+/// Where some of the samples lead a start, while their blur falls by halves from as far as they lie on the wrong side; `others`
+/// gives what else is known at a pose. `None` where a direction is left free.
+pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
+    let step = leading_step(regions);
+    let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
+    let mut samples = Samples::new(regions, others, *start, step, vec![WRONG; regions.len()]);
+    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
+    let mut blur = first_blur(regions, start, step);
+    loop {
+        state = samples.settled(state, blur, ROUNDS)?;
+        if blur <= SHARP {
+            let State { pose, log_evidence, belief } = state;
+            return Some(Led { pose, log_evidence, belief, wrong: samples.wrong });
+        }
+        blur = (blur * STEP).max(SHARP);
+    }
+}
+
+/// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
+pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
+    let mut samples = Samples::new(regions, others, from.pose, 1, from.wrong.clone());
+    let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+    let (mut blur, mut best) = (SHARP, None::<Posterior>);
+    loop {
+        state = samples.settled(state, blur, LAST_ROUNDS)?;
+        let State { pose, belief, log_evidence } = state;
+        if best.as_ref().is_some_and(|best| best.log_evidence > log_evidence) {
+            return best;
+        }
+        let (wrong, telling) = (samples.wrong.clone(), samples.telling.len());
+        best = Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling });
+        if blur <= FINEST {
+            return best;
+        }
         blur *= STEP;
     }
-    let mut sites = Sites::new(regions, 1, sites.wrong);
-    let mut best: Option<Posterior> = None;
-    loop {
-        let (next, log_evidence) = settled(&mut sites, others, start, state, blur, LAST_ROUNDS)?;
-        state = next;
-        let worse = best.as_ref().is_some_and(|best| best.log_evidence > log_evidence);
-        if worse {
-            break;
-        }
-        let State { pose, belief } = state;
-        let wrong = sites.wrong.clone();
-        best = Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling: sites.all.len() });
-        if blur <= FINEST {
-            break;
-        }
-        blur = (blur * STEP).max(FINEST);
-    }
-    best
 }
 
-/// A pose and what is believed of it.
-#[derive(Clone, Copy)]
-struct State {
-    pose: Pose,
-    belief: Belief,
-}
-
-/// The belief once its mean is where it was linearised, and the logarithm of the evidence.
-fn settled(
-    sites: &mut Sites,
-    others: &impl Fn(&Pose) -> Gaussian,
-    start: &Pose,
-    mut state: State,
-    blur: f64,
-    rounds: usize,
-) -> Option<(State, f64)> {
-    let mut log_evidence = f64::NEG_INFINITY;
-    for _ in 0..rounds {
-        let factor = anchor(start, &state.pose) + others(&state.pose);
-        sites.linearise(&state.pose, &Belief { mean: Tangent::zeros(), ..state.belief }, blur);
-        let (belief, integral) = propagated(&factor, &mut sites.all, blur)?;
-        log_evidence = integral + sites.log_certain();
-        sites.learn_wrong(&belief, blur);
-        let way = belief.mean.dot(&belief.covariance.cholesky()?.solve(&belief.mean));
-        state = State { pose: state.pose.moved(&shortened(&belief.mean, &state.pose)), belief };
-        if way < SETTLED * SETTLED {
-            break;
-        }
-    }
-    Some((state, log_evidence))
+/// The step that leaves about as many samples of all regions as lead.
+pub fn leading_step(regions: &[SampledRegion]) -> usize {
+    (regions.iter().map(SampledRegion::count).sum::<usize>() / LEADING).max(1)
 }
 
 /// The start as all that is known of a pose: without it, what the samples leave free would drift.
@@ -238,11 +278,13 @@ fn shortened(increment: &Tangent, pose: &Pose) -> Tangent {
     increment * (LONGEST / size).min(1.0)
 }
 
-/// The blur at which a start is no worse than any: as far as samples lie on the wrong side, root mean square, pixels.
+/// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square, pixels.
 fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0);
-    for reading in regions.iter().flat_map(|region| region.read(pose, step)) {
-        if let Reading::Seen(margin, _) = reading && margin < 0.0 {
+    for reading in readings(regions, pose, step) {
+        if let Reading::Seen(margin, _) = reading
+            && margin < 0.0
+        {
             squares += margin * margin;
             count += 1.0;
         }
@@ -250,12 +292,16 @@ fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
     (2.0 * (squares / f64::max(count, 1.0)).sqrt()).clamp(SHARP, COARSEST)
 }
 
-/// Logarithm of the probability of all labels at a pose that is not refined, with this blur.
+/// Logarithm of the probability of the labels of every `step`-th sample at a pose that is not refined, with this blur.
 pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: usize) -> f64 {
     let label = |reading: Reading| match reading {
         Reading::Seen(margin, _) => (WRONG + (1.0 - 2.0 * WRONG) * cumulative(margin / blur)).ln(),
         Reading::Behind(right) => (if right { 1.0 - WRONG } else { WRONG }).ln(),
         Reading::Unknown => UNKNOWN,
     };
-    regions.iter().flat_map(|region| region.read(pose, step)).map(label).sum()
+    readings(regions, pose, step).map(label).sum()
+}
+
+fn readings<'a>(regions: &'a [SampledRegion], pose: &'a Pose, step: usize) -> impl Iterator<Item = Reading> + 'a {
+    regions.iter().flat_map(move |region| (0..region.count()).step_by(step).map(|number| region.read(pose, number)))
 }

@@ -48,10 +48,27 @@ impl Tilted {
     }
 }
 
+impl AsRef<Site> for Site {
+    fn as_ref(&self) -> &Site {
+        self
+    }
+}
+
+impl AsMut<Site> for Site {
+    fn as_mut(&mut self) -> &mut Site {
+        self
+    }
+}
+
 impl Site {
     /// A sample whose factor is not known yet.
     pub fn new(slope: Vector6<f64>, margin: f64, wrong: f64) -> Self {
         Self { slope, margin, wrong, precision: 0.0, pull: 0.0 }
+    }
+
+    /// The site with the factor of another one.
+    pub fn with_factor_of(self, other: &Self) -> Self {
+        Self { precision: other.precision, pull: other.pull, ..self }
     }
 
     /// Mean and variance of the margin under a distribution of the increment.
@@ -115,27 +132,32 @@ impl Site {
 }
 
 /// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
-fn product(others: &Gaussian, sites: &[Site]) -> Option<(Belief, f64)> {
+fn product<'a>(others: &Gaussian, sites: impl Iterator<Item = &'a Site>) -> Option<(Belief, f64)> {
     let mut factor = *others;
-    sites.iter().for_each(|site| site.factor_into(&mut factor));
+    sites.for_each(|site| site.factor_into(&mut factor));
     factor.belief()
 }
 
 /// What samples with this blur of their margins (pixels) and other factors leave possible, and the logarithm of the evidence;
-/// the sites keep their factors, from which the next call goes on. `None` where a direction is left free.
-pub fn propagated(others: &Gaussian, sites: &mut [Site], blur: f64) -> Option<(Belief, f64)> {
-    let mut belief = product(others, sites)?.0;
+/// the sites keep their factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that
+/// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
+/// where a direction is left free.
+pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
+    others: &Gaussian,
+    guard: &Gaussian,
+    sites: &mut [S],
+    blur: f64,
+) -> Option<(Belief, f64)> {
+    let (mut belief, mut integral) = product(&(*others + *guard), sites.iter().map(S::as_ref))?;
     for _ in 0..SWEEPS {
         let before = belief.mean;
-        sites.iter_mut().for_each(|site| site.update(&mut belief, blur));
+        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief, blur));
         // Anew from all factors: the updates' rounding errors add up.
-        belief = product(others, sites)?.0;
+        (belief, integral) = product(others, sites.iter().map(S::as_ref))?;
         let way = belief.mean - before;
-        let information = belief.covariance.cholesky()?;
-        if way.dot(&information.solve(&way)) < SETTLED * SETTLED {
+        if way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED {
             break;
         }
     }
-    let (belief, integral) = product(others, sites)?;
-    Some((belief, integral + sites.iter().map(|site| site.log_scale(&belief, blur)).sum::<f64>()))
+    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief, blur)).sum::<f64>()))
 }

@@ -65,14 +65,10 @@ impl SampledRegion {
         self.samples.len()
     }
 
-    /// Every `step`-th sample at a pose about the problem's origin.
-    pub fn read(&self, pose: &Pose, step: usize) -> impl Iterator<Item = Reading> + '_ {
-        let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
-        let back = self.rotation.inverse();
-        self.samples.iter().step_by(step).map(move |(sample, inside)| {
-            let seen = chart_from_world.transform(sample);
-            self.reading(&seen, *inside, &back)
-        })
+    /// The sample of a number at a pose about the problem's origin.
+    pub fn read(&self, pose: &Pose, number: usize) -> Reading {
+        let (sample, inside) = &self.samples[number];
+        self.reading(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }
 
     /// The reading of a sample that lies at `seen` along the chart's axes.

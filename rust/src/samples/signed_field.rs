@@ -50,8 +50,7 @@ impl SignedField {
         if share > 0.0 && share < 1.0 {
             return Nearest { distance: offset.dot(&edge.inward), gradient: edge.inward, marked: edge.marked };
         }
-        let (from_end, inward) =
-            if share <= 0.0 { (offset, edge.ends[0]) } else { (offset - edge.step, edge.ends[1]) };
+        let (from_end, inward) = if share <= 0.0 { (offset, edge.ends[0]) } else { (offset - edge.step, edge.ends[1]) };
         let (length, side) = (from_end.norm(), if from_end.dot(&inward) < 0.0 { -1.0 } else { 1.0 });
         let gradient = if length > 0.0 { from_end * (side / length) } else { edge.inward };
         Nearest { distance: side * length, gradient, marked: edge.marked }

@@ -164,7 +164,14 @@ impl Search {
         };
         let led = led.iter().map(|fit| {
             let covariance = covariance(contours, fit);
-            Place { pose: problem.uncentred(&fit.pose), minimum: None, fit: fit.clone(), posterior: None, covariance, against: 0.0 }
+            Place {
+                pose: problem.uncentred(&fit.pose),
+                minimum: None,
+                fit: fit.clone(),
+                posterior: None,
+                covariance,
+                against: 0.0,
+            }
         });
         let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
         distinct(scored, usize::MAX, SAME_MINIMUM, |place| &place.fit.pose)
@@ -329,7 +336,8 @@ fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warnin
 fn contradicting_regions(posterior: &Posterior, sampled: &[usize]) -> Vec<Warning> {
     let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
     let others_of = |place: usize| {
-        let others = right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
+        let others =
+            right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
         others.map(|(_, &right)| right).reduce(f64::min)
     };
     let warning = |(place, &region): (usize, &usize)| {
