@@ -35,10 +35,16 @@ const UNKNOWN: f64 = -std::f64::consts::LN_2;
 
 /// Relinearisations at one blur at most: on the way, and where they end.
 const ROUNDS: usize = 2;
-const LAST_ROUNDS: usize = 8;
+const LAST_ROUNDS: usize = 12;
 
 /// A relinearisation that moves by less than this many standard deviations is the last.
 const SETTLED: f64 = 0.1;
+
+/// Share of a step that is gone where the last one came from ahead.
+const RELAXED: f64 = 0.5;
+
+/// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
+const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 
 /// Longest step, rad and share of the distance.
 const LONGEST: f64 = 0.3;
@@ -154,6 +160,26 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
+    /// The lines that the margins of the telling samples follow best over the whole of a belief about a pose, and how far they
+    /// bend from these (statistical linear regression at the belief's sigma points).
+    fn regress(&mut self, state: &State) {
+        let Some(root) = state.belief.covariance.cholesky().map(|root| root.unpack()) else { return };
+        let ways: [Tangent; 6] = std::array::from_fn(|axis| root.column(axis) * SIGMA_POINTS);
+        let poses = ways.map(|way| [way, -way].map(|way| state.pose.moved(&way)));
+        let Some(inverse) = root.try_inverse() else { return };
+        for telling in &mut self.telling {
+            let margin = |pose: &Pose| match self.regions[telling.region].read(pose, telling.number) {
+                Reading::Seen(margin, _) => Some(margin),
+                _ => None,
+            };
+            let margins: Option<Vec<[f64; 2]>> =
+                poses.iter().map(|[ahead, behind]| Some([margin(ahead)?, margin(behind)?])).collect();
+            if let Some(margins) = margins {
+                telling.site = regressed(&telling.site, &margins, &inverse);
+            }
+        }
+    }
+
     /// Logarithm of the probability of the labels that move nothing.
     fn log_certain(&self) -> f64 {
         let of = |([right, wrong], share): (&[usize; 2], &f64)| {
@@ -188,19 +214,28 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// The belief once its mean is where it was linearised; `None` where a direction is left free.
-    fn settled(&mut self, mut state: State, blur: f64, rounds: usize) -> Option<State> {
+    fn settled(&mut self, mut state: State, blur: f64, rounds: usize, whole: bool) -> Option<State> {
         let is_first = self.telling.is_empty();
         self.look(&state, blur);
+        let (mut before, mut share) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
-            let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
-            if round > 0 {
+            if whole {
+                self.regress(&state);
+            } else if round > 0 {
                 self.linearise(&state.pose);
             }
+            let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
             let (belief, integral) = propagated(&known, &guard, &mut self.telling, blur)?;
             self.learn_wrong(&belief, blur);
-            let way = belief.mean.dot(&belief.covariance.cholesky()?.solve(&belief.mean));
-            let pose = state.pose.moved(&shortened(&belief.mean, &state.pose));
+            let information = belief.covariance.cholesky()?;
+            // A mean that goes to and fro lies between.
+            if before.dot(&information.solve(&belief.mean)) < 0.0 {
+                share *= RELAXED;
+            }
+            before = belief.mean;
+            let way = belief.mean.dot(&information.solve(&belief.mean));
+            let pose = state.pose.moved(&shortened(&(belief.mean * share), &state.pose));
             state = State { pose, belief, log_evidence: integral + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;
@@ -208,6 +243,16 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
         Some(state)
     }
+}
+
+/// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
+fn regressed(site: &Site, margins: &[[f64; 2]], inverse_root: &Matrix6<f64>) -> Site {
+    let points = 2.0 * margins.len() as f64;
+    let mean = margins.iter().flatten().sum::<f64>() / points;
+    let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
+    let along = Vector6::from_iterator(margins.iter().map(|[ahead, behind]| (ahead - behind) / (2.0 * SIGMA_POINTS)));
+    let bent = (squares - along.norm_squared()).max(0.0);
+    Site { slope: inverse_root.transpose() * along, margin: mean, bent, ..*site }
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.
@@ -230,7 +275,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
-        state = samples.settled(state, blur, ROUNDS)?;
+        state = samples.settled(state, blur, ROUNDS, false)?;
         if blur <= SHARP {
             let State { pose, log_evidence, belief } = state;
             return Some(Led { pose, log_evidence, belief, wrong: samples.wrong });
@@ -243,20 +288,19 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
     let mut samples = Samples::new(regions, others, from.pose, 1, from.wrong.clone());
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
-    let (mut blur, mut best) = (SHARP, None::<Posterior>);
-    loop {
-        state = samples.settled(state, blur, LAST_ROUNDS)?;
-        let State { pose, belief, log_evidence } = state;
-        if best.as_ref().is_some_and(|best| best.log_evidence > log_evidence) {
-            return best;
+    let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
+    while blur >= FINEST {
+        state = samples.settled(state, blur, ROUNDS, false)?;
+        if best.is_some_and(|(best, _)| best.log_evidence > state.log_evidence) {
+            break;
         }
-        let (wrong, telling) = (samples.wrong.clone(), samples.telling.len());
-        best = Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling });
-        if blur <= FINEST {
-            return best;
-        }
+        best = Some((state, blur));
         blur *= STEP;
     }
+    let (state, blur) = best?;
+    let State { pose, belief, log_evidence } = samples.settled(state, blur, LAST_ROUNDS, true)?;
+    let Samples { wrong, telling, .. } = samples;
+    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling: telling.len() })
 }
 
 /// The step that leaves about as many samples of all regions as lead.

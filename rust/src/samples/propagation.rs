@@ -20,6 +20,8 @@ pub struct Site {
     pub slope: Vector6<f64>,
     /// The margin at zero, pixels.
     pub margin: f64,
+    /// Variance of the margin about that line, squared pixels, which adds to the blur's.
+    pub bent: f64,
     /// Share of wrong labels among its like.
     pub wrong: f64,
     /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
@@ -63,7 +65,7 @@ impl AsMut<Site> for Site {
 impl Site {
     /// A sample whose factor is not known yet.
     pub fn new(slope: Vector6<f64>, margin: f64, wrong: f64) -> Self {
-        Self { slope, margin, wrong, precision: 0.0, pull: 0.0 }
+        Self { slope, margin, bent: 0.0, wrong, precision: 0.0, pull: 0.0 }
     }
 
     /// The site with the factor of another one.
@@ -80,7 +82,7 @@ impl Site {
     /// Probability that the label is wrong.
     pub fn wrong_probability(&self, belief: &Belief, blur: f64) -> f64 {
         let (mean, variance) = self.margin_under(belief);
-        let beyond = cumulative(-mean / (blur * blur + variance).sqrt());
+        let beyond = cumulative(-mean / (blur * blur + self.bent + variance).sqrt());
         self.wrong * beyond / (self.wrong + (1.0 - 2.0 * self.wrong) * (1.0 - beyond))
     }
 
@@ -95,7 +97,7 @@ impl Site {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
-        let tilted = Tilted::new(mean_without, variance_without, blur, self.wrong);
+        let tilted = Tilted::new(mean_without, variance_without + self.bent, blur, self.wrong);
         let left = 1.0 - variance_without * tilted.second;
         // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
         let (precision, pull) = match tilted.second > 0.0 {
@@ -125,7 +127,7 @@ impl Site {
     fn log_scale(&self, belief: &Belief, blur: f64) -> f64 {
         let (mean, variance) = self.margin_under(belief);
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
-        let label = Tilted::new(mean_without, variance_without, blur, self.wrong).log_probability;
+        let label = Tilted::new(mean_without, variance_without + self.bent, blur, self.wrong).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
     }
