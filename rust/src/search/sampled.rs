@@ -1,7 +1,7 @@
 //! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 16).
 
 use super::candidates::further_poses;
-use super::poses::distinct;
+use super::poses::{apart, distinct};
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
@@ -13,9 +13,11 @@ use crate::search::candidates::{AMBIGUITY, sketch_step};
 /// Starts that are led on.
 const MOST_STARTS: usize = 12;
 
-/// Poses nearer than this, rad and share of the distance, are one start, and one answer.
+/// Poses nearer than this, rad and share of the distance, are one start.
 const SAME_START: f64 = 0.02;
-const SAME_ANSWER: f64 = 3e-3;
+
+/// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
+const SAME_ANSWER: f64 = 9.0;
 
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
 const ROUGH: f64 = 32.0;
@@ -36,8 +38,8 @@ impl Problem {
         if !found.iter().any(is_found) {
             found.extend(self.posteriors_near(further_poses(self, sketch_step(self.contours())), &others));
         }
-        let least = AMBIGUITY + self.most_penalty(prior);
-        likeliest(found, SAME_ANSWER, least / 2.0, |posterior| (posterior.log_evidence, &posterior.pose))
+        let behind = 0.5 * (AMBIGUITY + self.most_penalty(prior));
+        likeliest(found, behind, |posterior| posterior.log_evidence, Posterior::is_same_as)
     }
 
     /// The posteriors of the likeliest starts.
@@ -47,7 +49,8 @@ impl Problem {
         let scored = starts.into_iter().map(|pose| (misfit(&pose), pose)).collect();
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
         let all: Vec<Led> = starts.iter().filter_map(|(_, start)| led(regions, others, start)).collect();
-        let likely = likeliest(all, SAME_START, HOPELESS, |led: &Led| (led.log_evidence, &led.pose));
+        let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
+        let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
         likely.iter().filter_map(|led| posterior(regions, others, led)).collect()
     }
 
@@ -60,11 +63,31 @@ impl Problem {
 }
 
 /// The items of the greatest logarithms of evidence, each pose once, and no more behind the best than `behind`.
-fn likeliest<T>(items: Vec<T>, same: f64, behind: f64, of: impl Fn(&T) -> (f64, &Pose)) -> Vec<T> {
-    let scored = items.into_iter().map(|item| (-of(&item).0, item)).collect();
-    let kept = distinct(scored, usize::MAX, same, |item| of(item).1);
-    let least = kept.first().map_or(0.0, |(least, _)| *least);
-    kept.into_iter().take_while(|(cost, _)| cost - least <= behind).map(|(_, item)| item).collect()
+fn likeliest<T>(
+    mut items: Vec<T>,
+    behind: f64,
+    log_evidence: impl Fn(&T) -> f64,
+    is_same: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    items.retain(|item| log_evidence(item).is_finite());
+    items.sort_by(|a, b| log_evidence(b).total_cmp(&log_evidence(a)));
+    let most = items.first().map_or(0.0, &log_evidence);
+    let mut kept: Vec<T> = Vec::new();
+    for item in items.into_iter().take_while(|item| most - log_evidence(item) <= behind) {
+        if !kept.iter().any(|other| is_same(other, &item)) {
+            kept.push(item);
+        }
+    }
+    kept
+}
+
+impl Posterior {
+    /// Whether another posterior is one and the same.
+    fn is_same_as(&self, other: &Self) -> bool {
+        let way = self.pose.increment_to(&other.pose);
+        let root = (self.covariance + other.covariance).cholesky();
+        root.is_some_and(|root| way.dot(&root.solve(&way)) < SAME_ANSWER)
+    }
 }
 
 /// Whether the samples of every region agree with a pose.
