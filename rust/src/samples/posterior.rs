@@ -35,7 +35,7 @@ const UNKNOWN: f64 = -std::f64::consts::LN_2;
 
 /// Relinearisations at one blur at most: on the way, and where they end.
 const ROUNDS: usize = 2;
-const LAST_ROUNDS: usize = 12;
+const LAST_ROUNDS: usize = 8;
 
 /// A relinearisation that moves by less than this many standard deviations is the last.
 const SETTLED: f64 = 0.1;
@@ -168,13 +168,15 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let poses = ways.map(|way| [way, -way].map(|way| state.pose.moved(&way)));
         let Some(inverse) = root.try_inverse() else { return };
         for telling in &mut self.telling {
-            let margin = |pose: &Pose| match self.regions[telling.region].read(pose, telling.number) {
-                Reading::Seen(margin, _) => Some(margin),
-                _ => None,
-            };
-            let margins: Option<Vec<[f64; 2]>> =
-                poses.iter().map(|[ahead, behind]| Some([margin(ahead)?, margin(behind)?])).collect();
-            if let Some(margins) = margins {
+            let mut margins = [[0.0; 2]; 6];
+            let mut seen = true;
+            for (margin, pose) in margins.iter_mut().flatten().zip(poses.iter().flatten()) {
+                match self.regions[telling.region].read(pose, telling.number) {
+                    Reading::Seen(value, _) => *margin = value,
+                    _ => seen = false,
+                }
+            }
+            if seen {
                 telling.site = regressed(&telling.site, &margins, &inverse);
             }
         }
@@ -246,7 +248,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 }
 
 /// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
-fn regressed(site: &Site, margins: &[[f64; 2]], inverse_root: &Matrix6<f64>) -> Site {
+fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) -> Site {
     let points = 2.0 * margins.len() as f64;
     let mean = margins.iter().flatten().sum::<f64>() / points;
     let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
@@ -290,7 +292,7 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
     let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
     while blur >= FINEST {
-        state = samples.settled(state, blur, ROUNDS, false)?;
+        state = samples.settled(state, blur, 1, false)?;
         if best.is_some_and(|(best, _)| best.log_evidence > state.log_evidence) {
             break;
         }

@@ -8,10 +8,10 @@ use super::normal::{cumulative, density};
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
-const SWEEPS: usize = 12;
+const SWEEPS: usize = 6;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
-const SETTLED: f64 = 0.02;
+const SETTLED: f64 = 0.05;
 
 /// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
 #[derive(Debug, Clone, Copy)]
