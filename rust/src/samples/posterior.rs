@@ -293,10 +293,9 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
     let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
     while blur >= FINEST {
         state = samples.settled(state, blur, 1, false)?;
-        if best.is_some_and(|(best, _)| best.log_evidence > state.log_evidence) {
-            break;
+        if best.is_none_or(|(best, _): (State, f64)| best.log_evidence < state.log_evidence) {
+            best = Some((state, blur));
         }
-        best = Some((state, blur));
         blur *= STEP;
     }
     let (state, blur) = best?;

@@ -8,7 +8,7 @@ use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::{Led, Posterior, leading_step, led, log_likelihood, posterior};
-use crate::search::candidates::{AMBIGUITY, sketch_step};
+use crate::search::candidates::{AMBIGUITY, LOOSE, sketch_step};
 
 /// Starts that are led on.
 const MOST_STARTS: usize = 12;
@@ -22,7 +22,7 @@ const SAME_ANSWER: f64 = 9.0;
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
 const ROUGH: f64 = 32.0;
 
-/// Share of wrong labels of every region up to which a pose counts as found.
+/// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
 const FOUND: f64 = 0.03;
 
 /// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
@@ -92,7 +92,7 @@ impl Posterior {
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+    posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
 }
 
 /// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
