@@ -3,8 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::normal::cumulative;
-use super::propagation::{Site, propagated};
+use super::propagation::{Label, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -22,12 +21,17 @@ const STEP: f64 = 0.5;
 const SHARP: f64 = 4.0;
 const LEADING: usize = 200;
 
-/// Share of wrong labels before any is known, and the number of samples that it stands for.
-const WRONG: f64 = 0.03;
+/// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand for.
+const MISLABELLED: f64 = 0.01;
+const DISTURBED: f64 = 0.03;
 const WEIGHT: f64 = 30.0;
 
-/// Largest share of wrong labels: no more than a coin would err.
+/// Largest such share: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
+
+/// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
+const FAR_OFF: f64 = 0.1;
+const FAR_BLURS: f64 = 4.0;
 
 /// Logarithm of the probability of a label of which the contour tells nothing: a coin's. Were it one, the likeliest pose would be
 /// one that shows all samples where nothing is known.
@@ -49,6 +53,9 @@ const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 /// Longest step, rad and share of the distance.
 const LONGEST: f64 = 0.3;
 
+/// A sample lies on the wrong side if by more than this many standard deviations.
+const CLEARLY: f64 = 2.0;
+
 /// How much wider the belief of some samples is taken before all of them have told theirs.
 const WIDER: f64 = 3.0;
 
@@ -69,7 +76,7 @@ pub struct Posterior {
     pub log_evidence: f64,
     /// The likeliest blur of the margins, pixels.
     pub blur: f64,
-    /// Share of wrong labels of each region with samples.
+    /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
     /// Number of samples near enough to the contours to tell anything.
     pub telling: usize,
@@ -103,11 +110,33 @@ struct Samples<'a, F> {
     /// One sample in so many is taken.
     step: usize,
     telling: Vec<Telling>,
-    /// Share of wrong labels of each region.
-    wrong: Vec<f64>,
-    /// Numbers of samples, region by region, that are right and wrong for certain; and of those of which nothing is known.
-    certain: Vec<[usize; 2]>,
+    /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
+    trust: Vec<Trust>,
+    certain: Vec<Shown>,
+    /// Number of samples of which nothing is known.
     unknown: usize,
+}
+
+/// What labels show together.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shown {
+    log_probability: f64,
+    mislabelled: f64,
+    disturbed: f64,
+    /// Numbers of labels: all, and those that could show a disturbed contour.
+    all: f64,
+    near: f64,
+}
+
+impl Shown {
+    fn add(&mut self, label: &Label, is_near: bool) {
+        let near = f64::from(u8::from(is_near));
+        self.log_probability += label.log_probability;
+        self.mislabelled += label.mislabelled;
+        self.disturbed += near * label.disturbed;
+        self.all += 1.0;
+        self.near += near;
+    }
 }
 
 /// A pose and what is believed of its left increment.
@@ -119,8 +148,8 @@ struct State {
 }
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
-    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, wrong: Vec<f64>) -> Self {
-        Self { regions, others, start, step, telling: Vec::new(), wrong, certain: Vec::new(), unknown: 0 }
+    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, trust: Vec<Trust>) -> Self {
+        Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
     }
 
     /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
@@ -128,23 +157,29 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
         let belief = Belief { mean: Tangent::zeros(), ..state.belief };
-        (self.certain, self.unknown) = (vec![[0, 0]; self.regions.len()], 0);
+        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
+            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+        }
+        (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
         for (region, sampled) in self.regions.iter().enumerate() {
             for number in (0..sampled.count()).step_by(self.step) {
                 let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
                 match sampled.read(&state.pose, number) {
                     Reading::Seen(margin, slope) => {
-                        let site = Site::new(slope, margin, self.wrong[region]);
+                        let site = Site::new(slope, margin, self.trust[region]);
                         let (mean, variance) = site.margin_under(&belief);
                         if mean.abs() > REACH * (blur * blur + variance).sqrt() {
-                            self.certain[region][usize::from(mean < 0.0)] += 1;
+                            self.certain[region].add(&self.trust[region].label(mean, variance), mean < 0.0);
                         } else {
                             // The factors of margins stay what they are when these are linearised anew.
                             let site = before.map_or(site, |before| site.with_factor_of(&before.site));
                             self.telling.push(Telling { site, region, number });
                         }
                     }
-                    Reading::Behind(right) => self.certain[region][usize::from(!right)] += 1,
+                    Reading::Behind(right) => {
+                        let margin = if right { f64::INFINITY } else { f64::NEG_INFINITY };
+                        self.certain[region].add(&self.trust[region].label(margin, 0.0), !right);
+                    }
                     Reading::Unknown => self.unknown += 1,
                 }
             }
@@ -155,7 +190,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     fn linearise(&mut self, pose: &Pose) {
         for telling in &mut self.telling {
             if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
-                telling.site = Site::new(slope, margin, self.wrong[telling.region]).with_factor_of(&telling.site);
+                telling.site = Site::new(slope, margin, self.trust[telling.region]).with_factor_of(&telling.site);
             }
         }
     }
@@ -184,23 +219,37 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Logarithm of the probability of the labels that move nothing.
     fn log_certain(&self) -> f64 {
-        let of = |([right, wrong], share): (&[usize; 2], &f64)| {
-            *right as f64 * (1.0 - share).ln() + *wrong as f64 * share.ln()
-        };
-        self.certain.iter().zip(&self.wrong).map(of).sum::<f64>() + self.unknown as f64 * UNKNOWN
+        self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
     }
 
-    /// The shares of wrong labels that a belief shows, those that were expected beforehand among them.
-    fn learn_wrong(&mut self, belief: &Belief, blur: f64) {
-        let mut sums = vec![[WEIGHT * WRONG, WEIGHT]; self.regions.len()];
+    /// What all labels show of each region under a belief.
+    fn shown(&self, belief: &Belief) -> Vec<Shown> {
+        let mut shown = self.certain.clone();
+        self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
+        shown
+    }
+
+    /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
+    fn learn_trust(&mut self, belief: &Belief) {
+        let shown = self.shown(belief);
+        let share =
+            |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
+        for (trust, shown) in self.trust.iter_mut().zip(shown) {
+            trust.mislabelled = share(shown.mislabelled, shown.all, MISLABELLED);
+            trust.disturbed = share(shown.disturbed, shown.near, DISTURBED);
+        }
+    }
+
+    /// Share of each region's samples near its contour that lie on its wrong side at a pose.
+    fn wrong(&self, belief: &Belief) -> Vec<f64> {
+        let mut counts: Vec<[f64; 2]> = self.certain.iter().map(|shown| [shown.near, shown.near]).collect();
         for telling in &self.telling {
-            sums[telling.region][0] += telling.site.wrong_probability(belief, blur);
-            sums[telling.region][1] += 1.0;
+            let (mean, variance) = telling.site.margin_under(belief);
+            let deviation = (telling.site.trust.blur.powi(2) + telling.site.bent + variance).sqrt();
+            counts[telling.region][0] += f64::from(u8::from(mean < -CLEARLY * deviation));
+            counts[telling.region][1] += 1.0;
         }
-        for (sum, [right, wrong]) in sums.iter_mut().zip(&self.certain) {
-            *sum = [sum[0] + *wrong as f64, sum[1] + (right + wrong) as f64];
-        }
-        self.wrong = sums.iter().map(|[wrong, all]| (wrong / all).min(MOST_WRONG)).collect();
+        counts.into_iter().map(|[wrong, all]| wrong / f64::max(all, 1.0)).collect()
     }
 
     /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
@@ -228,8 +277,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
-            let (belief, integral) = propagated(&known, &guard, &mut self.telling, blur)?;
-            self.learn_wrong(&belief, blur);
+            let (belief, integral) = propagated(&known, &guard, &mut self.telling)?;
+            self.learn_trust(&belief);
             let information = belief.covariance.cholesky()?;
             // A mean that goes to and fro lies between.
             if before.dot(&information.solve(&belief.mean)) < 0.0 {
@@ -265,7 +314,7 @@ pub struct Led {
     /// Logarithm of the evidence of the samples that led it.
     pub log_evidence: f64,
     belief: Belief,
-    wrong: Vec<f64>,
+    trust: Vec<Trust>,
 }
 
 /// Where some of the samples lead a start, while their blur falls by halves from as far as they lie on the wrong side; `others`
@@ -273,14 +322,14 @@ pub struct Led {
 pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
-    let mut samples = Samples::new(regions, others, *start, step, vec![WRONG; regions.len()]);
+    let mut samples = Samples::new(regions, others, *start, step, vec![Trust::unknown(); regions.len()]);
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
         state = samples.settled(state, blur, ROUNDS, false)?;
         if blur <= SHARP {
             let State { pose, log_evidence, belief } = state;
-            return Some(Led { pose, log_evidence, belief, wrong: samples.wrong });
+            return Some(Led { pose, log_evidence, belief, trust: samples.trust });
         }
         blur = (blur * STEP).max(SHARP);
     }
@@ -288,7 +337,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 
 /// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
 pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
-    let mut samples = Samples::new(regions, others, from.pose, 1, from.wrong.clone());
+    let mut samples = Samples::new(regions, others, from.pose, 1, from.trust.clone());
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
     let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
     while blur >= FINEST {
@@ -300,8 +349,8 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
     }
     let (state, blur) = best?;
     let State { pose, belief, log_evidence } = samples.settled(state, blur, LAST_ROUNDS, true)?;
-    let Samples { wrong, telling, .. } = samples;
-    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling: telling.len() })
+    let (wrong, telling) = (samples.wrong(&Belief { mean: Tangent::zeros(), ..belief }), samples.telling.len());
+    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling })
 }
 
 /// The step that leaves about as many samples of all regions as lead.
@@ -339,12 +388,22 @@ fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
 
 /// Logarithm of the probability of the labels of every `step`-th sample at a pose that is not refined, with this blur.
 pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: usize) -> f64 {
+    let trust = Trust { blur, wide: FAR_BLURS * blur, ..Trust::unknown() };
     let label = |reading: Reading| match reading {
-        Reading::Seen(margin, _) => (WRONG + (1.0 - 2.0 * WRONG) * cumulative(margin / blur)).ln(),
-        Reading::Behind(right) => (if right { 1.0 - WRONG } else { WRONG }).ln(),
+        Reading::Seen(margin, _) => trust.label(margin, 0.0).log_probability,
+        Reading::Behind(right) => {
+            trust.label(if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0).log_probability
+        }
         Reading::Unknown => UNKNOWN,
     };
     readings(regions, pose, step).map(label).sum()
+}
+
+impl Trust {
+    /// What is expected before anything is known.
+    fn unknown() -> Self {
+        Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabelled: MISLABELLED }
+    }
 }
 
 fn readings<'a>(regions: &'a [SampledRegion], pose: &'a Pose, step: usize) -> impl Iterator<Item = Reading> + 'a {

@@ -13,6 +13,52 @@ const SWEEPS: usize = 6;
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
 const SETTLED: f64 = 0.05;
 
+/// How far the labels of a region's samples are to be trusted.
+///
+/// A label is right with the probability `mislabelled + (1 - 2 mislabelled) ((1 - disturbed) Phi(margin / blur) + disturbed
+/// Phi(margin / wide))`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trust {
+    /// Blur of the contour where it is clean, pixels.
+    pub blur: f64,
+    /// Blur where it is disturbed, pixels.
+    pub wide: f64,
+    /// Share of the contour that is disturbed.
+    pub disturbed: f64,
+    /// Share of labels that are wrong, however far from the contour.
+    pub mislabelled: f64,
+}
+
+impl Trust {
+    /// Weights and blurs of the clean and the disturbed parts.
+    fn parts(&self) -> [(f64, f64); 2] {
+        let labelled = 1.0 - 2.0 * self.mislabelled;
+        [(labelled * (1.0 - self.disturbed), self.blur), (labelled * self.disturbed, self.wide)]
+    }
+
+    /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the contour is
+    /// disturbed; of a margin with a normal distribution.
+    pub fn label(&self, mean: f64, variance: f64) -> Label {
+        let [clean, wide] =
+            self.parts().map(|(weight, blur)| weight * cumulative(mean / (blur * blur + variance).sqrt()));
+        let all = self.mislabelled + clean + wide;
+        // Of a margin that is certain to be right a label that was drawn at random agrees by half.
+        let beyond = self.mislabelled * cumulative(-mean / (self.blur * self.blur + variance).sqrt());
+        Label { log_probability: all.ln(), mislabelled: beyond / all, disturbed: wide / all }
+    }
+}
+
+/// What a label shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Label {
+    /// Logarithm of its probability.
+    pub log_probability: f64,
+    /// Probability that it is wrong for its own sake.
+    pub mislabelled: f64,
+    /// Probability that the contour is disturbed where it lies.
+    pub disturbed: f64,
+}
+
 /// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
@@ -22,8 +68,8 @@ pub struct Site {
     pub margin: f64,
     /// Variance of the margin about that line, squared pixels, which adds to the blur's.
     pub bent: f64,
-    /// Share of wrong labels among its like.
-    pub wrong: f64,
+    /// How far labels are to be trusted.
+    pub trust: Trust,
     /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
     pub precision: f64,
     /// See `precision`.
@@ -40,13 +86,19 @@ struct Tilted {
 }
 
 impl Tilted {
-    /// The label `eps + (1 - 2 eps) Phi(margin / blur)` under a normal distribution of the margin.
-    fn new(mean: f64, variance: f64, blur: f64, wrong: f64) -> Self {
-        let width = (blur * blur + variance).sqrt();
-        let u = mean / width;
-        let probability = wrong + (1.0 - 2.0 * wrong) * cumulative(u);
-        let first = (1.0 - 2.0 * wrong) * density(u) / (width * probability);
-        Self { log_probability: probability.ln(), first, second: first * (first + u / width) }
+    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 16.5).
+    fn new(mean: f64, variance: f64, trust: &Trust) -> Self {
+        let (mut probability, mut slope, mut bend) = (trust.mislabelled, 0.0, 0.0);
+        for (weight, blur) in trust.parts() {
+            let width = (blur * blur + variance).sqrt();
+            let u = mean / width;
+            let height = weight * density(u) / width;
+            probability += weight * cumulative(u);
+            slope += height;
+            bend += height * u / width;
+        }
+        let first = slope / probability;
+        Self { log_probability: probability.ln(), first, second: first * first + bend / probability }
     }
 }
 
@@ -64,8 +116,8 @@ impl AsMut<Site> for Site {
 
 impl Site {
     /// A sample whose factor is not known yet.
-    pub fn new(slope: Vector6<f64>, margin: f64, wrong: f64) -> Self {
-        Self { slope, margin, bent: 0.0, wrong, precision: 0.0, pull: 0.0 }
+    pub fn new(slope: Vector6<f64>, margin: f64, trust: Trust) -> Self {
+        Self { slope, margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
     }
 
     /// The site with the factor of another one.
@@ -79,11 +131,10 @@ impl Site {
         (self.margin + self.slope.dot(&belief.mean), variance)
     }
 
-    /// Probability that the label is wrong.
-    pub fn wrong_probability(&self, belief: &Belief, blur: f64) -> f64 {
+    /// What the label shows under a belief.
+    pub fn label(&self, belief: &Belief) -> Label {
         let (mean, variance) = self.margin_under(belief);
-        let beyond = cumulative(-mean / (blur * blur + self.bent + variance).sqrt());
-        self.wrong * beyond / (self.wrong + (1.0 - 2.0 * self.wrong) * (1.0 - beyond))
+        self.trust.label(mean, variance + self.bent)
     }
 
     /// Mean and variance without the site's own factor; `None` where nothing is left.
@@ -93,11 +144,11 @@ impl Site {
     }
 
     /// Moment matching of the site's factor, in place in the belief.
-    fn update(&mut self, belief: &mut Belief, blur: f64) {
+    fn update(&mut self, belief: &mut Belief) {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
-        let tilted = Tilted::new(mean_without, variance_without + self.bent, blur, self.wrong);
+        let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust);
         let left = 1.0 - variance_without * tilted.second;
         // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
         let (precision, pull) = match tilted.second > 0.0 {
@@ -124,10 +175,10 @@ impl Site {
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
-    fn log_scale(&self, belief: &Belief, blur: f64) -> f64 {
+    fn log_scale(&self, belief: &Belief) -> f64 {
         let (mean, variance) = self.margin_under(belief);
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
-        let label = Tilted::new(mean_without, variance_without + self.bent, blur, self.wrong).log_probability;
+        let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
     }
@@ -140,7 +191,7 @@ fn product<'a>(others: &Gaussian, sites: impl Iterator<Item = &'a Site>) -> Opti
     factor.belief()
 }
 
-/// What samples with this blur of their margins (pixels) and other factors leave possible, and the logarithm of the evidence;
+/// What samples and other factors leave possible, and the logarithm of the evidence;
 /// the sites keep their factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that
 /// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
 /// where a direction is left free.
@@ -148,12 +199,11 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     others: &Gaussian,
     guard: &Gaussian,
     sites: &mut [S],
-    blur: f64,
 ) -> Option<(Belief, f64)> {
     let (mut belief, mut integral) = product(&(*others + *guard), sites.iter().map(S::as_ref))?;
     for _ in 0..SWEEPS {
         let before = belief.mean;
-        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief, blur));
+        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
         // Anew from all factors: the updates' rounding errors add up.
         (belief, integral) = product(others, sites.iter().map(S::as_ref))?;
         let way = belief.mean - before;
@@ -161,5 +211,5 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
             break;
         }
     }
-    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief, blur)).sum::<f64>()))
+    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>()))
 }

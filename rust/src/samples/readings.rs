@@ -21,6 +21,8 @@ pub struct SampledRegion {
     contour: SignedField,
     /// Pixels per unit of that plane.
     pixels: f64,
+    /// Side, in pixels, of a square of the region's area.
+    size: f64,
     /// Samples about the problem's origin, and whether each is inside.
     samples: Vec<(Vector3<f64>, bool)>,
 }
@@ -51,6 +53,7 @@ impl SampledRegion {
             rotation: region.chart().rotation,
             contour: SignedField::new(&unscaled, borders),
             pixels: region.pixel_area().sqrt() * scale,
+            size: region.pixel_area().sqrt(),
             samples: inside.chain(samples.outside().iter().map(lifted(false))).collect(),
         })
     }
@@ -58,6 +61,11 @@ impl SampledRegion {
     /// Its place among the problem's regions.
     pub fn index(&self) -> usize {
         self.index
+    }
+
+    /// Side, in pixels, of a square of the observed region's area.
+    pub fn size(&self) -> f64 {
+        self.size
     }
 
     /// Number of samples.

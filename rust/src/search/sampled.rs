@@ -23,7 +23,7 @@ const SAME_ANSWER: f64 = 9.0;
 const ROUGH: f64 = 32.0;
 
 /// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
-const FOUND: f64 = 0.03;
+const FOUND: f64 = 0.2;
 
 /// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
 const HOPELESS: f64 = 40.0;
