@@ -31,22 +31,42 @@ const HOPELESS: f64 = 40.0;
 impl Problem {
     /// What the samples leave possible about some starts and, where they contradict all of these, about further ones; the
     /// likeliest first. Poses are about the problem's origin.
-    pub(crate) fn posteriors(&self, starts: Vec<Pose>, prior: &Prior) -> Vec<Posterior> {
-        let outlined = self.outlined();
-        let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
-        let mut found = self.posteriors_near(starts, &others);
-        if !found.iter().any(is_found) {
-            found.extend(self.posteriors_near(further_poses(self, sketch_step(self.contours())), &others));
+    pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
+        let mut found = self.posteriors_with(starts, prior);
+        let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
+        if prior.most() > 0.0 && !found.first().is_some_and(agrees) {
+            // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
+            found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
+                let log_evidence = posterior.log_evidence - 0.5 * self.penalty(&posterior, prior);
+                Posterior { log_evidence, ..posterior }
+            }));
         }
         let behind = 0.5 * (AMBIGUITY + self.most_penalty(prior));
         likeliest(found, behind, |posterior| posterior.log_evidence, Posterior::is_same_as)
     }
 
+    /// What a prior counts against a posterior, in variances.
+    fn penalty(&self, posterior: &Posterior, prior: &Prior) -> f64 {
+        prior.penalty(&self.uncentred(&posterior.pose), &posterior.covariance)
+    }
+
+    /// The posteriors with a prior, the likeliest first.
+    fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
+        let outlined = self.outlined();
+        let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+        let mut found = self.posteriors_near(starts, &others);
+        if !found.iter().any(is_found) {
+            let further = further_poses(self, sketch_step(self.contours()));
+            found.extend(self.posteriors_near(&further, &others));
+        }
+        likeliest(found, f64::INFINITY, |posterior| posterior.log_evidence, Posterior::is_same_as)
+    }
+
     /// The posteriors of the likeliest starts.
-    fn posteriors_near(&self, starts: Vec<Pose>, others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
+    fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
         let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step);
-        let scored = starts.into_iter().map(|pose| (misfit(&pose), pose)).collect();
+        let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
         let all: Vec<Led> = starts.iter().filter_map(|(_, start)| led(regions, others, start)).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);

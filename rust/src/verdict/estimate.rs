@@ -133,8 +133,8 @@ impl Search {
         if self.problem.sampled().is_empty() {
             return places;
         }
-        let starts = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
-        let posteriors = self.problem.posteriors(starts, &self.options.prior);
+        let starts: Vec<Pose> = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
+        let posteriors = self.problem.posteriors(&starts, &self.options.prior);
         let step = sketch_step(self.problem.contours());
         let place = |posterior: Posterior| {
             let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
