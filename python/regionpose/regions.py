@@ -184,9 +184,9 @@ class ImageRegion:
         return bearings, solid_angles * coverage
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WorldRegion:
-    """A region of the 3D data: a planar patch with holes, or an open triangulated surface."""
+    """A region of the 3D data: a planar patch with holes, or an open triangulated surface; or samples of a patch."""
 
     core: _core.WorldRegion
 
@@ -339,6 +339,12 @@ class WorldRegion:
     def is_planar(self) -> bool:
         """Whether the region lies in one plane."""
         return self.core.is_planar
+
+    def __repr__(self) -> str:
+        """What it holds, in square metres and numbers."""
+        samples = self.samples
+        known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
+        return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
 
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
         """What pickling keeps: the plane, the outline and the samples, or the surface, and the viewpoint."""

@@ -83,7 +83,9 @@ def scan_samples(
     return _telling(inside, outside, rings) if len(outside) else None
 
 
-def _other_places(points: Array, plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None) -> tuple[Array, Array]:
+def _other_places(
+    points: Array, plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
+) -> tuple[Array, Array]:
     """Places (n, 2) of a plane, in a window, that the beams of points (k, 3) passed, and (m, 2) at which they ended."""
     normal = plane.axes[2]
     heights = points @ normal - plane.origin @ normal
@@ -153,7 +155,9 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
     cells = np.floor((places - low) / size).astype(np.intp)
     shape = cells.max(axis=0) + 3
     number = (cells[:, 0] + 1) * shape[1] + cells[:, 1] + 1
-    counts = [np.bincount(number[kind], minlength=int(np.prod(shape))).reshape(shape) > 0 for kind in (is_inside, ~is_inside)]
+    counts = [
+        np.bincount(number[kind], minlength=int(np.prod(shape))).reshape(shape) > 0 for kind in (is_inside, ~is_inside)
+    ]
     around = [_dilated(count) for count in counts]
     mixed = (around[0] & around[1]) | _dilated(~(counts[0] | counts[1]))
     near = everything[mixed.ravel()[number]]
