@@ -117,8 +117,8 @@ class Outline(NamedTuple):
 class PlaneSamples(NamedTuple):
     """A plane and the samples of a region on it.
 
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points belong
-    to it. `flat`: the samples (n, 2) in its coordinates, moved onto it along the normal or their beams.
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points
+    belong to it. `flat`: the samples (n, 2) in its coordinates, moved onto it along the normal or their beams.
     """
 
     origin: Array

@@ -244,11 +244,11 @@ class WorldRegion:
 
     @classmethod
     def from_samples(cls, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
-        """The planar region of which places (n, 3) are known to be inside and places (m, 3) to be outside of it, metres.
+        """The planar region of which places (n, 3) are known to be inside, and (m, 3) to be outside of it, metres.
 
-        The plane is that of the places inside. The pose is then the mean of those that show each place on its side of the
-        image's contour (docs/math.md, section 16); the outline around the places inside is a start. ValueError as of
-        `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
+        The plane is that of the places inside. The pose is then the mean of those that show each place on its side of
+        the image's contour (docs/math.md, section 16); the outline around the places inside is a start. ValueError as
+        of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
         """
         beside = _real_array(outside, "outside", "(m, 3)").astype(np.float64)
         if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
@@ -266,14 +266,14 @@ class WorldRegion:
         sensor_origin: ArrayLike | None = None,
         extends: bool = False,
     ) -> WorldRegion:
-        """The planar region of a scan (n, 3) whose returns are those of the indices `members` (k,), with what is beside it.
+        """The planar region of the returns `members` (k,) of a scan (n, 3), by index, and what is known beside it.
 
-        `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,) that
-        ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no member,
-        unless it joins members without a gap and the region `extends` there. Beams that ended before the plane say nothing.
-        Without `sensor_origin` the returns on the plane alone tell; where there are none beside the region, it is that of
-        `from_points`. Points that are not finite are left out. ValueError for indices that are no members of the scan, and
-        as of `from_points`.
+        `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,)
+        that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no
+        member, unless it joins members without a gap and the region `extends` there. Beams that ended before the plane
+        say nothing. Without `sensor_origin` the returns on the plane alone tell; where there are none beside the
+        region, it is that of `from_points`. Points that are not finite are left out. ValueError for indices that are no
+        members of the scan, and as of `from_points`.
         """
         cloud = _cloud_array(points)
         numbers = _member_array(members, len(cloud))

@@ -1,12 +1,12 @@
 """What a scan knows of a planar region: places on its plane that beams found to be the region, and places that are not.
 
-A lidar does not measure an outline. Each of its beams met the region, passed the plane beside it, or ended before the plane
-and says nothing.
+A lidar does not measure an outline. Each of its beams met the region, passed the plane beside it, or ended before the
+plane and says nothing.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -19,6 +19,7 @@ from regionpose.outline import LEAST_APPROACH, PlaneSamples, bridging_radius
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Kind = TypeVar("Kind", np.float64, np.intp)
 
 BESIDE = 0.5
 """How far beside the region samples are looked for, over its extent: farther than a rough start is off."""
@@ -61,8 +62,8 @@ def scan_samples(
     """The samples of a region whose returns are `members` of the points (n, 3), on its plane with the outline `rings`.
 
     Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
-    not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing is
-    known to be outside. Of many samples those next to the other kind are kept, and a few of the rest.
+    not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing
+    is known to be outside. Of many samples those next to the other kind are kept, and a few of the rest.
     """
     inside = plane.flat
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
@@ -113,7 +114,7 @@ def _within(flat: Array, window: tuple[Array, Array]) -> Array:
 
 
 def _joined(inside: Array, neighbours: Array) -> Mask:
-    """Whether each of the neighbours (m, 2) is joined to the samples inside (n, 2) by steps no longer than their gaps."""
+    """Whether each of the neighbours (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps."""
     reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
     near = cKDTree(inside).query(neighbours, distance_upper_bound=reach)[0] <= reach
     pairs = cKDTree(neighbours).query_pairs(reach, output_type="ndarray")
@@ -138,15 +139,16 @@ def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     return ScanSamples(places[order[is_inside[order]]], places[order[~is_inside[order]]])
 
 
-def _some(items: NDArray[np.generic], most: int) -> NDArray[np.generic]:
+def _some(items: NDArray[Kind], most: int) -> NDArray[Kind]:
     """At most so many of the items, chosen without order."""
     if len(items) <= most:
         return items
-    return items[np.sort(np.random.default_rng(0).choice(len(items), most, replace=False))]
+    chosen: NDArray[Kind] = items[np.sort(np.random.default_rng(0).choice(len(items), most, replace=False))]
+    return chosen
 
 
 def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
-    """Indices of at most so many places that a triangulation takes, those in cells where both kinds or none are near."""
+    """Indices of at most so many places as a triangulation takes, in cells where both kinds or none are near."""
     everything = np.arange(len(places))
     if len(places) <= MOST_TRIANGULATED:
         return everything
@@ -160,13 +162,14 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
     ]
     around = [_dilated(count) for count in counts]
     mixed = (around[0] & around[1]) | _dilated(~(counts[0] | counts[1]))
-    near = everything[mixed.ravel()[number]]
+    near: NDArray[np.intp] = everything[mixed.ravel()[number]]
     if len(near) <= MOST_TRIANGULATED:
         return near
     # Whole cells, so that neighbours stay neighbours.
     used = np.unique(number[near])
     share = MOST_TRIANGULATED / len(near)
-    return near[np.isin(number[near], _some(used, int(share * len(used))))]
+    thinned: NDArray[np.intp] = near[np.isin(number[near], _some(used, int(share * len(used))))]
+    return thinned
 
 
 def _dilated(cells: Mask) -> Mask:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from regionpose.evaluation.noise import LidarScan, SpinningLidar, lidar_scan
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies.conditions import Condition
+from regionpose.evaluation.studies.conditions import Condition, Scan
 from regionpose.evaluation.studies.problems import draw_problem
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def test_many_samples_leave_those_at_the_edges() -> None:
 
 def test_samples_survive_pickling_and_viewpoints() -> None:
     region = board_region(board_scan(), sensor_origin=[0, 0, 0]).seen_from([0, 0, 0])
-    again = pickle.loads(pickle.dumps(region))  # noqa: S301
+    again = pickle.loads(pickle.dumps(region))
     assert region.samples is not None
     for given, kept in zip(region.samples, again.samples, strict=True):
         np.testing.assert_allclose(kept, given, atol=1e-12)
@@ -149,14 +149,14 @@ def test_wrong_input_is_named() -> None:
 
 @pytest.mark.parametrize("beams", [32, 64])
 def test_samples_give_a_better_pose_than_the_outline(beams: int) -> None:
-    errors = {"outline": [], "samples": []}
+    errors: dict[Scan, list[float]] = {"outline": [], "samples": []}
     for scan, found in errors.items():
         for seed in range(4):
             condition = Condition(planes=3, templates="asymmetric", lidar_beams=beams, range_noise_m=0.01, scan=scan)
             problem = draw_problem(perspective_setup(), condition, seed)
             estimate = rp.estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
             turn = estimate.pose.rotation.as_matrix() @ problem.scene.rotation.T
-            found.append(np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))))
+            found.append(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))))
     assert np.median(errors["samples"]) < 0.5 * np.median(errors["outline"])
 
 

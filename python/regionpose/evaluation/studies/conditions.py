@@ -34,12 +34,12 @@ class Condition:
     region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas, or
     the true outline without any pixels.
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
-    `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`). `focal_error` (a share) and `center_error_px`: standard deviations of the
-    calibration that the estimate is given. `wrong`: one region, drawn by the seed, is another template's ("shape") or
-    lies elsewhere ("place"), on `side`. `model`: what is disturbed where the seed draws how much (`mixes.py`).
-    `grazing_deg`: angle between the first plane and the line of sight; `turn_deg`: turn of the first plane in itself.
-    `prior`: what the estimate is told of the pose beforehand, off by the deviations that it is told. `solver`: options
-    of `estimate_pose`, as "integration=mesh system=sphere".
+    `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`). `focal_error` (a
+    share) and `center_error_px`: standard deviations of the calibration that the estimate is given. `wrong`: one
+    region, drawn by the seed, is another template's ("shape") or lies elsewhere ("place"), on `side`. `model`: what is
+    disturbed where the seed draws how much (`mixes.py`). `grazing_deg`: angle between the first plane and the line of
+    sight; `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, off
+    by the deviations that it is told. `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"

@@ -259,7 +259,7 @@ def disturbed_rings(rings: list[Array], condition: Condition, rng: np.random.Gen
 
 
 def scanned_regions(scan: LidarScan, position: Array, kept: Sequence[int], known: Scan) -> dict[int, WorldRegion]:
-    """Regions of a scan from a position (3,), by their number, but those that it hits too rarely; ValueError where all are."""
+    """Regions of a scan from a position (3,), by number, but those hit too rarely; ValueError where all are."""
     worlds: dict[int, WorldRegion] = {}
     refused = None
     for index in kept:
