@@ -89,7 +89,7 @@ proptest! {
         let mut random = Random::new(seed);
         let ring = star(&mut random, 40, 1.0);
         let region = PlaneRings::new(vec![ring.clone()]).unwrap();
-        let field = SignedField::new(&[ring.clone()], &[]);
+        let field = SignedField::new(std::slice::from_ref(&ring), &[]);
         for _ in 0..40 {
             let point = Vector2::new(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0));
             let least = (0..ring.len()).map(|k| from_segment(&point, &ring[k], &ring[(k + 1) % ring.len()])).fold(f64::INFINITY, f64::min);

@@ -90,12 +90,7 @@ impl WorldRegion {
     }
 
     /// The same region with places (n, 3) inside and (m, 3) outside of it.
-    fn with_samples(
-        &self,
-        py: Python<'_>,
-        inside: &Bound<'_, PyAny>,
-        outside: &Bound<'_, PyAny>,
-    ) -> PyResult<Self> {
+    fn with_samples(&self, py: Python<'_>, inside: &Bound<'_, PyAny>, outside: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
         py.detach(|| self.0.clone().with_samples(&inside, &outside)).map(Self).map_err(value_error)
     }
