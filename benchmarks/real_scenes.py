@@ -1,7 +1,7 @@
 """Errors on real scenes with ground truth, by scene files: a line for each scene and way of naming its regions.
 
 The scenes are folders with calib.json, regions.json and points.npy or points.bin; where there are none this says so
-and ends. Of each a scene file is written and run, as `regionpose estimate` does:
+and ends. Of each a scene file is written and run, as `regionpose estimate` does, without a prior:
 
     known    the region in the image is its polygon; in the world the known rectangle, else the labelled points
     points   the same with the labelled points, where there are such
@@ -114,7 +114,7 @@ def scene_file(folder: Path, out: Path, way: str, click: int | None = None) -> P
         regions.append({"name": region["name"], "image": {"polygon": region["image_polygon"]}, "world": world})
     calibration = json.loads((folder / "calib.json").read_text())
     scene = {"camera": camera_item(calibration), "image": str(folder / "image.png")}
-    scene |= {"cloud": str(cloud_file(folder)), "regions": regions}
+    scene |= {"cloud": str(cloud_file(folder)), "regions": regions, "prior": {"camera_near": None}}
     path = out / f"{folder.parent.name}-{folder.name}-{way}{'' if click is None else click}.yaml"
     path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
     return path

@@ -85,7 +85,7 @@ def outcomes(problem: Problem, system: published.System, start: published.Start)
         found[f"published {integration}"], initial = published_outcome(problem, system, integration, start)
     found["regionpose"], found["regionpose any"] = package_outcomes(problem)
     found["regionpose native"], _ = package_outcomes(problem, driver="native")
-    found["regionpose with start"], _ = package_outcomes(problem, initial=initial)
+    found["regionpose with start"], _ = package_outcomes(problem, prior=rp.Prior(initial=initial))
     return found
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from regionpose.mask import MaskWindow
     from regionpose.matching import RegionMatches, match_regions
     from regionpose.pose import Pose
+    from regionpose.prior import Prior
     from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
     from regionpose.segmentation.cloud import grow_plane
@@ -54,6 +55,7 @@ __all__ = [
     "PoseError",
     "PoseEstimate",
     "PoseWarning",
+    "Prior",
     "RegionMatches",
     "RigEstimate",
     "UnifiedCamera",
@@ -92,6 +94,7 @@ _MODULES = {
     "mask": ("MaskWindow",),
     "matching": ("RegionMatches", "match_regions"),
     "pose": ("Pose",),
+    "prior": ("Prior",),
     "regions": ("ImageRegion", "WorldRegion"),
     "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),
     "segmentation.cloud": ("grow_plane",),

@@ -1,7 +1,7 @@
 """The core's kernels: rings, meshes, moments, and problems and what comes of them."""
 
 from collections.abc import Iterable, Sequence
-from typing import Final, Literal, TypedDict, final, type_check_only
+from typing import Final, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ __all__ = [
     "Estimate",
     "Minimum",
     "ObservedRegion",
+    "Prior",
     "Problem",
     "Search",
     "Solution",
@@ -85,14 +86,13 @@ def moved_pose(
 
 def estimate_batch(
     problems: Sequence[tuple[Sequence[ObservedRegion], Sequence[WorldRegion]]],
+    priors: Sequence[Prior | None],
     *,
     threads: int | None = None,
-    system: Literal["plane", "sphere"] = "plane",
-    integration: Literal["boundary", "mesh", "pixels"] = "boundary",
     refine: Literal["contour"] | None = "contour",
 ) -> list[Estimate | str | None]:
-    """Estimates of many problems by the native solver, in order; None for one without a pose in view, and what is wrong
-    with it for one that is refused.
+    """Estimates of many problems by the native solver, each with its prior, in order; None for one without a pose in
+    view, and what is wrong with it for one that is refused.
     """
 
 @final
@@ -100,6 +100,7 @@ class ObservedRegion:
     """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over.
 
     `borders`: the image's border beside the region, lines of bearings (m, 3), where it may have cut the region.
+    `hidden`: stretches of the rings that aren't its own boundary, lines of bearings (m, 3).
     """
 
     def __new__(
@@ -108,6 +109,7 @@ class ObservedRegion:
         pixel_area: float,
         *,
         borders: Iterable[ArrayLike] | None = None,
+        hidden: Iterable[ArrayLike] | None = None,
         pixel_bearings: ArrayLike | None = None,
         pixel_solid_angles: ArrayLike | None = None,
     ) -> ObservedRegion: ...
@@ -279,16 +281,26 @@ class Estimate:
     def evaluations(self) -> int:
         """Evaluations of the equations over all minima."""
 
-@type_check_only
-class Prior(TypedDict, total=False):
-    """What is known of a pose beforehand: `initial` (rotation (3, 3), translation (3,)) and its deviation (degrees,
-    metres); `up` (3,), the world direction that is up in the image, and its deviation in degrees.
-    """
+@final
+class Prior:
+    """What is known of a pose beforehand; `initial` as rotation (3, 3) and translation (3,)."""
 
-    initial: tuple[ArrayLike, ArrayLike] | None
-    initial_sigma: ArrayLike | None
-    up: ArrayLike | None
-    up_sigma: float | None
+    def __new__(
+        cls,
+        *,
+        up: ArrayLike | None = None,
+        up_sigma_deg: float | None = None,
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+        initial_sigma: ArrayLike | None = None,
+        camera_near: ArrayLike | None = None,
+        camera_near_sigma_m: float | None = None,
+    ) -> Prior: ...
+    @property
+    def camera_near_sigma_m(self) -> float | None:
+        """Deviation of the camera's place, metres, the conventional one where none was given; None without a place."""
+
+    def penalty(self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> float:
+        """What counts against a pose with this covariance (6, 6) of its left increment, in variances."""
 
 @final
 class Problem:

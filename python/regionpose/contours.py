@@ -47,9 +47,10 @@ class Contours:
     """The two sides of some regions, one after the other.
 
     `pieces`: means (m, 2) of equally long parts of the observed contours, pixels, without those that touch the image's
-    border. `vertices`: (v, 3) of the world regions' boundaries, split where the camera bends their edges; `following`
-    (v,): index of the vertex after each on its ring. `rings`: number of pieces of each observed ring. `regions`: the
-    slices of pieces and vertices of each region; `world_rings`: those of the vertices of each of its rings.
+    border or a hidden edge. `vertices`: (v, 3) of the world regions' boundaries, split where the camera bends their
+    edges; `following` (v,): index of the vertex after each on its ring. `rings`: number of pieces of each observed
+    ring. `regions`: the slices of pieces and vertices of each region; `world_rings`: those of the vertices of each of
+    its rings.
     """
 
     pieces: Array
@@ -79,7 +80,7 @@ class Distances(NamedTuple):
 
 def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion]) -> Contours:
     """The contours of region pairs; edges are split for this camera at this pose."""
-    means = [_core.contour_pieces(image.rings, image.on_border(camera)) for image in images]
+    means = [_core.contour_pieces(image.rings, image.foreign_edges(camera)) for image in images]
     rings = [[_split_ring(camera, pose, ring) for ring in world.rings] for world in worlds]
     all_rings = [ring for region in rings for ring in region]
     slices = _slices([[ring] for ring in all_rings])

@@ -53,14 +53,15 @@ class MaskWindow:
 
 def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     """Rings (n, 2) of a mask's contour, pixels, and its window; ValueError as of `ImageRegion.from_mask`."""
-    given = _mask_array(mask)
+    given = checked_mask(mask)
     rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
     held = given[top:bottom, left:right]
     coverage = held != 0 if binary else _native(held).copy()
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 
 
-def _mask_array(mask: ArrayLike) -> NDArray[Any]:
+def checked_mask(mask: ArrayLike) -> NDArray[Any]:
+    """The mask as an array (h, w) of a type that masks may have; ValueError for another."""
     try:
         given = np.asarray(mask)
     except (TypeError, ValueError) as error:

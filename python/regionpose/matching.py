@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.solver import (
     PoseError,
@@ -19,6 +20,7 @@ from regionpose.solver import (
     Refine,
     check_camera,
     checked_regions,
+    core_prior,
     estimate_pose,
     observed_regions,
 )
@@ -51,8 +53,9 @@ AS_MUCH_NOISE = 2.0
 """Ratio of boundary noises above which it doesn't, whatever its score. It is far above their scatter; an arrangement
 that is off by a fraction of a region leaves tens of times the noise."""
 
-UP_MARGIN = np.radians(30.0)
-"""Angle (rad) by which a pose has to be nearer to `up` to be preferred whatever it fits: a hand-held camera's tilt."""
+AMBIGUITY = 25.0
+"""Variances by which a prior has to count more against an assignment's pose to rule it out, as between poses of one
+(docs/math.md, eq. 10.7)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,7 @@ def match_regions(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
     *,
-    up: ArrayLike | None = None,
+    prior: Prior | None = None,
     refine: Refine | None = "contour",
     threads: int | None = None,
 ) -> RegionMatches:
@@ -89,24 +92,25 @@ def match_regions(
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
     wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`) or without a partner stay
-    unmatched. `up`, the world direction (3,) that is up in the image, decides between assignments that explain about as
-    much; `refine` as in `estimate_pose`; `threads` (all cores when None) changes the time alone.
+    unmatched. `prior` decides between assignments that explain about as much, as `estimate_pose` does between poses;
+    `refine` as there; `threads` (all cores when None) changes the time alone.
 
-    Those assignments are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
+    Assignments that the prior leaves are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
     ValueError) where no image region looks like any world region.
     """
     images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
-    sides = _Sides.of(camera, images, worlds)
-    sides.check(up)
+    sides = _Sides.of(camera, images, worlds, core_prior(prior))
+    sides.check()
     consensuses, least = _consensuses(sides, threads)
     if not consensuses:
         raise PoseError(
             f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
             f" pair has an overlap error of {100.0 * least:.1f} %; needed up to {100.0 * MATCHED_OVERLAP:.0f} %"
         )
-    assignments = _completed(sides, _best(consensuses, up), refine)
+    assignments = _completed(sides, _best(sides, consensuses), refine)
     pairs = assignments[0]
-    estimate = estimate_pose(camera, [images[i] for i, _ in pairs], [worlds[j] for _, j in pairs], up=up, refine=refine)
+    paired = [images[i] for i, _ in pairs], [worlds[j] for _, j in pairs]
+    estimate = estimate_pose(camera, *paired, prior=prior, refine=refine)
     return RegionMatches(
         pairs=pairs,
         unmatched_image=tuple(sorted({*range(len(images))} - {i for i, _ in pairs})),
@@ -119,7 +123,7 @@ def match_regions(
 
 @dataclass(frozen=True)
 class _Sides:
-    """Both sides of all regions: for the core, and as centroids and sizes.
+    """Both sides of all regions: for the core, and as centroids and sizes; and what is known of the pose.
 
     Of the k observed ones `bearings` (k, 3) of the centroids and `solid_angles` (k,); of the m world ones `centroids`
     (m, 3), `normals` (m, 3), `areas` (m,), and `facing` (m,): 1 where the camera has to be on the normal's side, -1
@@ -134,9 +138,12 @@ class _Sides:
     normals: Array
     areas: Array
     facing: Array
+    prior: _core.Prior | None
 
     @classmethod
-    def of(cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion]) -> _Sides:
+    def of(
+        cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion], prior: _core.Prior | None
+    ) -> _Sides:
         """Both sides as this camera sees them."""
         check_camera(camera, images)
         if not (images and worlds):
@@ -153,17 +160,16 @@ class _Sides:
             normals=np.array([region.normal for region in worlds]),
             areas=np.array([region.area for region in worlds]),
             facing=np.array([_facing(region.core) for region in worlds]),
+            prior=prior,
         )
 
-    def check(self, up: ArrayLike | None) -> None:
-        """Nothing; ValueError for an image region that the core refuses, or an `up` that is no direction."""
+    def check(self) -> None:
+        """Nothing; ValueError for an image region that the core refuses."""
         for index in range(len(self.observed)):
             try:
-                problem = self.problem([(index, 0)])
+                self.problem([(index, 0)])
             except ValueError as error:
                 raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
-        # The prior is read as an estimate would read it.
-        problem.search(start="paper", prior={"up": up})
 
     def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
         """The problem of these pairs."""
@@ -191,8 +197,8 @@ class _Sides:
     def solved(self, pairs: Iterable[Pair], start: _core.Solution, refine: Refine | None = None) -> _Consensus | None:
         """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
         ordered = tuple(sorted(pairs))
-        initial = (start.rotation, start.translation)
-        estimate = self.problem(ordered).estimate(start="paper", prior={"initial": initial}, refine=refine)
+        initial = _core.Prior(initial=(start.rotation, start.translation))
+        estimate = self.problem(ordered).estimate(start="paper", prior=initial, refine=refine)
         if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
             return None
         return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)
@@ -255,7 +261,7 @@ def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], 
 def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:
     """Overlap error and consensus of one image region with each world region, one for each pose, best first."""
     problems = [([sides.observed[image]], [world]) for world in sides.worlds]
-    estimates = _core.estimate_batch(problems, threads=threads, refine=None)
+    estimates = _core.estimate_batch(problems, [sides.prior] * len(problems), threads=threads, refine=None)
     single = [
         (solution.overlap_error, _Consensus.of(((image, world),), solution, estimate.boundary_noise))
         for world, estimate in enumerate(estimates)
@@ -293,8 +299,10 @@ def _extended(
     return consensus
 
 
-def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensus]:
-    """The one that explains the most and the other readings that explain about as much, best first."""
+def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
+    """The one that explains the most and the other readings that explain about as much and that the prior leaves, best
+    first.
+    """
     first = max(consensuses, key=lambda each: each.score)
     alike = [
         each
@@ -303,8 +311,9 @@ def _best(consensuses: list[_Consensus], up: ArrayLike | None) -> list[_Consensu
         and each.noise <= AS_MUCH_NOISE * first.noise
         and (each.pairs == first.pairs or each.is_another(first))
     ]
-    least = min(_tilt(each.pose, up) for each in alike)
-    return sorted(alike, key=lambda each: (_tilt(each.pose, up) > least + UP_MARGIN, -each.score))
+    penalties = [_penalty(sides.prior, each.pose) for each in alike]
+    left = [each for each, penalty in zip(alike, penalties, strict=True) if penalty <= min(penalties) + AMBIGUITY]
+    return sorted(left, key=lambda each: -each.score)
 
 
 def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
@@ -316,12 +325,9 @@ def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | No
     return list(dict.fromkeys(each.pairs for each in completed))
 
 
-def _tilt(pose: _core.Solution, up: ArrayLike | None) -> float:
-    """Angle (rad) between `up` and the image's, 0 without it."""
-    if up is None:
-        return 0.0
-    direction = pose.rotation @ np.asarray(up, dtype=np.float64)
-    return float(np.arctan2(np.linalg.norm(direction[[0, 2]]), -direction[1]))
+def _penalty(prior: _core.Prior | None, pose: _core.Solution) -> float:
+    """What the prior counts against a pose, in variances."""
+    return 0.0 if prior is None else prior.penalty(pose.rotation, pose.translation, pose.covariance)
 
 
 def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:

@@ -75,11 +75,11 @@ def seen_part(camera: Camera, line: Array) -> list[Array]:
     return [samples[[start, *corners, stop - 1]]]
 
 
-def line_bearings(camera: Camera, line: Array) -> Array:
-    """Bearings (k, 3) along a line of pixels (m, 2) of the border; ValueError where the camera sees no ray."""
+def line_bearings(camera: Camera, line: Array, item: str) -> Array:
+    """Bearings (k, 3) along a line of pixels (m, 2); ValueError, with its name, where the camera sees no ray."""
     starts, ends = line[:-1], line[1:]
-    split = _split_edges(camera, starts, ends, "the image border", BORDER_BEND_TOLERANCE_PX)
-    return np.vstack([split, _visible(camera, line[-1:], "the image border")])
+    split = _split_edges(camera, starts, ends, item, BORDER_BEND_TOLERANCE_PX)
+    return np.vstack([split, _visible(camera, line[-1:], item)])
 
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:

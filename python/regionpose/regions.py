@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.outline import SparseSamplingWarning, flat_outline, outline_of_points, plane_samples
 from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 from regionpose.scan_samples import scan_samples
 
 Array = NDArray[np.float64]
+Marks = NDArray[np.bool_]
 
 ON_BORDER_PX = 1e-6
 """The contour of a mask that the border cuts runs along it, but for rounding."""
@@ -53,37 +55,55 @@ class ImageRegion:
     `mask`: the coverage that the rings were traced from, in its window of the image; None for a polygon.
     `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
     outermost centres; None stands for the camera's.
+    `hidden`: for each ring (n, 2), whether the edges that start at its vertices are hidden, (n,): edges of what stands
+    before the region, or that nobody saw; None where none is.
 
     Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
-    compared cut at the border in the same way (docs/math.md, section 14).
+    compared cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then
+    that of the other edges alone (docs/math.md, section 14).
     """
 
     rings: tuple[Array, ...]
     mask: MaskWindow | None = None
     border: Border | None = None
+    hidden: tuple[Marks, ...] | None = None
 
     @classmethod
-    def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> ImageRegion:
+    def from_polygon(
+        cls,
+        rings: ArrayLike | Sequence[ArrayLike],
+        *,
+        hidden_edges: Sequence[int] | Sequence[Sequence[int]] = (),
+    ) -> ImageRegion:
         """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
 
         One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
-        unless the region goes on beyond that side: it is then taken at its word. ValueError for a ring with fewer than
-        3 vertices, values that are not finite, crossing edges, no area, or a hole that is not inside the first ring.
+        unless the region goes on beyond that side: it is then taken at its word. `hidden_edges`: indices of edges that
+        are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its vertex i to the
+        next. Of several rings, a list of such lists. ValueError for a ring with fewer than 3 vertices, values that are
+        not finite, crossing edges, no area, a hole that is not inside the first ring, or an edge that isn't there.
         """
-        return cls(tuple(_core.plane_rings(_ring_list(rings, 2), polygon=True)))
+        given = _ring_list(rings, 2)
+        checked = tuple(_core.plane_rings(given, polygon=True))
+        return cls(checked, hidden=marked_edges(given, checked, hidden_edges))
 
     @classmethod
-    def from_mask(cls, mask: ArrayLike) -> ImageRegion:
+    def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
         """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
 
         The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
         between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
-        is cut there by the border of the image, half a pixel outside the outermost centres. ValueError for another
-        shape or type, an empty mask, or values outside [0, 1].
+        is cut there by the border of the image, half a pixel outside the outermost centres. `unknown` (h, w), bool or
+        numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask says, such as
+        an occluder's; the contour beside them is hidden. ValueError for another shape or type, a mask that is empty or
+        wholly unknown, or values outside [0, 1].
         """
-        rings, window = traced_mask(mask)
+        if unknown is None:
+            (rings, window), hidden = traced_mask(mask), None
+        else:
+            rings, window, hidden = traced_beside(mask, unknown)
         height, width = window.shape
-        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5))
+        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
 
     @cached_property
     def area(self) -> float:
@@ -111,9 +131,26 @@ class ImageRegion:
             return self.rings
         return [self._on_sides(camera, ring)[0] for ring in self.rings]
 
-    def on_border(self, camera: Camera) -> list[NDArray[np.bool_]]:
+    def on_border(self, camera: Camera) -> list[Marks]:
         """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""
         return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
+
+    def foreign_edges(self, camera: Camera) -> list[Marks]:
+        """For each ring (n, 2), whether the edges that start at its vertices are not the region's own, (n,): they lie
+        on the border of the image, or are hidden.
+        """
+        on_border = self.on_border(camera)
+        return on_border if self.hidden is None else [a | b for a, b in zip(on_border, self.hidden, strict=True)]
+
+    def hidden_bearings(self, camera: Camera) -> list[Array]:
+        """The hidden edges as lines of bearings (m, 3), each as far as they go on; ValueError where the camera sees no
+        ray.
+        """
+        if self.hidden is None:
+            return []
+        rings = zip(self.rings_on_border(camera), self.hidden, strict=True)
+        lines = [line for ring, marks in rings for line in marked_lines(ring, marks)]
+        return [line_bearings(camera, line, "a hidden edge") for line in lines]
 
     def border_bearings(self, camera: Camera) -> list[Array]:
         """The sides of the border along which the region is cut, as lines of bearings (m, 3).
@@ -129,7 +166,7 @@ class ImageRegion:
         if not sides.any():
             return []
         lines = border_lines(border, np.concatenate(self.rings), [bool(side) for side in sides])
-        return [line_bearings(camera, part) for line in lines for part in seen_part(camera, line)]
+        return [line_bearings(camera, part, "the image border") for line in lines for part in seen_part(camera, line)]
 
     def _border(self, camera: Camera) -> Border | None:
         if self.border is not None or camera.width is None or camera.height is None:
@@ -247,7 +284,7 @@ class WorldRegion:
         """The planar region of which places (n, 3) are known to be inside, and (m, 3) to be outside of it, metres.
 
         The plane is that of the places inside. The pose is then the mean of those that show each place on its side of
-        the image's contour (docs/math.md, section 16); the outline around the places inside is a start. ValueError as
+        the image's contour (docs/math.md, section 17); the outline around the places inside is a start. ValueError as
         of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
         """
         beside = _real_array(outside, "outside", "(m, 3)").astype(np.float64)

@@ -102,6 +102,7 @@ def report_html(report: Report) -> str:
         _pose("camera_from_world", result["camera_from_world"]),
         _pose("world_from_camera", result["world_from_camera"]),
         f"<p>Camera centre in the world: <code>{_numbers(result['camera_center_in_world_m'])}</code> m.</p>",
+        _known(result),
         "<h2>Uncertainty</h2>",
         _uncertainty(result),
         _alternatives(result["alternatives"]),
@@ -115,6 +116,19 @@ def report_html(report: Report) -> str:
     return (
         f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
     )
+
+
+def _known(result: Mapping[str, Any]) -> str:
+    """Where the scanner stood and the camera near it, and who says so."""
+    told = [("Scanner at", result["sensor_origin"]), ("The camera was taken to be near", result["camera_near"])]
+    parts = [
+        f"{what} <code>{_numbers(said['place_in_world_m'])}</code> m"
+        + (f" (1 sigma {said['sigma_m']:g} m)" if "sigma_m" in said else "")
+        + f", by {escape(said['said_by'])}."
+        for what, said in told
+        if said is not None
+    ]
+    return f"<p>{' '.join(parts)}</p>" if parts else ""
 
 
 def data_url(picture: NDArray[np.uint8]) -> str:

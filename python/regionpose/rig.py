@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.intrinsics import CameraPart, CameraRefinement, ContourProblem, parameter_names, refined_camera
 from regionpose.pose import Pose
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
 
@@ -101,34 +102,32 @@ def estimate_rig(
     camera: Camera,
     frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
     *,
-    initial: Pose | None = None,
-    initial_sigma: tuple[float, float] | None = None,
-    up: ArrayLike | None = None,
-    up_sigma: float | None = None,
+    prior: Prior | None = None,
     refine: Literal["contour"] | None = "contour",
     refine_camera: Sequence[CameraPart] = (),
 ) -> RigEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
     Each frame is a pair (image_regions, world_regions) or a `Frame`, taken by the same camera and given in the same
-    frame of the rig, such as its lidar's. `initial`, `up`, what is known of both, and `refine` are those of
-    `estimate_pose`. Every frame is left out in turn and compared with the pose of the others. `refine_camera`, some of
-    "focal" (fx, fy), "center" (cx, cy) and "distortion" (k1, k2), estimates these together with the pose (docs/math.md,
-    section 12), and takes them where they are determined and differ from the given ones by more than noise.
+    frame of the rig, such as its lidar's. `prior` and `refine` are those of `estimate_pose`. Every frame is left out in
+    turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx, cy) and
+    "distortion" (k1, k2), estimates these together with the pose (docs/math.md, section 12), and takes them where they
+    are determined and differ from the given ones by more than noise.
 
     ValueError for bad input, naming the frame; PoseError (a ValueError) where no pose shows every region.
     """
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    rig = _Rig(camera, up, up_sigma, refine)
-    estimate = rig.joint(listed, initial, initial_sigma)
+    rig = _Rig(camera, prior or Prior(), refine)
+    estimate = rig.joint(listed)
     refinement = None
     if names:
         contours = contours_of(camera, estimate.pose, *_sides(listed))
         refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
         if refinement.outcome == "refined":
             rig = replace(rig, camera=refinement.camera)
-            estimate = rig.joint(listed, refinement.pose if initial is None else initial, initial_sigma)
+            near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
+            estimate = near.joint(listed)
     influence = rig.influence(listed, estimate.pose)
     return RigEstimate(
         estimate=estimate,
@@ -145,24 +144,16 @@ class _Rig:
     """Poses of some frames of a rig, all found in the same way."""
 
     camera: Camera
-    up: ArrayLike | None
-    up_sigma: float | None
+    prior: Prior
     refine: Literal["contour"] | None
 
-    def joint(
-        self, frames: Sequence[Frame], initial: Pose | None, initial_sigma: tuple[float, float] | None = None
-    ) -> PoseEstimate:
+    def started_at(self, pose: Pose) -> _Rig:
+        """The same from a pose that is a start alone, in place of the prior's."""
+        return replace(self, prior=replace(self.prior, initial=pose, initial_sigma=None))
+
+    def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
         """The pose of all the frames."""
-        return estimate_pose(
-            self.camera,
-            *_sides(frames),
-            initial=initial,
-            initial_sigma=initial_sigma,
-            up=self.up,
-            up_sigma=self.up_sigma,
-            refine=self.refine,
-            driver="native",
-        )
+        return estimate_pose(self.camera, *_sides(frames), prior=self.prior, refine=self.refine, driver="native")
 
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
@@ -172,7 +163,7 @@ class _Rig:
         found = []
         for index, frame in enumerate(frames):
             others = [*frames[:index], *frames[index + 1 :]]
-            without = self.joint(others, joint)
+            without = self.started_at(joint).joint(others)
             residual, expected = _held_out(self.camera, without, frame, others)
             increment = _increment(without.pose, joint)
             found.append(

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.pixel_edges import straight_bearings
 from regionpose.pose import Pose
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion, WorldRegion
-
-if TYPE_CHECKING:
-    from regionpose._core import Prior
 
 Array = NDArray[np.float64]
 System = Literal["plane", "sphere"]
@@ -125,10 +123,8 @@ def estimate_pose(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
     *,
-    initial: Pose | Literal["paper"] | None = None,
-    initial_sigma: tuple[float, float] | None = None,
-    up: ArrayLike | None = None,
-    up_sigma: float | None = None,
+    prior: Prior | None = None,
+    start: Start = "global",
     system: System = "plane",
     integration: Integration = "boundary",
     mesh_size: float | None = None,
@@ -137,23 +133,22 @@ def estimate_pose(
 ) -> PoseEstimate:
     """The pose `camera_from_world` from which each world region looks like the image region of its place in the list.
 
-    No prior is needed (docs/math.md, section 7). `initial`, a rough pose, is a start and chooses between poses that fit
-    alike; with `initial_sigma`, standard deviations (degrees, metres) of the camera's rotation and place along each
-    axis, it also rules out what lies elsewhere. So does `up`, the world direction (3,) that is up in the image, known
-    to `up_sigma` degrees (15 without it), and the viewpoint of a region (`WorldRegion.seen_from`). A prior that no
-    fitting pose agrees with is warned of (docs/math.md, section 10). `initial="paper"` searches from the paper's own
-    start alone (section 2.1.1, 2.2.1). `system`: moments on each region's normalized plane or on the sphere;
-    `integration`: sums over the boundary, a mesh, or (sphere, observed side) the mask's pixels. `mesh_size`: edge
-    length of the mesh's triangles over the square root of the region's area; None is 1/8 on the sphere and, on the
-    plane, where every mesh is exact, triangles between the boundary's vertices. `refine="contour"` leads the pose onto
-    the observed contours where a part of them is disturbed (docs/math.md, section 11). `driver` runs the final least
-    squares of the moments.
+    No `prior` is needed (docs/math.md, section 7); it adds starts and, like the viewpoint of a region
+    (`WorldRegion.seen_from`), rules out what lies elsewhere (section 10). `start="paper"` searches from the paper's own
+    start alone (its sections 2.1.1, 2.2.1), or from the prior's initial pose alone if there is one. `system`: moments
+    on each region's normalized plane or on the sphere; `integration`: sums over the boundary, a mesh, or (sphere,
+    observed side) the mask's pixels. `mesh_size`: edge length of the mesh's triangles over the square root of the
+    region's area; None is 1/8 on the sphere and, on the plane, where every mesh is exact, triangles between the
+    boundary's vertices. `refine="contour"` leads the pose onto the observed contours where a part of them is disturbed
+    (docs/math.md, section 11) or hidden (section 14). `driver` runs the final least squares of the moments.
 
     A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
     """
     if driver not in ("scipy", "native"):
         raise ValueError(f'driver is {driver!r}; needed "scipy" or "native"')
+    if start not in ("global", "paper"):
+        raise ValueError(f'start is {start!r}; needed "global" or "paper"')
     check_camera(camera, image_regions)
     problem = _core.Problem(
         observed_regions(camera, image_regions, integration),
@@ -162,12 +157,11 @@ def estimate_pose(
         integration=integration,
         mesh_size=mesh_size,
     )
-    start, prior = _start_and_prior(initial, initial_sigma)
-    prior |= {"up": up, "up_sigma": up_sigma}
+    known = core_prior(prior)
     if driver == "native":
-        found = _estimate_or_error(problem.estimate(start=start, refine=refine, prior=prior))
+        found = _estimate_or_error(problem.estimate(start=start, refine=refine, prior=known))
     else:
-        search = problem.search(start=start, refine=refine, prior=prior)
+        search = problem.search(start=start, refine=refine, prior=known)
         minima = [scipy_minimum(search, rotation, translation) for rotation, translation in search.candidates]
         found = _estimate_or_error(search.judged(minima))
     if isinstance(found, PoseError):
@@ -176,22 +170,26 @@ def estimate_pose(
 
 
 def estimate_poses(
-    problems: Iterable[Problem], *, refine: Refine | None = "contour", threads: int | None = None
+    problems: Iterable[Problem],
+    *,
+    prior: Prior | Iterable[Prior | None] | None = None,
+    refine: Refine | None = "contour",
+    threads: int | None = None,
 ) -> list[PoseEstimate | PoseError]:
     """The estimates of many problems (camera, image_regions, world_regions), in order, by the native driver.
 
     A problem without an answer leaves the others theirs. In its place stands a PoseError: that of `estimate_pose` where
-    no pose shows every region, or one that says what is wrong with a region that is refused.
-    Viewpoints of their regions count; a pose or direction known beforehand is for `estimate_pose` alone.
-    They are solved without the interpreter on a pool of `threads` of its own (all cores when None) and are the same for
+    no pose shows every region, or one that says what is wrong with a region that is refused. `prior`: what is known of
+    every pose, or a list of what is known of each (None: nothing). They are solved without the interpreter on a pool of
+    `threads` of its own (all cores when None) and are the same for
     any number of them. ValueError, its message led by the problem's number, for what is no problem at all.
     """
-    sides = [
-        _sides_or_error(index, problem)
-        for index, problem in enumerate(_listed(problems, "a list of problems (camera, image_regions, world_regions)"))
-    ]
-    whole = [each for each in sides if not isinstance(each, PoseError)]
-    estimates = iter(_core.estimate_batch(whole, threads=threads, refine=refine))
+    listed = _listed(problems, "a list of problems (camera, image_regions, world_regions)")
+    sides = [_sides_or_error(index, problem) for index, problem in enumerate(listed)]
+    told = zip(sides, _priors(prior, len(sides)), strict=True)
+    whole = [(each, known) for each, known in told if not isinstance(each, PoseError)]
+    batch, priors = [each for each, _ in whole], [known for _, known in whole]
+    estimates = iter(_core.estimate_batch(batch, priors, threads=threads, refine=refine))
     return [each if isinstance(each, PoseError) else _estimate_or_error(next(estimates)) for each in sides]
 
 
@@ -258,27 +256,41 @@ def observed_regions(
     for index, region in enumerate(regions):
         try:
             bearings = list(islice(following, len(rings[index]))) if straight else region.bearings(camera)
-            borders = region.border_bearings(camera)
+            borders, hidden = region.border_bearings(camera), region.hidden_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
             raise ValueError(f"image region {index}: {error}") from error
         observed.append(
             _core.ObservedRegion(
-                bearings, region.area, borders=borders, pixel_bearings=pixels[0], pixel_solid_angles=pixels[1]
+                bearings,
+                region.area,
+                borders=borders,
+                hidden=hidden,
+                pixel_bearings=pixels[0],
+                pixel_solid_angles=pixels[1],
             )
         )
     return observed
 
 
-def _start_and_prior(initial: Pose | str | None, initial_sigma: tuple[float, float] | None) -> tuple[Start, Prior]:
-    if isinstance(initial, Pose):
-        parts = (initial.rotation.as_matrix(), initial.translation)
-        return "global", {"initial": parts, "initial_sigma": initial_sigma}
-    if initial is not None and not (isinstance(initial, str) and initial == "paper"):
-        raise ValueError(f'initial is {initial!r}; needed a Pose, "paper" or None')
-    if initial_sigma is not None:
-        raise ValueError(f"initial_sigma is given and initial is {initial!r}; needed a Pose")
-    return ("global" if initial is None else "paper"), {}
+def core_prior(prior: Prior | None) -> _core.Prior | None:
+    """The prior as the core takes it; ValueError for what is none."""
+    if prior is None or isinstance(prior, Prior):
+        return None if prior is None else prior.core
+    raise ValueError(f"prior is a {type(prior).__name__}; needed a Prior or None")
+
+
+def _priors(prior: Prior | Iterable[Prior | None] | None, count: int) -> list[_core.Prior | None]:
+    """One for each of so many problems."""
+    if prior is None or isinstance(prior, Prior):
+        return [core_prior(prior)] * count
+    try:
+        listed = list(prior)
+    except TypeError as error:
+        raise ValueError(f"prior is a {type(prior).__name__}; needed a Prior, a list of them or None") from error
+    if len(listed) != count:
+        raise ValueError(f"prior has {len(listed)} items; needed one Prior, or a list of one for each problem, {count}")
+    return [core_prior(each) for each in listed]
 
 
 def scipy_minimum(search: _core.Search, rotation: Array, translation: Array) -> _core.Minimum:

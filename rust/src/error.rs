@@ -96,9 +96,11 @@ pub enum Error {
         /// Index of the bearing.
         index: usize,
     },
-    /// A line of the image's border that leads nowhere.
-    #[error("border line {line} has {found} bearings; a line of the border needs at least 2")]
-    ShortBorder {
+    /// A line of the image's border, or of hidden edges, that leads nowhere.
+    #[error("{item} line {line} has {found} bearings; a line needs at least 2")]
+    ShortLine {
+        /// Which lines: "border" or "hidden".
+        item: &'static str,
         /// Index of the line.
         line: usize,
         /// Bearings found.

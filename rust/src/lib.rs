@@ -67,11 +67,12 @@ pub mod view;
 
 #[cfg(feature = "batch")]
 pub use batch::in_parallel;
+pub use contour::creases::Crease;
 pub use equations::facet::Integration;
 pub use equations::system::System;
 pub use error::{Error, Result};
 pub use geometry::pose::Pose;
-pub use prior::{PoseSigma, Prior};
+pub use prior::{Gaussian, PoseSigma, Prior};
 pub use problem::Problem;
 pub use region::{ObservedRegion, WorldRegion};
 pub use search::candidates::{Options, Refinement, Search, Start};

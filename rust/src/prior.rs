@@ -134,7 +134,7 @@ impl Prior {
     }
 
     /// The place that the camera stands near, and its standard deviation.
-    fn place(&self) -> Option<(Vector3<f64>, f64)> {
+    pub fn place(&self) -> Option<(Vector3<f64>, f64)> {
         self.near.map(|near| (near, self.near_sigma.unwrap_or(NEAR_SIGMA)))
     }
 
@@ -154,9 +154,8 @@ impl Prior {
 
     /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.8).
     ///
-    /// The vector is the exact gradient of the log density at the pose, the information that where pose and prior agree: one
-    /// Newton step leads to the prior's mean from anywhere. A place weighs in by its distance alone, so it can't drift from one
-    /// linearisation to the next.
+    /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and prior agree:
+    /// from anywhere, the mean of each term alone is one Newton step away, so none drifts from one linearisation to the next.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian::default();
         if let Some((initial, sigma)) = self.rough() {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use crate::contour::creases::{Crease, creases};
 use crate::contour::readings::Contour;
 use crate::equations::facet::Integration;
 use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
@@ -114,6 +115,11 @@ impl Problem {
     /// The regions whose world side has samples, which count in place of its outline.
     pub fn sampled(&self) -> &[SampledRegion] {
         &self.sampled
+    }
+
+    /// The straight edges that two regions share, as far as their outlines and planes show any.
+    pub fn creases(&self) -> Vec<Crease> {
+        creases(&self.regions, &self.worlds, &self.origin)
     }
 
     /// The point relative to which world coordinates are taken.

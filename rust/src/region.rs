@@ -45,6 +45,9 @@ pub struct ObservedRegion {
     /// image on the same hand, each going on beside the region at both ends or, around the whole image, closed by its first
     /// bearing.
     pub borders: Vec<Vec<Vector3<f64>>>,
+    /// Stretches of the rings that are not the region's own boundary, lines of bearings: edges of what hides a part of it, or edges
+    /// that nobody saw.
+    pub hidden: Vec<Vec<Vector3<f64>>>,
 }
 
 /// The pixels of a mask: where each looks, and the solid angle of the part of it that belongs to the region.
@@ -59,7 +62,7 @@ pub struct Pixels {
 impl ObservedRegion {
     /// The region inside rings of bearings that covers `pixel_area` pixels of the image.
     pub fn new(rings: Vec<Vec<Vector3<f64>>>, pixel_area: f64) -> Self {
-        Self { rings, pixel_area, pixels: None, borders: Vec::new() }
+        Self { rings, pixel_area, pixels: None, borders: Vec::new(), hidden: Vec::new() }
     }
 
     /// The area in pixels.

@@ -34,9 +34,9 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
-    ("calibration", "fusion", "scan_lines"),
+    ("calibration", "fusion", "prior", "scan_lines"),
     ("mask", "outline", "pixel_edges"),
-    ("scan_samples",),
+    ("hidden_edges", "scan_samples"),
     ("regions",),
     ("contours", "segmentation", "solver"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),

@@ -172,11 +172,13 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is a str; it needs to be a number, or None"),
     (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
     (lambda: solve(driver=None), "driver is None; needed"),
-    (lambda: solve(initial="random"), "initial is 'random'; needed a Pose, \"paper\" or None"),
-    (lambda: solve(initial=4.0), "initial is 4.0; needed a Pose"),
-    (lambda: solve(initial=np.eye(4)), r"initial is array\(\[\[1"),
-    (lambda: solve(up={}), "up is a dict that is not an array|up is an array of type object; it needs"),
-    (lambda: solve(up="north"), "up is an array of type <U5; it needs to be an"),
+    (lambda: solve(start="random"), 'start is \'random\'; needed "global" or "paper"'),
+    (lambda: solve(prior="up"), "prior is a str; needed a Prior or None"),
+    (lambda: solve(prior={"up": UP}), "prior is a dict; needed a Prior or None"),
+    (lambda: rp.Prior(initial=4.0), "initial is a float; needed a Pose"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(initial=np.eye(4)), "initial is a ndarray; needed a Pose"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(up={}), "up is a dict that is not an array|up is an array of type object; it needs"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(up="north"), "up is an array of type <U5; it needs to be an"),
     (lambda: rp.estimate_pose(CAMERA, None, [WORLD]), "found a NoneType; needed a list of ImageRegions"),  # type: ignore[arg-type]
     (lambda: rp.estimate_pose(CAMERA, [IMAGE], 7), "found a int; needed a list of WorldRegions"),  # type: ignore[arg-type]
     (lambda: rp.estimate_poses(None), "found a NoneType; needed a list of problems"),  # type: ignore[arg-type]
@@ -184,19 +186,21 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.estimate_poses([(CAMERA, [IMAGE])]), "problem 0: found 2 items; needed"),  # type: ignore[list-item]
     (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads="two"), "threads is a str"),  # type: ignore[arg-type]
     (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], threads=-1), "threads is a int; it needs"),
-    (lambda: solve(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
-    (lambda: solve(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
-    (lambda: solve(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
-    (lambda: solve(up=UP, up_sigma=0.0), "up_sigma holds 0; it needs positive numbers"),
-    (lambda: solve(up=UP, up_sigma="few"), "up_sigma is a str; it needs to be a positive number of degrees"),
-    (
-        lambda: solve(initial=POSE, initial_sigma=(5.0,)),
-        r"initial_sigma has 1 entries; it needs to be \(degrees, metres\)",
-    ),
-    (lambda: solve(initial=POSE, initial_sigma=(5.0, -1.0)), "initial_sigma holds -1; it needs positive numbers"),
-    (lambda: solve(initial=POSE, initial_sigma="5 deg"), "initial_sigma is an array of type <U5; it needs"),
-    (lambda: solve(initial_sigma=(5.0, 1.0)), "initial_sigma is given and initial is None; needed a Pose"),
-    (lambda: solve(initial="paper", initial_sigma=(5.0, 1.0)), "initial_sigma is given and initial is 'paper'"),
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], prior=5), "prior is a int; needed a Prior, a list"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], prior=[]), "prior has 0 items; needed one Prior, or"),
+    (lambda: rp.Prior(up=[0.0, 0.0, 0.0]), "up is a zero vector; it needs to be a direction"),
+    (lambda: rp.Prior(up=[0.0, np.nan, 0.0]), r"up is \[0.0, NaN, 0.0\]; it needs to be 3 finite numbers"),
+    (lambda: rp.Prior(up=[0.0, 1.0]), r"up is \[0.0, 1.0\]; it needs to be 3 finite numbers"),
+    (lambda: rp.Prior(up=UP, up_sigma_deg=0.0), "up_sigma_deg holds 0; it needs positive numbers"),
+    (lambda: rp.Prior(up=UP, up_sigma_deg="few"), "up_sigma_deg is a str; it needs to be a positive number of degrees"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(up_sigma_deg=5.0), "up_sigma_deg is 5.0 without up; it needs up"),
+    (lambda: rp.Prior(initial=POSE, initial_sigma=(5.0,)), r"initial_sigma has 1 entries; it needs to be \(degrees"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(initial=POSE, initial_sigma=(5.0, -1.0)), "initial_sigma holds -1; it needs positive numbers"),
+    (lambda: rp.Prior(initial=POSE, initial_sigma="5 deg"), "initial_sigma is an array of type <U5; it needs"),  # type: ignore[arg-type]
+    (lambda: rp.Prior(initial_sigma=(5.0, 1.0)), r"initial_sigma is \(5.0, 1.0\) without initial; it needs initial"),
+    (lambda: rp.Prior(camera_near=[0.0, np.inf, 1.0]), r"camera_near is \[0.0, inf, 1.0\]; it needs to be 3 finite"),
+    (lambda: rp.Prior(camera_near=UP, camera_near_sigma_m=np.inf), "camera_near_sigma_m holds inf; it needs positive"),
+    (lambda: rp.Prior(camera_near_sigma_m=2.0), "camera_near_sigma_m is 2.0 without camera_near; it needs camera_near"),
     (lambda: WORLD.seen_from([0.0, np.nan, 1.0]), r"viewpoint is \[0.0, NaN, 1.0\]; it needs to be 3 finite numbers"),
     (lambda: WORLD.seen_from(LIFTED[0] + 3.0 * (LIFTED[1] - LIFTED[0])), "off the region's plane at a distance of"),
     (lambda: rp.estimate_pose(CAMERA, [], []), "there are 0 observed and 0 world regions; there need to be as many"),
@@ -213,8 +217,8 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
     (lambda: rp.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
     (lambda: _core.mesh_planar_moments(with_value(SQUARE, np.nan), [[0, 1, 2]], 2), "vertices row 2 is not finite"),
-    (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line of the border needs"),
-    (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line of the border needs"),
+    (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line needs"),
+    (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line needs"),
     (lambda: _core.pixel_moments(LIFTED, np.ones(3), 2), "bearings has 4 rows and solid_angles 3"),
     (lambda: _core.contour_pieces([], []), "the region has no rings"),
     (lambda: _core.contour_pieces([SQUARE[:2]], [MARKS[:2]]), "ring 0 has 2 distinct vertices"),
@@ -327,10 +331,15 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: rp.estimate_pose(CAMERA, [IMAGE], value),
     lambda value: rp.estimate_poses(value),
     lambda value: rp.estimate_poses([value]),
-    lambda value: solve(initial=value),
-    lambda value: solve(up=value),
-    lambda value: solve(up=UP, up_sigma=value),
-    lambda value: solve(initial=POSE, initial_sigma=value),
+    lambda value: solve(prior=value),
+    lambda value: solve(start=value),
+    lambda value: rp.estimate_poses([(CAMERA, [IMAGE], [WORLD])], prior=value),
+    lambda value: rp.Prior(initial=value),
+    lambda value: rp.Prior(up=value),
+    lambda value: rp.Prior(up=UP, up_sigma_deg=value),
+    lambda value: rp.Prior(initial=POSE, initial_sigma=value),
+    lambda value: rp.Prior(camera_near=value),
+    lambda value: rp.Prior(camera_near=UP, camera_near_sigma_m=value),
     lambda value: WORLD.seen_from(value),
     lambda value: solve(system=value),
     lambda value: solve(integration=value),

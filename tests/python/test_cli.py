@@ -176,6 +176,19 @@ def test_an_initial_pose_is_compared(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (tmp_path / "out" / "overlay_before.png").exists()
 
 
+def test_what_is_taken_of_the_scanner_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = {**scene_values(), "sensor_origin": [0.5, 0.0, -4.0]}
+    code, said, _ = run(capsys, "estimate", write_scene(tmp_path, values), "--out", tmp_path / "out")
+    assert code == 0 and "scanner at [0.500, 0.000, -4.000] m, by the scene's sensor_origin" in said
+    near = "the camera stands near [0.500, 0.000, -4.000] m, to 2 m, by sensor_origin"
+    assert f"{near}; prior.camera_near: null if it doesn't" in said
+    html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Scanner at" in html and "(1 sigma 2 m), by sensor_origin." in html
+    values["prior"] = {"camera_near": None}
+    code, said, _ = run(capsys, "estimate", write_scene(tmp_path, values), "--out", tmp_path / "free")
+    assert code == 0 and "scanner at" in said and "the camera stands near" not in said
+
+
 def one_square(folder: Path) -> Path:
     """A scene of one square, which looks the same from several poses."""
     values: dict[str, Any] = scene_values()

@@ -85,6 +85,13 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("sizes.pcd", GOOD_PCD.replace(b"SIZE 4 4 4", b"SIZE 4 4"), "3 names, 2 sizes"),
     ("size_word.pcd", GOOD_PCD.replace(b"SIZE 4 4 4", b"SIZE 4 4 four"), "SIZE: found 4 4 four"),
     ("type.pcd", GOOD_PCD.replace(b"TYPE F F F", b"TYPE F F Q"), "field z: found TYPE Q"),
+    ("viewpoint.pcd", GOOD_PCD.replace(b"WIDTH 2", b"VIEWPOINT 0 0 0\nWIDTH 2"), "VIEWPOINT: found 0 0 0; needed 7"),
+    (
+        "viewpoint_word.pcd",
+        GOOD_PCD.replace(b"WIDTH 2", b"VIEWPOINT 0 0 0 1 0 0 x\nWIDTH 2"),
+        "VIEWPOINT: found 0 0 0 1",
+    ),
+    ("viewpoint_nan.pcd", GOOD_PCD.replace(b"WIDTH 2", b"VIEWPOINT 0 0 nan 1 0 0 0\nWIDTH 2"), "needed 7 finite"),
     ("no_z.pcd", GOOD_PCD.replace(b"x y z", b"x y w"), "missing: z"),
     ("twice.pcd", GOOD_PCD.replace(b"x y z", b"x y y"), "FIELDS: found y twice"),
     ("area.pcd", GOOD_PCD.replace(b"WIDTH 2", b"WIDTH 3"), "POINTS: found 2; needed 3"),

@@ -193,6 +193,47 @@ def test_e57_of_pye57_places_each_scan_by_its_pose(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cloud.colours, np.vstack([COLOURS, COLOURS]))
     np.testing.assert_array_equal(cloud.intensity, np.tile(INTENSITY, 2))
     np.testing.assert_array_equal(cloud.fields["scan"], [0, 0, 0, 0, 1, 1, 1, 1])
+    assert cloud.sensor_origin is None, "two places, neither of all points"
+
+
+def world_sensor_origin(cloud: Any) -> list[float] | None:
+    return None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist()
+
+
+@pytest.mark.parametrize(
+    ("viewpoint", "place"),
+    [
+        ("0 0 0 1 0 0 0", None),
+        ("1.5 -2 0.25 1 0 0 0", [1.5, -2.0, 0.25]),
+        ("0 0 0 0 1 0 0", [0.0, 0.0, 0.0]),
+        ("512300 5405700 102.5 1 0 0 0", [512300.0, 5405700.0, 102.5]),
+    ],
+)
+def test_a_viewpoint_that_someone_set_is_where_the_scanner_stood(
+    viewpoint: str, place: list[float] | None, tmp_path: Path
+) -> None:
+    content = ascii_pcd().replace("VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {viewpoint}")
+    cloud = read_cloud(written(tmp_path / "a.pcd", content.encode()))
+    assert_same(cloud, POINTS, COLOURS, INTENSITY)
+    assert world_sensor_origin(cloud) == place
+    assert ("scanned from" in repr(cloud)) == (place is not None)
+
+
+def test_a_pcd_without_a_viewpoint_tells_no_sensor_origin(tmp_path: Path) -> None:
+    content = ascii_pcd().replace("VIEWPOINT 0 0 0 1 0 0 0\n", "")
+    assert read_cloud(written(tmp_path / "a.pcd", content.encode())).sensor_origin is None
+
+
+@pytest.mark.parametrize(("translation", "place"), [(UTM, UTM), ((0.0, 0.0, 0.0), None)])
+def test_the_pose_of_the_only_scan_of_an_e57_is_where_the_scanner_stood(
+    translation: Any, place: Any, tmp_path: Path
+) -> None:
+    pye57 = pytest.importorskip("pye57")
+    columns = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), POINTS.T.copy(), strict=True))
+    image = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    image.write_scan_raw(columns, translation=np.array(translation))
+    image.close()
+    assert world_sensor_origin(read_cloud(tmp_path / "a.e57")) == (None if place is None else list(place))
 
 
 def test_kitti_and_nuscenes_rows(tmp_path: Path) -> None:
@@ -200,6 +241,7 @@ def test_kitti_and_nuscenes_rows(tmp_path: Path) -> None:
     assert_same(read_cloud(written(tmp_path / "a.bin", rows[:, :4].tobytes())), POINTS, None, INTENSITY)
     cloud = read_cloud(written(tmp_path / "a.pcd.bin", rows.tobytes()))
     assert_same(cloud, POINTS, None, INTENSITY)
+    assert world_sensor_origin(cloud) == world_sensor_origin(read_cloud(tmp_path / "a.bin")) == [0.0, 0.0, 0.0]
     np.testing.assert_array_equal(cloud.fields["ring"], [0, 1, 30, 31])
     assert "ring" in read_cloud(written(tmp_path / "b.bin", rows.tobytes())).fields
     named = read_cloud(tmp_path / "b.bin", columns=("x", "y", "z", "_", "beam"))

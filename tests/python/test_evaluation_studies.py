@@ -34,6 +34,7 @@ from regionpose.evaluation.studies.conditions import Grid, changed_grid, grid_co
 from regionpose.evaluation.studies.plots import drawn_charts
 from regionpose.evaluation.studies.problems import image_patches, image_region
 from regionpose.evaluation.studies.rows import COLUMN_TYPES, judged, mahalanobis_squared
+from regionpose.evaluation.studies.study import estimate_options
 from regionpose.pose import Pose
 from scipy.spatial.transform import Rotation
 from small_study import HEIGHT, PERSPECTIVE, QUICK, SMALL, WIDTH, comparable
@@ -60,9 +61,17 @@ def test_values_and_solver_options_change_a_grid() -> None:
 
 
 def test_solver_options_are_read_as_they_are_written() -> None:
-    options = {"system": "sphere", "up": [0.0, -1.0, 0.0], "refine": None}
+    options = {"system": "sphere", "prior": {"up": [0.0, -1.0, 0.0]}, "refine": None}
     assert solver_options(solver_text(options)) == options
     assert solver_options("") == {}
+
+
+def test_what_solver_options_say_of_the_prior_is_added_to_what_is_known() -> None:
+    known = rp.Prior(camera_near=[1.0, 2.0, 3.0])
+    problem = replace(draw_problem(PERSPECTIVE, Condition(masks="polygon"), 0), prior=known)
+    told = estimate_options(problem, 'prior={"up":[0,-1,0]} start=paper')
+    assert told == {"start": "paper", "prior": rp.Prior(up=[0.0, -1.0, 0.0], camera_near=[1.0, 2.0, 3.0])}
+    assert estimate_options(problem, "") == {"prior": known}
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def seen(ring: Array) -> rp.ImageRegion:
 def matched(seen_rings: Sequence[Array], rings: Sequence[Array], up: Array | None = None) -> rp.RegionMatches:
     """The matches of rings seen and rings known on the facade."""
     images, worlds = [seen(ring) for ring in seen_rings], [rp.WorldRegion.from_polygon(ring) for ring in rings]
-    return rp.match_regions(CAMERA, images, worlds, up=up)
+    return rp.match_regions(CAMERA, images, worlds, prior=rp.Prior(up=up))
 
 
 def assert_pose(found: rp.Pose, true: rp.Pose) -> None:
@@ -199,12 +199,23 @@ def test_six_equal_boards_before_a_real_fisheye_are_told_apart_by_where_they_are
 
 def test_the_direction_up_decides_between_the_readings_of_a_column() -> None:
     column = [window(-0.4, y) for y in (-3.0, -0.6, 1.8)]
+    open_to_both = matched(column, column)
+    assert {open_to_both.pairs, *open_to_both.alternatives} == {((0, 0), (1, 1), (2, 2)), ((0, 2), (1, 1), (2, 0))}
+    assert codes(open_to_both.warnings) == ["ambiguous-matching"]
     upright, upside_down = matched(column, column, UP), matched(column, column, -UP)
     assert upright.pairs == ((0, 0), (1, 1), (2, 2))
     assert upside_down.pairs == ((0, 2), (1, 1), (2, 0))
-    assert upside_down.pairs in upright.alternatives
+    assert not upright.alternatives and not upright.warnings
     assert UP @ upright.estimate.pose.rotation.as_matrix().T @ UP > 0.9
-    assert codes(upright.warnings) == ["ambiguous-matching"]
+
+
+def test_a_place_that_the_camera_is_near_decides_too() -> None:
+    column = [window(-0.4, y) for y in (-3.0, -0.6, 1.8)]
+    images, worlds = [seen(ring) for ring in column], [rp.WorldRegion.from_polygon(ring) for ring in column]
+    near = rp.Prior(camera_near=TRUE.camera_center + 0.1, camera_near_sigma_m=0.3)
+    found = rp.match_regions(CAMERA, images, worlds, prior=near)
+    assert found.pairs == ((0, 0), (1, 1), (2, 2)) and not found.alternatives and not found.warnings
+    assert_pose(found.estimate.pose, TRUE)
 
 
 def facade_letter(name: str = "letter_f") -> Array:
@@ -267,8 +278,8 @@ def test_bad_input_is_named() -> None:
         rp.match_regions(CAMERA, [image], [world, "wall"])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="camera is a NoneType"):
         rp.match_regions(None, [image], [world])  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="up is a zero vector"):
-        rp.match_regions(CAMERA, [image], [world], up=(0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="prior is a tuple; needed a Prior or None"):
+        rp.match_regions(CAMERA, [image], [world], prior=(0.0, 1.0, 0.0))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="threads is 0; it needs to be at least 1"):
         rp.match_regions(CAMERA, [image], [world], threads=0)
 

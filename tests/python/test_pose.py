@@ -134,7 +134,7 @@ def test_an_initial_pose_chooses_among_symmetric_ones(driver: str) -> None:
     rough = Rotation.from_rotvec([0.1, 0.1, -0.2])
     for pose in (first.pose, *(alternative.pose for alternative in first.alternatives)):
         initial = rp.Pose(rough * pose.rotation, pose.translation + np.array([0.1, -0.1, 0.2]))
-        estimate = solved(PINHOLE, seen_at(5.0, TURN), [rings], driver=driver, initial=initial)
+        estimate = solved(PINHOLE, seen_at(5.0, TURN), [rings], driver=driver, prior=rp.Prior(initial=initial))
         assert max(difference(estimate.pose, pose)) < EXACT
         assert len(estimate.alternatives) == 3
 
@@ -143,7 +143,7 @@ def test_the_up_direction_chooses_among_symmetric_poses() -> None:
     """The world's -y is up in the image (the camera's y is down) as nearly as in no other of the four poses."""
     pose = seen_at(5.0, Rotation.from_rotvec([0.2, -0.1, 0.1]))
     rings = [square(0.6, 0.3)]
-    ups = {sign: solved(PINHOLE, pose, [rings], up=[0.0, sign, 0.0]).pose for sign in (-1.0, 1.0)}
+    ups = {sign: solved(PINHOLE, pose, [rings], prior=rp.Prior(up=[0.0, sign, 0.0])).pose for sign in (-1.0, 1.0)}
     for sign, found in ups.items():
         assert found.rotation.apply([0.0, sign, 0.0])[1] < -0.9
     assert difference(ups[-1.0], ups[1.0])[0] > 1.0
@@ -155,7 +155,9 @@ def test_the_papers_start_serves_small_in_plane_errors(seed: int) -> None:
     rng = np.random.default_rng(seed)
     turn = Rotation.from_euler("zyx", rng.uniform([-30.0, -20.0, -20.0], [30.0, 20.0, 20.0]), degrees=True)
     pose = seen_at(5.0, turn)
-    estimate = solved(PINHOLE, pose, [template_named("letter_f").region()], initial="paper", up=[0.0, -1.0, 0.0])
+    estimate = solved(
+        PINHOLE, pose, [template_named("letter_f").region()], start="paper", prior=rp.Prior(up=[0.0, -1.0, 0.0])
+    )
     assert max(difference(estimate.pose, pose)) < EXACT
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import FrozenInstanceError, dataclass, replace
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def outcomes() -> dict[str, list[Outcome]]:
             for prior, held in found.items():
                 problem = draw_problem(HALF, replace(condition, prior=prior), seed)  # type: ignore[arg-type]
                 sides = problem.camera, problem.image_regions, problem.world_regions
-                held.append(outcome(problem, rp.estimate_pose(*sides, driver="native", **problem.options)))
+                held.append(outcome(problem, rp.estimate_pose(*sides, driver="native", prior=problem.prior)))
     return found
 
 
@@ -91,9 +91,10 @@ POSE = rp.Pose(Rotation.from_rotvec([0.3, -0.2, 0.1]), np.array([0.1, -0.2, 3.0]
 
 
 def seen(world: rp.WorldRegion, **options: object) -> rp.PoseEstimate:
-    """The estimate from the exact image of the poster."""
+    """The estimate from the exact image of the poster; options of the prior, and the driver."""
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(POSTER)))
-    return rp.estimate_pose(CAMERA, [image], [world], **options)  # type: ignore[arg-type]
+    driver = options.pop("driver", "scipy")
+    return rp.estimate_pose(CAMERA, [image], [world], prior=rp.Prior(**options), driver=driver)  # type: ignore[arg-type]
 
 
 WORLD = rp.WorldRegion.from_polygon(POSTER)
@@ -107,7 +108,7 @@ def is_true(pose: rp.Pose) -> bool:
 def test_up_and_the_visible_side_leave_one_pose_of_a_rectangle(driver: str) -> None:
     front = WORLD.seen_from([0.0, 0.0, -1.0])
     assert [len(seen(world, driver=driver).alternatives) for world in (WORLD, front)] == [3, 1]
-    assert len(seen(WORLD, driver=driver, up=[0.0, -1.0, 0.0], up_sigma=10.0).alternatives) == 1
+    assert len(seen(WORLD, driver=driver, up=[0.0, -1.0, 0.0], up_sigma_deg=10.0).alternatives) == 1
     estimate = seen(front, driver=driver, up=[0.0, -1.0, 0.0])
     assert not estimate.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
@@ -120,6 +121,84 @@ def test_an_initial_pose_with_its_uncertainty_leaves_one(driver: str) -> None:
     estimate = seen(WORLD, driver=driver, initial=rough, initial_sigma=(10.0, 0.3))
     assert not estimate.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
+
+
+@pytest.mark.parametrize("driver", ["scipy", "native"])
+def test_a_place_that_the_camera_is_near_leaves_one(driver: str) -> None:
+    estimate = seen(WORLD, driver=driver, camera_near=POSE.camera_center + 0.1, camera_near_sigma_m=0.2)
+    assert not estimate.alternatives and not estimate.warnings
+    assert is_true(estimate.pose)
+
+
+def test_a_camera_elsewhere_is_warned_of() -> None:
+    """Known to 2 m without a word, 40 m above: all poses of the poster are 20 standard deviations away."""
+    estimate = seen(WORLD, camera_near=POSE.camera_center + np.array([0.0, -40.0, 0.0]))
+    messages = {warning.code: warning.message for warning in estimate.warnings}
+    away = np.linalg.norm(estimate.pose.camera_center - POSE.camera_center + np.array([0.0, 40.0, 0.0]))
+    said = f"{1e3 * away:.1f} mm from the place it is known to be near, {away / 2.0:.1f} times"
+    assert said in messages["place-contradicted"], messages
+
+
+PARTS: list[dict[str, object]] = [
+    {},
+    {"up": np.array([0, 0, 1]), "up_sigma_deg": 5},
+    {"up": (0.1, 0.2, 1.0 / 3.0)},
+    {"initial": POSE, "initial_sigma": np.array([5.0, 0.1]), "camera_near": [1, 2, 3]},
+    {"camera_near": np.array([1.5, 2.0, 1e-9], dtype=np.float32), "camera_near_sigma_m": np.float64(0.5)},
+]
+
+
+@pytest.mark.parametrize("parts", PARTS)
+def test_a_prior_can_be_typed_in_compared_and_pickled(parts: dict[str, object]) -> None:
+    prior = rp.Prior(**parts)  # type: ignore[arg-type]
+    same, typed = rp.Prior(**parts), eval(repr(prior), {"Prior": rp.Prior, "Pose": rp.Pose})  # type: ignore[arg-type]
+    assert prior == same == pickle.loads(pickle.dumps(prior)) and hash(prior) == hash(same)
+    assert [prior == rp.Prior(**other) for other in PARTS] == [other is parts for other in PARTS]  # type: ignore[arg-type]
+    assert prior != "prior"
+    if prior.initial is None:
+        assert typed == prior
+    else:
+        # A matrix gives back the rotation to its last digit but one.
+        np.testing.assert_allclose(typed.initial.matrix, prior.initial.matrix, atol=1e-15)
+        assert replace(typed, initial=POSE) == prior
+
+
+def test_a_prior_keeps_numbers_and_can_be_changed() -> None:
+    prior = rp.Prior(up=np.array([0, 0, 1]), up_sigma_deg=5)
+    assert prior.up == (0.0, 0.0, 1.0) and prior.up_sigma_deg == 5.0
+    assert repr(prior) == "Prior(up=(0.0, 0.0, 1.0), up_sigma_deg=5.0)"
+    assert replace(prior, up_sigma_deg=None) == rp.Prior(up=[0.0, 0.0, 1.0])
+    with pytest.raises(FrozenInstanceError):
+        prior.up = None  # type: ignore[misc]
+
+
+def test_a_prior_about_another_origin_says_the_same() -> None:
+    shift = np.array([512_300.0, 5_405_700.0, 100.0])
+    prior = rp.Prior(up=[0.0, 0.0, 1.0], initial=POSE, camera_near=shift + 1.0).about(shift)
+    assert prior.initial is not None and prior.up == (0.0, 0.0, 1.0) and prior.camera_near == (1.0, 1.0, 1.0)
+    np.testing.assert_allclose(prior.initial.camera_center, POSE.camera_center - shift, atol=1e-9)
+
+
+def test_each_problem_of_a_batch_has_its_prior() -> None:
+    image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(POSTER)))
+    problem = (CAMERA, [image], [WORLD])
+    up, near = rp.Prior(up=[0.0, -1.0, 0.0]), rp.Prior(camera_near=POSE.camera_center, camera_near_sigma_m=0.2)
+    blind = (CAMERA, [image, image], [WORLD])
+    found = rp.estimate_poses([problem, blind, problem, problem], prior=[None, near, up, near])
+    assert isinstance(found.pop(1), rp.PoseError)
+    alone = [seen(WORLD, driver="native", **told) for told in ({}, {"up": up.up}, NEAR)]
+    assert [answers(each) for each in found] == [answers(each) for each in alone]
+    one, two = rp.estimate_poses([problem, problem], prior=up)
+    assert answers(one) == answers(two) == answers(found[1])
+
+
+NEAR = {"camera_near": POSE.camera_center, "camera_near_sigma_m": 0.2}
+
+
+def answers(estimate: object) -> list[list[float]]:
+    """All poses of an estimate."""
+    assert isinstance(estimate, rp.PoseEstimate)
+    return [pose.matrix.ravel().tolist() for pose in (estimate.pose, *estimate.alternatives)]
 
 
 def test_convention_an_initial_poses_sigma_is_degrees_and_metres_of_the_cameras_place() -> None:
@@ -180,7 +259,8 @@ def test_the_studys_priors_err_by_what_they_say() -> None:
     turns, ways = [], []
     for seed in range(60):
         problem = draw_problem(HALF, Condition(prior="initial", templates="asymmetric"), seed)
-        rough, scene = problem.options["initial"], problem.scene
+        assert problem.prior is not None and problem.prior.initial is not None
+        rough, scene = problem.prior.initial, problem.scene
         true = rp.Pose.from_parts(scene.rotation, scene.translation)
         turns.append(np.degrees((rough.rotation * true.rotation.inv()).as_rotvec()))
         ways.append(rough.camera_center - true.camera_center)

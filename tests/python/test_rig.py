@@ -253,7 +253,7 @@ def test_the_pose_without_a_frame_is_that_of_the_others() -> None:
     camera, frames = perspective_frames(0, 3)
     rig = rp.estimate_rig(camera, frames)
     one = rig.influence[1]
-    others = rp.estimate_pose(camera, *sides([frames[0], frames[2]]), initial=rig.pose, driver="native")
+    others = rp.estimate_pose(camera, *sides([frames[0], frames[2]]), prior=rp.Prior(initial=rig.pose), driver="native")
     assert np.array_equal(one.pose.matrix, others.pose.matrix)
     pose, joint = one.pose, rig.pose
     errors = pose_errors(
@@ -445,11 +445,16 @@ def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> No
     camera, frames = fisheye_frames(0, 2)
     turn = Rotation.from_euler("y", 40.0, degrees=True)
     wrong = rp.Pose(turn * RIG.rotation, RIG.translation)
-    rig = rp.estimate_rig(camera, frames, initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma=0.01)
+    told = rp.Prior(initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma_deg=0.01)
+    rig = rp.estimate_rig(camera, frames, prior=told)
     contradicted = {"initial-contradicted", "up-contradicted"}
     assert {warning.code for warning in rig.warnings} == contradicted and millimetres(rig.pose, frames) < 5.0
-    known = rp.estimate_rig(camera, frames, initial=RIG, initial_sigma=(3.0, 0.1))
+    known = rp.estimate_rig(camera, frames, prior=rp.Prior(initial=RIG, initial_sigma=(3.0, 0.1)))
     assert not known.warnings
+    elsewhere = rp.Prior(camera_near=RIG.camera_center + np.array([9.0, 0.0, 0.0]), camera_near_sigma_m=0.5)
+    far = rp.estimate_rig(camera, frames, prior=elsewhere)
+    assert {warning.code for warning in far.warnings} == {"place-contradicted"} and millimetres(far.pose, frames) < 5.0
+    assert not rp.estimate_rig(camera, frames, prior=rp.Prior(camera_near=RIG.camera_center)).warnings
 
 
 def test_six_boards_of_a_real_rig_agree_and_leave_the_camera_alone() -> None:

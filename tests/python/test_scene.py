@@ -119,7 +119,7 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 
 def test_the_schema_knows_every_key_and_refuses_others() -> None:
     schema = scene_schema()
-    assert set(schema["properties"]) == {"camera", "image", "cloud", "regions", "prior", "solver"}
+    assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", "regions", "prior", "solver"}
     assert schema["additionalProperties"] is False
     assert schema["required"] == ["camera", "image", "regions"]
     mappings = [item for item in schema["$defs"].values() if item["type"] == "object"]
@@ -350,10 +350,9 @@ def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) 
     assert html.count("<figure>") == 2 and "overlap error before" in html
 
 
-@pytest.mark.parametrize("prior", [None, {"initial": "paper"}])
-def test_without_an_initial_pose_there_is_no_before(prior: dict[str, Any] | None, tmp_path: Path) -> None:
-    values = scene_values() if prior is None else {**scene_values(), "prior": prior}
-    scene = load_scene(write_scene(tmp_path, values))
+@pytest.mark.parametrize("start", ["global", "paper"])
+def test_without_an_initial_pose_there_is_no_before(start: str, tmp_path: Path) -> None:
+    scene = load_scene(write_scene(tmp_path, {**scene_values(), "solver": {"start": start}}))
     assert "overlay_before.png" not in file_names(scene)
     regions = scene_result(estimate_scene(scene))["regions"]
     assert all("overlap_error_before" not in region for region in regions)

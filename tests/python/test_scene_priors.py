@@ -60,6 +60,60 @@ def test_a_rough_pose_and_how_rough_leave_one_pose(tmp_path: Path) -> None:
     np.testing.assert_allclose(result["camera_center_in_world_m"], POSE.camera_center, atol=1e-6)
 
 
+def scanned(folder: Path, shift: tuple[float, float, float] = (0.0, 0.0, 0.0), **more: Any) -> dict[str, Any]:
+    """The result of the poster with a cloud beside it, which a PCD says to be scanned from 0.3 m beside the camera."""
+    place = POSE.camera_center + np.array([0.3, 0.0, 0.0]) + shift
+    head = "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\n"
+    viewpoint = " ".join(f"{value:.17g}" for value in place)
+    rows = "\n".join(" ".join(map(repr, row)) for row in (POSTER + shift).tolist())
+    (folder / "cloud.pcd").write_text(f"{head}VIEWPOINT {viewpoint} 1 0 0 0\nPOINTS 4\nDATA ascii\n{rows}\n")
+    return result_of({**poster(shift=shift), "cloud": "cloud.pcd", **more}, folder)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), FAR_AWAY])
+def test_the_camera_is_taken_to_be_near_the_scanner(shift: tuple[float, float, float], tmp_path: Path) -> None:
+    place = POSE.camera_center + np.array([0.3, 0.0, 0.0]) + shift
+    result = scanned(tmp_path, shift)
+    assert result["sensor_origin"]["said_by"] == "the cloud's file"
+    np.testing.assert_allclose(result["sensor_origin"]["place_in_world_m"], place, atol=1e-9)
+    near = result["camera_near"]
+    assert near["place_in_world_m"] == result["sensor_origin"]["place_in_world_m"]
+    assert (near["sigma_m"], near["said_by"]) == (2.0, "sensor_origin")
+    # The poster's other poses are 2 and 8 m away: too near for 2 m to tell.
+    strict = scanned(tmp_path, shift, prior={"camera_near_sigma_m": 0.2})
+    assert strict["camera_near"]["sigma_m"] == 0.2 and not strict["alternatives"] and not strict["warnings"]
+    np.testing.assert_allclose(strict["camera_center_in_world_m"], POSE.camera_center + shift, atol=1e-5)
+
+
+def test_the_scene_says_where_the_scanner_stood_and_whether_the_camera_is_near(tmp_path: Path) -> None:
+    elsewhere = scanned(tmp_path, sensor_origin=[5.0, 0.0, -2.0])
+    assert elsewhere["sensor_origin"] == {
+        "place_in_world_m": [5.0, 0.0, -2.0],
+        "said_by": "the scene's sensor_origin",
+    }
+    unknown = scanned(tmp_path, sensor_origin=None)
+    assert unknown["sensor_origin"] is None and unknown["camera_near"] is None
+    free = scanned(tmp_path, prior={"camera_near": None})
+    assert free["sensor_origin"] is not None and free["camera_near"] is None
+    assert len(free["alternatives"]) == len(unknown["alternatives"]) == 3
+    given = scanned(tmp_path, prior={"camera_near": [0.0, 1.0, -3.0], "camera_near_sigma_m": 5})
+    assert given["camera_near"] == {
+        "place_in_world_m": [0.0, 1.0, -3.0],
+        "sigma_m": 5.0,
+        "said_by": "prior.camera_near",
+    }
+
+
+def test_a_camera_far_from_the_scanner_is_warned_of_with_advice(tmp_path: Path) -> None:
+    values = {**scene_values(), "sensor_origin": [30.0, 0.0, 0.0]}
+    run = estimate_scene(load_scene(write_scene(tmp_path, values)))
+    assert [warning["code"] for warning in scene_result(run)["warnings"]] == ["place-contradicted"]
+    assert (
+        verdict(run).level == "doubtful" and "null for a camera that may stand anywhere" in verdict(run).remarks[0][1]
+    )
+    np.testing.assert_allclose(run.estimate.pose.translation, POSE.translation, atol=1e-6)
+
+
 CONTRADICTED: list[tuple[dict[str, Any], str]] = [
     (
         {"initial": rough(0.0, 2.0), "initial_sigma": {"rotation_deg": 5, "camera_center_m": 0.2}},
@@ -67,6 +121,7 @@ CONTRADICTED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"initial": rough(60.0, 0.0)}, "initial-contradicted"),
     ({"up": [0.0, 1.0, 0.0]}, "up-contradicted"),
+    ({"camera_near": [0.0, 9.0, 0.0], "camera_near_sigma_m": 1}, "place-contradicted"),
 ]
 
 
@@ -89,17 +144,22 @@ def test_a_contradicted_side_names_its_region(tmp_path: Path) -> None:
 REFUSED: list[tuple[dict[str, Any], str]] = [
     (
         poster({"initial_sigma": {"rotation_deg": 5, "camera_center_m": 1}}),
-        r"prior\.initial_sigma: found no initial pose",
+        r"prior\.initial_sigma: found a deviation of nothing; needed the key initial",
     ),
-    (
-        poster({"initial": "paper", "initial_sigma": {"rotation_deg": 5, "camera_center_m": 1}}),
-        r"prior\.initial_sigma: found no initial pose",
-    ),
+    (poster({"initial": "paper"}), r"prior\.initial: found 'paper'; needed camera_from_world or world_from_camera"),
     (
         poster({"initial": rough(0.0, 0.0), "initial_sigma": {"rotation_deg": 0, "camera_center_m": 1}}),
         r"prior\.initial_sigma\.rotation_deg: found 0; needed greater than 0",
     ),
-    (poster({"up_sigma_deg": 5}), r"prior\.up_sigma_deg: found no direction that it is of; needed the key up"),
+    (poster({"up_sigma_deg": 5}), r"prior\.up_sigma_deg: found a deviation of nothing; needed the key up"),
+    (
+        poster({"camera_near_sigma_m": 1}),
+        r"prior: camera_near_sigma_m is 1.0 without camera_near; it needs camera_near",
+    ),
+    (poster({"camera_near": [1.0, 2.0]}), r"prior\.camera_near: found 2 numbers; needed \[x, y, z\]"),
+    (poster({"camera_near_sigma_m": -1}), r"prior\.camera_near_sigma_m: found -1; needed greater than 0"),
+    ({**poster(), "sensor_origin": "zero"}, r"sensor_origin: found 'zero'; needed \[x, y, z\]"),
+    (poster({"up": [0.0, 0.0, 0.0]}), r"prior: up is a zero vector; it needs to be a direction"),
     (poster(seen_from=[1.0, 2.0]), r"regions\[0\]\.world\.seen_from: found 2 numbers; needed \[x, y, z\]"),
     (poster(seen_from=[3.0, 0.0, 0.0]), r"regions\[0\]\.world\.seen_from: the viewpoint is .* off the region's plane"),
 ]

@@ -87,6 +87,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     )
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
+    _say_known(result)
     _say_truth(result)
     judged = verdict(run)
     typer.echo(f"{judged.level}: {judged.headline}")
@@ -102,6 +103,17 @@ def _errors(region: dict[str, Any]) -> str:
         return after
     before = region["overlap_error_before"]
     return f"{after}, before: " + ("unknown" if before is None else f"{100.0 * before:.2f} %")
+
+
+def _say_known(result: dict[str, Any]) -> None:
+    """Where the scanner stood, and what was made of it."""
+    scanner, near = result["sensor_origin"], result["camera_near"]
+    if scanner is not None:
+        typer.echo(f"scanner at {_vector(scanner['place_in_world_m'], 3)} m, by {scanner['said_by']}")
+    if near is not None:
+        hint = "; prior.camera_near: null if it doesn't" if near["said_by"] == "sensor_origin" else ""
+        place = _vector(near["place_in_world_m"], 3)
+        typer.echo(f"the camera stands near {place} m, to {near['sigma_m']:g} m, by {near['said_by']}{hint}")
 
 
 def _say_truth(result: dict[str, Any]) -> None:

@@ -123,6 +123,7 @@ def _cloud_facts(path: Path) -> Facts:
         "highest_corner_m": (high + cloud.origin).tolist(),
         "extent_m": (high - low).tolist(),
         "local_origin_m": cloud.origin.tolist(),
+        "sensor_origin_m": None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist(),
         "spacing_m": _spacing(cloud.points),
         "colours": cloud.colours is not None,
         "intensity": cloud.intensity is not None,

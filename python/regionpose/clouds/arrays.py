@@ -104,7 +104,8 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
 def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
     """The cloud of bare little-endian float32 rows: x, y, z, intensity as KITTI's, with a ring as nuScenes' own.
 
-    Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255.
+    Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255. Both
+    kinds hold one turn of a scanner in its own frame: it stood at zero.
     """
     values = np.fromfile(path, dtype="<f4")
     names = checked_names(path, _bin_columns(path, values) if columns is None else columns)
@@ -117,7 +118,7 @@ def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
     if farthest > FARTHEST_RETURN:
         needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"
         raise cloud_error(path, "coordinates", f"{farthest:.3g}", needed)
-    return cloud
+    return cloud.scanned_from(np.zeros(3))
 
 
 def _bin_columns(path: Path, values: Scalars) -> tuple[str, ...]:

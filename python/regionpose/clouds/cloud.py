@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -38,8 +38,10 @@ class Cloud:
     `points`: (n, 3) float64 about `origin`, in the file's unit (metres, as a rule). `origin`: (3,) float64, zero unless
     the coordinates are large. `colours`: (n, 3) uint8 or None. `intensity`: (n,) float64 in the file's own scale, or
     None. `fields`: other scalars (n,) by name. `triangles`: (k, 3) int64 indices of a mesh, or None. `source`: the file
-    read. `dropped`: points left out since a coordinate was NaN or infinite. The arrays are read-only views. CloudError
-    for shapes that disagree, coordinates that are not finite, and triangles that name no point.
+    read. `dropped`: points left out since a coordinate was NaN or infinite. `sensor_origin`: (3,) where the scanner
+    stood, about `origin` like the points; None where the file doesn't say, or holds scans from several places. The
+    arrays are read-only views. CloudError for shapes that disagree, coordinates that are not finite, and triangles that
+    name no point.
     """
 
     points: Array
@@ -50,6 +52,7 @@ class Cloud:
     origin: Array = field(default_factory=lambda: np.zeros(3))
     source: Path | None = None
     dropped: int = 0
+    sensor_origin: Array | None = None
 
     def __post_init__(self) -> None:
         """Check the parts and keep read-only views of them."""
@@ -57,8 +60,9 @@ class Cloud:
         if not count:
             raise cloud_error(self.source, "points", "none", "at least 1")
         self._keep("origin", np.float64, (3,))
-        for name in ("points", "origin"):
-            if not np.isfinite(getattr(self, name)).all():
+        self._keep("sensor_origin", np.float64, (3,))
+        for name in ("points", "origin", "sensor_origin"):
+            if getattr(self, name) is not None and not np.isfinite(getattr(self, name)).all():
                 raise cloud_error(self.source, name, "NaN or infinite coordinates", "finite numbers")
         self._keep("colours", np.uint8, (count, 3))
         self._keep("intensity", np.float64, (count,))
@@ -139,6 +143,10 @@ class Cloud:
             dropped=len(world) - len(points),
         )
 
+    def scanned_from(self, place: ArrayLike) -> Cloud:
+        """The same, scanned from a place (3,) of the world."""
+        return replace(self, sensor_origin=np.asarray(place, dtype=np.float64) - self.origin)
+
     @property
     def world_points(self) -> Array:
         """The points (n, 3) in world coordinates, `points + origin`."""
@@ -155,6 +163,7 @@ class Cloud:
         parts += [f"fields {', '.join(self.fields)}"] if self.fields else []
         parts += [f"{len(self.triangles)} triangles"] if self.triangles is not None else []
         parts += [f"origin {self.origin.tolist()}"] if self.origin.any() else []
+        parts += [] if self.sensor_origin is None else [f"scanned from {(self.origin + self.sensor_origin).tolist()}"]
         parts += [f"{self.dropped} dropped"] if self.dropped else []
         return f"Cloud({', '.join(parts)})"
 

@@ -63,7 +63,8 @@ def cloud_from_depth(
     rows, columns = np.divmod(np.arange(height * width), width)
     points = camera.bearings(np.stack([columns, rows], axis=1))
     points *= _ray_lengths(metres.reshape(-1), points[:, 2], distance)[:, None]
-    return Cloud.from_world_points(points, colours=None if shades is None else shades.reshape(-1, 3), source=source)
+    colours = None if shades is None else shades.reshape(-1, 3)
+    return Cloud.from_world_points(points, colours=colours, source=source).scanned_from(np.zeros(3))
 
 
 def _ray_lengths(metres: Array, cosines: Array, distance: str) -> Array:

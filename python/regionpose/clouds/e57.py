@@ -24,7 +24,8 @@ SCAN = "scan"
 def read_e57(path: Path) -> Cloud:
     """The cloud of an E57 file: all its scans in the file's frame, each by its own pose.
 
-    Points marked invalid are dropped. Colours and intensity are kept where every scan has them.
+    Points marked invalid are dropped. Colours and intensity are kept where every scan has them. A single scan's
+    pose is where the scanner stood, unless it is the identity, which merged scans have too.
     """
     pye57 = load_extra("pye57", "e57", f"{path}: E57")
     try:
@@ -32,7 +33,9 @@ def read_e57(path: Path) -> Cloud:
         image = pye57.libe57.ImageFile(str(path), "r")
         try:
             nodes = [image.root()["data3D"][index] for index in range(len(image.root()["data3D"]))]
-            scans = [_scan(pye57, image, node) for node in nodes]
+            headers = [pye57.ScanHeader(node) for node in nodes]
+            scans = [_scan(pye57, image, header) for header in headers]
+            places = [_place(header) for header in headers]
         finally:
             image.close()
     # Damage shows as the library's own errors, each of its own type.
@@ -43,12 +46,21 @@ def read_e57(path: Path) -> Cloud:
     if len(scans) > 1:
         scans = [scan | {SCAN: np.full(len(scan["x"]), index)} for index, scan in enumerate(scans)]
     shared = [name for name in scans[0] if all(name in scan for scan in scans)]
-    return cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+    cloud = cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+    return cloud if len(places) > 1 or places[0] is None else cloud.scanned_from(places[0])
 
 
-def _scan(pye57: Any, image: Any, node: Any) -> dict[str, Scalars]:
+def _place(header: Any) -> Array | None:
+    """Where the scanner of a scan stood in the file's frame, (3,); None without a pose that anyone set."""
+    if not header.has_pose():
+        return None
+    place = np.array(header.translation, dtype=np.float64)
+    is_set = place.any() or not np.array_equal(header.rotation_matrix, np.eye(3))
+    return place if is_set else None
+
+
+def _scan(pye57: Any, image: Any, header: Any) -> dict[str, Scalars]:
     """The columns of one scan, with its coordinates in the file's frame."""
-    header = pye57.ScanHeader(node)
     wanted = [*CARTESIAN, *SPHERICAL, *INVALID, *COLOURS, *OTHERS]
     raw = _raw_columns(pye57, image, header, [name for name in header.point_fields if name in wanted])
     points = _points(raw)

@@ -26,17 +26,23 @@ KINDS = {
 PACKED_COLOURS = ("rgb", "rgba")
 """Fields of 4 bytes that hold blue, green, red and alpha, from the lowest byte, whatever type they claim."""
 
+UNSET_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+"""Translation and quaternion (w first) that writers put where nobody told them any: of merged maps, too."""
+
 COMPRESSED_SIZES = np.dtype([("compressed", "<u4"), ("plain", "<u4")])
 
 
 @dataclass(frozen=True)
 class PcdHeader:
-    """What the header says: the columns of a row, their number, and how and where the rows are stored."""
+    """What the header says: the columns of a row, their number, how and where the rows are stored, where the scanner
+    stood.
+    """
 
     row: np.dtype[np.void]
     count: int
     storage: str
     offset: int
+    sensor_origin: list[float] | None
 
 
 def is_pcd(start: bytes) -> bool:
@@ -45,13 +51,14 @@ def is_pcd(start: bytes) -> bool:
 
 
 def read_pcd(path: Path) -> Cloud:
-    """The cloud of a PCD file; as in PCL the VIEWPOINT is not applied."""
+    """The cloud of a PCD file; as in PCL the VIEWPOINT is not applied, but it is where the scanner stood."""
     with path.open("rb") as file:
         header = _header(path, file.read(LONGEST_HEADER))
     readers = {"ascii": _text_columns, "binary": _binary_columns, "binary_compressed": _compressed_columns}
     if header.storage not in readers:
         raise cloud_error(path, "DATA", header.storage, "ascii, binary or binary_compressed")
-    return cloud_of_columns(path, _named_columns(readers[header.storage](path, header)))
+    cloud = cloud_of_columns(path, _named_columns(readers[header.storage](path, header)))
+    return cloud if header.sensor_origin is None else cloud.scanned_from(header.sensor_origin)
 
 
 def _header(path: Path, start: bytes) -> PcdHeader:
@@ -68,7 +75,8 @@ def _header(path: Path, start: bytes) -> PcdHeader:
         found = f"{len(names)} names, {len(sizes)} sizes, {len(letters)} types, {len(counts)} counts"
         raise cloud_error(path, "FIELDS, SIZE, TYPE, COUNT", found, "as many of each, at least x, y and z")
     row = _row_type(path, names, list(zip(letters, sizes, strict=True)), counts)
-    return PcdHeader(row, _point_count(path, entries), data.group(1).decode().lower(), data.end())
+    storage = data.group(1).decode().lower()
+    return PcdHeader(row, _point_count(path, entries), storage, data.end(), _sensor_origin(path, entries))
 
 
 def _whole_numbers(path: Path, entries: dict[str, list[str]], key: str) -> list[int]:
@@ -77,6 +85,20 @@ def _whole_numbers(path: Path, entries: dict[str, list[str]], key: str) -> list[
     if not all(word.isdecimal() for word in words):
         raise cloud_error(path, key, " ".join(words), "whole numbers")
     return [int(word) for word in words]
+
+
+def _sensor_origin(path: Path, entries: dict[str, list[str]]) -> list[float] | None:
+    """The translation of the VIEWPOINT; None where there is none, or one that nobody set."""
+    words = entries.get("VIEWPOINT")
+    if words is None:
+        return None
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    if len(numbers) != len(UNSET_VIEWPOINT) or not np.isfinite(numbers).all():
+        raise cloud_error(path, "VIEWPOINT", " ".join(words) or "nothing", "7 finite numbers, tx ty tz qw qx qy qz")
+    return None if numbers == UNSET_VIEWPOINT else numbers[:3]
 
 
 def _point_count(path: Path, entries: dict[str, list[str]]) -> int:

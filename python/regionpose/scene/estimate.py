@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,21 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
-from regionpose.scene.sensors import Picture, named, scene_camera, scene_cloud, scene_image
+from regionpose.scene.sensors import (
+    Picture,
+    SensorOrigin,
+    named,
+    scene_camera,
+    scene_cloud,
+    scene_image,
+    sensor_origin,
+)
 from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
-from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
+from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
 
 Array = NDArray[np.float64]
 
@@ -47,7 +55,7 @@ class Stages:
 class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
-    `cloud.points` and the world sides are about `origin` (3,), metres.
+    `cloud.points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the scanner stood, isn't.
     """
 
     scene: Scene
@@ -55,6 +63,7 @@ class SceneSides:
     image: Picture
     cloud: Cloud | None
     origin: Array
+    sensor_origin: SensorOrigin | None
     image_regions: tuple[ImageRegion, ...]
     world_sides: tuple[WorldSide, ...]
 
@@ -71,6 +80,11 @@ class SceneEstimate:
     sides: SceneSides
     estimate: PoseEstimate
     seconds: dict[str, float]
+
+    @property
+    def prior(self) -> Prior:
+        """What was known of the pose beforehand, in the cloud's world."""
+        return scene_prior(self.sides.scene, self.sides.sensor_origin)
 
     @property
     def local_pose(self) -> Pose:
@@ -97,12 +111,13 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
         camera = scene_camera(scene)
         image = scene_image(scene, camera)
         cloud = scene_cloud(scene)
-    origin, count = scene_origin(scene, cloud), len(scene.model.regions)
+    origin, scanner = scene_origin(scene, cloud), sensor_origin(scene, cloud)
+    count = len(scene.model.regions)
     with stages.stage("image regions"):
         image_regions = tuple(image_side(scene, index, image) for index in range(count))
     with stages.stage("world regions"):
-        world_sides = tuple(world_side(scene, index, cloud, origin) for index in range(count))
-    return SceneSides(scene, camera, image, cloud, origin, image_regions, world_sides)
+        world_sides = tuple(world_side(scene, index, cloud, origin, scanner) for index in range(count))
+    return SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
@@ -120,7 +135,7 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
     A fraction; NaN where a region can't be projected.
     """
     problem = _core.Problem(
-        [_core.ObservedRegion(region.bearings(sides.camera), region.area) for region in sides.image_regions],
+        observed_regions(sides.camera, sides.image_regions, "boundary"),
         [side.region.core for side in sides.world_sides],
         system="plane",
         integration="boundary",
@@ -129,16 +144,13 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
 
 
 def _estimate(sides: SceneSides) -> PoseEstimate:
-    model, prior = sides.scene.model.solver, sides.scene.model.prior
-    sigma = prior.initial_sigma
+    model = sides.scene.model.solver
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
-        initial=_initial(sides.scene, sides.origin),
-        initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
-        up=prior.up,
-        up_sigma=prior.up_sigma_deg,
+        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
+        start=model.start,
         system=model.system,
         integration=model.integration,
         refine=None if model.refine == "none" else model.refine,
@@ -163,17 +175,33 @@ def _moved(pose: Pose, origin: Array) -> Pose:
     return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
 
 
-def _initial(scene: Scene, origin: Array) -> Pose | Literal["paper"] | None:
-    pose = given_pose(scene)
-    if pose is not None:
-        return _moved(pose, -origin)
-    return "paper" if scene.model.prior.initial == "paper" else None
+def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
+    """What the scene says of the pose beforehand, in the cloud's world; SceneError for what is no prior.
+
+    The camera stands near the scanner, where that is known, unless the scene says otherwise.
+    """
+    item = scene.model.prior
+    sigma = item.initial_sigma
+    initial = given_pose(scene)
+    near = None if scanner is None or "camera_near" in item.model_fields_set else scanner.place
+    return named(
+        scene,
+        ("prior",),
+        lambda: Prior(
+            up=item.up,
+            up_sigma_deg=item.up_sigma_deg,
+            initial=initial,
+            initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
+            camera_near=item.camera_near if near is None else near,
+            camera_near_sigma_m=item.camera_near_sigma_m,
+        ),
+    )
 
 
 def given_pose(scene: Scene) -> Pose | None:
     """The pose that the scene gives as `prior.initial`, in the cloud's world; None when it gives none."""
     given = scene.model.prior.initial
-    if given is None or isinstance(given, str):
+    if given is None:
         return None
     key = "camera_from_world" if isinstance(given, CameraFromWorld) else "world_from_camera"
     return named(scene, ("prior", "initial", key), lambda: _written_pose(given))

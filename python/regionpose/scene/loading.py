@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
-from regionpose.scene.models import CameraFromWorld, SceneModel, WorldFromCamera
+from regionpose.scene.models import ImageMask, SceneModel
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,18 @@ def _check_references(scene: Scene) -> None:
         if region.name in names:
             raise scene.error(("regions", index, "name"), f"found {region.name!r} twice; needed names that differ")
         names.add(region.name)
+        image = region.image
+        if isinstance(image, ImageMask) and image.unknown_label is not None and image.unknown is None:
+            place = ("regions", index, "image", "unknown_label")
+            raise scene.error(place, "found a label of nothing; needed the key unknown")
         if scene.model.cloud is None and needs_cloud(region.world):
             raise scene.error(
                 ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"
             )
     prior = scene.model.prior
-    if prior.initial_sigma is not None and not isinstance(prior.initial, CameraFromWorld | WorldFromCamera):
-        raise scene.error(("prior", "initial_sigma"), "found no initial pose that it is of; needed a pose as initial")
-    if prior.up_sigma_deg is not None and prior.up is None:
-        raise scene.error(("prior", "up_sigma_deg"), "found no direction that it is of; needed the key up")
+    for key, of in (("initial_sigma", "initial"), ("up_sigma_deg", "up")):
+        if getattr(prior, key) is not None and getattr(prior, of) is None:
+            raise scene.error(("prior", key), f"found a deviation of nothing; needed the key {of}")
 
 
 def needs_cloud(side: object) -> bool:

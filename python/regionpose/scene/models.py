@@ -169,6 +169,15 @@ def _ring_kind(value: object) -> str | None:
     return "<rings>" if nested else "<ring>"
 
 
+EdgeIndex = Annotated[int, Field(ge=0)]
+
+
+def _edges_kind(value: object) -> str | None:
+    if not isinstance(value, list):
+        return None
+    return "<rings>" if value and isinstance(value[0], list) else "<ring>"
+
+
 RING_NEEDED = "a ring of at least 3 vertices, or a list of rings"
 ImagePolygon = Annotated[
     Annotated[list[Pixel], Field(min_length=3), Tag("<ring>")]
@@ -205,12 +214,27 @@ class ImageMask(Item):
     image: int | str | None = Field(
         None, description="which image of a COCO file that holds several: its id or its file name"
     )
+    unknown: FileName | None = Field(
+        None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"
+    )
+    unknown_label: Annotated[
+        Annotated[int, Tag("<number>")] | Annotated[str, Field(min_length=1), Tag("<name>")] | None,
+        Field(description="which region of it, where it holds several"),
+    ] = None
 
 
 class ImagePolygonSide(Item):
     """The region's outline: one ring, or an outer ring and its holes."""
 
     polygon: ImagePolygon
+    hidden_edges: Annotated[
+        Annotated[list[EdgeIndex], Tag("<ring>")] | Annotated[list[list[EdgeIndex]], Tag("<rings>")],
+        _choice(_edges_kind, "a list of edge indices, or one for each ring"),
+        Field(
+            description="edges that are not the region's own but an occluder's, or not seen; edge i goes from vertex i"
+            " of a ring to the next"
+        ),
+    ] = []
 
 
 ImageSide = Annotated[
@@ -320,10 +344,6 @@ class WorldFromCamera(Item):
     world_from_camera: PoseItem
 
 
-def _initial_kind(value: object) -> str | None:
-    return "<word>" if isinstance(value, str) else _key_among("camera_from_world", "world_from_camera")(value)
-
-
 class InitialSigma(Item):
     """Standard deviations of a rough pose, along each of the camera's axes."""
 
@@ -340,15 +360,22 @@ class PriorItem(Item):
     ] = None
     initial: (
         Annotated[
-            Annotated[Literal["paper"], Tag("<word>")]
-            | Annotated[CameraFromWorld, Tag("<camera_from_world>")]
+            Annotated[CameraFromWorld, Tag("<camera_from_world>")]
             | Annotated[WorldFromCamera, Tag("<world_from_camera>")],
-            _choice(_initial_kind, "camera_from_world, world_from_camera or paper"),
+            _choice(_key_among("camera_from_world", "world_from_camera"), "camera_from_world or world_from_camera"),
         ]
         | None
     ) = None
     initial_sigma: Annotated[
         InitialSigma | None, Field(description="how rough the initial pose is; without it, it is but a start")
+    ] = None
+    camera_near: Annotated[
+        Point | None,
+        Field(description="a place that the camera stands near; sensor_origin when left out, nothing when null"),
+    ] = None
+    camera_near_sigma_m: Annotated[
+        Positive | None,
+        Field(description="standard deviation of its place about there along each axis; 2 when left out"),
     ] = None
 
 
@@ -359,6 +386,9 @@ class SolverItem(Item):
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
     refine: Literal["contour", "none"] = "contour"
     driver: Literal["scipy", "native"] = "scipy"
+    start: Annotated[
+        Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
+    ] = "global"
 
 
 class SceneModel(Item):
@@ -369,6 +399,13 @@ class SceneModel(Item):
     camera: CameraItem
     image: FileName
     cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
+    sensor_origin: Annotated[
+        Point | None,
+        Field(
+            description="where the scanner of the cloud stood; what the cloud's file says when left out, unknown when"
+            " null, as of scans merged from several places"
+        ),
+    ] = None
     regions: list[RegionItem] = Field(min_length=1)
     prior: PriorItem = PriorItem()
     solver: SolverItem = SolverItem()

@@ -46,6 +46,8 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise,
         "disturbed_share": estimate.disturbed_share,
+        "sensor_origin": sensor_origin_values(run),
+        "camera_near": camera_near_values(run),
         "regions": region_values(run),
         "alternatives": [
             {
@@ -76,6 +78,23 @@ def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
     values["translation_m"] = pose.translation
     values["matrix"] = pose.matrix
     return values
+
+
+def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """Where the scanner stood, metres, and who says so; None where that isn't known."""
+    scanner = run.sides.sensor_origin
+    return None if scanner is None else {"place_in_world_m": scanner.place, "said_by": scanner.source}
+
+
+def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """The place that the camera was taken to be near, to what standard deviation (metres), and who says so; None where
+    nothing was.
+    """
+    prior, item = run.prior, run.sides.scene.model.prior
+    if prior.camera_near is None:
+        return None
+    by = "sensor_origin" if item.camera_near is None else "prior.camera_near"
+    return {"place_in_world_m": prior.camera_near, "sigma_m": prior.core.camera_near_sigma_m, "said_by": by}
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
@@ -131,6 +150,8 @@ def named_files(scene: Scene) -> dict[str, str]:
     for region in model.regions:
         if isinstance(region.image, ImageMask):
             files[f"mask of {region.name}"] = region.image.mask
+            if region.image.unknown is not None:
+                files[f"unknown pixels of {region.name}"] = region.image.unknown
         if isinstance(region.world, WorldPoints) and isinstance(region.world.points, str):
             files[f"points of {region.name}"] = region.world.points
         if isinstance(region.world, WorldMesh):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -60,6 +61,24 @@ def scene_cloud(scene: Scene) -> Cloud | None:
     """The scene's cloud, None when it names none."""
     name = scene.model.cloud
     return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name)))
+
+
+@dataclass(frozen=True, eq=False)
+class SensorOrigin:
+    """Where the scanner stood: `place` (3,), metres, in the scene's world, and who says so, `source`."""
+
+    place: Array
+    source: str
+
+
+def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
+    """Where the scanner of the scene's cloud stood, by the scene or else by the cloud's file; None where unknown."""
+    if "sensor_origin" in scene.model.model_fields_set:
+        given = scene.model.sensor_origin
+        return None if given is None else SensorOrigin(np.array(given, dtype=np.float64), "the scene's sensor_origin")
+    if cloud is None or cloud.sensor_origin is None:
+        return None
+    return SensorOrigin(cloud.origin + cloud.sensor_origin, "the cloud's file")
 
 
 def read_picture(path: Path) -> Picture:

@@ -16,7 +16,7 @@ from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
-from regionpose.scene.sensors import Picture, named
+from regionpose.scene.sensors import Picture, SensorOrigin, named
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -64,15 +64,17 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
     if isinstance(item, ImageSeed):
         return named(scene, (*place, "seed"), lambda: _grown(image, item))
     if isinstance(item, ImageMask):
-        return named(scene, (*place, "mask"), lambda: _masked(scene.file(item.mask), item, image))
-    return named(scene, (*place, "polygon"), lambda: ImageRegion.from_polygon(item.polygon))
+        return _masked(scene, place, item, image)
+    hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
+    return named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
 
 
-def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:
+def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array, scanner: SensorOrigin | None) -> WorldSide:
     """The world side of region `index` about `origin`; SceneError that names its line when it gives no region."""
+    place = None if scanner is None else scanner.place - origin
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always", SparseSamplingWarning)
-        side = _sided(scene, index, _unremarked_side(scene, index, cloud, origin), origin)
+        side = _sided(scene, index, _unremarked_side(scene, index, cloud, origin, place), origin)
     return replace(side, remarks=tuple(str(warning.message) for warning in raised))
 
 
@@ -89,7 +91,7 @@ def _sided(scene: Scene, index: int, side: WorldSide, origin: Array) -> WorldSid
     )
 
 
-def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array) -> WorldSide:
+def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
     item = scene.model.regions[index].world
     place: Place = ("regions", index, "world")
     if isinstance(item, WorldPolygonSide):
@@ -97,8 +99,8 @@ def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Arra
     if isinstance(item, WorldMesh):
         return named(scene, (*place, "mesh"), lambda: WorldSide(_mesh(scene.file(item.mesh), origin)))
     if isinstance(item, WorldSeed):
-        return named(scene, (*place, "seed"), lambda: _grown_plane(item, cloud, origin))
-    return named(scene, (*place, "points"), lambda: _points(scene, item, cloud, origin))
+        return named(scene, (*place, "seed"), lambda: _grown_plane(item, cloud, origin, scanner))
+    return named(scene, (*place, "points"), lambda: _points(scene, item, cloud, origin, scanner))
 
 
 def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
@@ -111,10 +113,22 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
     return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
 
 
-def _masked(path: Path, item: ImageMask, image: Picture) -> ImageRegion:
-    from regionpose.segmentation.masks import region_from_file
+def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> ImageRegion:
+    from regionpose.segmentation.masks import mask_from_file, region_from_file
 
-    return region_from_file(path, item.label, image=item.image, size=(image.shape[0], image.shape[1]))
+    path, size = scene.file(item.mask), (image.shape[0], image.shape[1])
+    whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
+    if item.unknown is None:
+        return whole
+    unknown = scene.file(item.unknown)
+    return named(
+        scene,
+        (*place, "unknown"),
+        lambda: ImageRegion.from_mask(
+            mask_from_file(path, item.label, image=item.image),
+            unknown=mask_from_file(unknown, item.unknown_label, image=item.image),
+        ),
+    )
 
 
 def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:
@@ -132,7 +146,7 @@ def _mesh(path: Path, origin: Array) -> WorldRegion:
     )
 
 
-def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array) -> WorldSide:
+def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
     from regionpose.segmentation.cloud import grow_plane
 
     if cloud is None:
@@ -143,7 +157,12 @@ def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array) -> WorldSi
     else:
         alike = _alike(cloud, seed, item.intensity_tolerance)
         indices = alike[grow_plane(cloud.points[alike], seed, min_width=item.min_width)]
-    return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)
+    return WorldSide(_outlined(cloud.points[indices], item, scanner), indices)
+
+
+def _outlined(points: Array, item: WorldSeed | WorldPoints, scanner: Array | None) -> WorldRegion:
+    """The region of points (n, 3), scanned from `scanner` (3,) where that is known, both about the local origin."""
+    return WorldRegion.from_points(points, radius=item.radius, sensor_origin=scanner)
 
 
 def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
@@ -158,17 +177,17 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
     return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
 
 
-def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array) -> WorldSide:
+def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
     if isinstance(item.points, list):
-        return _indexed(np.asarray(item.points), item, cloud)
+        return _indexed(np.asarray(item.points), item, cloud, scanner)
     path = scene.file(item.points)
     if path.suffix.lower() not in {".npy", ".npz"}:
         other = read_cloud(path)
-        return WorldSide(WorldRegion.from_points(other.points + (other.origin - origin), radius=item.radius))
+        return WorldSide(_outlined(other.points + (other.origin - origin), item, scanner))
     values = _array(path)
     if values.ndim == 2:
-        return WorldSide(WorldRegion.from_points(values.astype(np.float64) - origin, radius=item.radius))
-    return _indexed(_chosen(path, values, item, cloud), item, cloud)
+        return WorldSide(_outlined(values.astype(np.float64) - origin, item, scanner))
+    return _indexed(_chosen(path, values, item, cloud), item, cloud, scanner)
 
 
 def _array(path: Path) -> NDArray[np.generic]:
@@ -199,7 +218,7 @@ def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: C
     return chosen
 
 
-def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None) -> WorldSide:
+def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None, scanner: Array | None) -> WorldSide:
     if cloud is None:
         raise ValueError("found indices without a cloud; needed the key cloud in the scene")
     if cloud.dropped:
@@ -209,4 +228,4 @@ def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None) -> WorldS
     if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
         found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
         raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
-    return WorldSide(WorldRegion.from_points(cloud.points[indices], radius=item.radius), indices)
+    return WorldSide(_outlined(cloud.points[indices], item, scanner), indices)

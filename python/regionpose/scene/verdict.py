@@ -10,12 +10,14 @@ import numpy as np
 from regionpose.scene.estimate import SceneEstimate
 
 ADVICE = {
-    "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.initial and its initial_sigma,"
-    " seen_from of a region's world side.",
+    "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
+    " its initial_sigma, seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
     "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
     "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",
+    "place-contradicted": "One of them is wrong: check the regions' pairs, or prior.camera_near, which is the scanner's"
+    " place unless it is given, and camera_near_sigma_m; null for a camera that may stand anywhere.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
     "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
@@ -26,7 +28,14 @@ ADVICE = {
 
 TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
 
-DOUBTS = {"not-converged", "ambiguous", "initial-contradicted", "side-contradicted", "up-contradicted"}
+DOUBTS = {
+    "not-converged",
+    "ambiguous",
+    "initial-contradicted",
+    "place-contradicted",
+    "side-contradicted",
+    "up-contradicted",
+}
 """Warnings after which the pose may be another one altogether."""
 
 

@@ -8,6 +8,7 @@ mod contours;
 mod masks;
 mod mesh;
 mod moments;
+mod prior;
 mod regions;
 mod solve;
 
@@ -25,6 +26,8 @@ mod _core {
         mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles,
         spherical_moments,
     };
+    #[pymodule_export]
+    use crate::prior::Prior;
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]

@@ -21,16 +21,20 @@ pub struct ObservedRegion(pub region::ObservedRegion);
 #[pymethods]
 impl ObservedRegion {
     #[new]
-    #[pyo3(signature = (rings, pixel_area, *, borders = None, pixel_bearings = None, pixel_solid_angles = None))]
+    #[pyo3(signature = (
+        rings, pixel_area, *, borders = None, hidden = None, pixel_bearings = None, pixel_solid_angles = None
+    ))]
     fn new(
         rings: &Bound<'_, PyAny>,
         pixel_area: f64,
         borders: Option<&Bound<'_, PyAny>>,
+        hidden: Option<&Bound<'_, PyAny>>,
         pixel_bearings: Option<&Bound<'_, PyAny>>,
         pixel_solid_angles: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let mut observed = region::ObservedRegion::new(self::rings::<3>(rings)?, pixel_area);
         observed.borders = borders.map_or(Ok(Vec::new()), self::rings::<3>)?;
+        observed.hidden = hidden.map_or(Ok(Vec::new()), self::rings::<3>)?;
         if let (Some(bearings), Some(solid_angles)) = (pixel_bearings, pixel_solid_angles) {
             let bearings = points::<3>("pixel_bearings", bearings)?;
             let solid_angles = numbers("pixel_solid_angles", solid_angles)?;

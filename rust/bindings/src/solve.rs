@@ -2,23 +2,22 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use regionpose::batch::in_parallel;
 use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares;
 use regionpose::equations::residual::Evaluation;
 use regionpose::equations::system::{System, Weighting};
 use regionpose::geometry::pose::Tangent;
-use regionpose::prior::{PoseSigma, Prior};
 use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
 use regionpose::verdict::estimate;
 
-use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error, vector};
+use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error};
+use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
@@ -64,51 +63,6 @@ fn parsed_refinement(name: Option<&str>) -> PyResult<Refinement> {
 type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
 type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
-
-type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
-
-/// The prior of a dictionary that may hold `initial`, `initial_sigma`, `up` and `up_sigma`, deviations in degrees and metres.
-fn parsed_prior(given: Option<&Bound<'_, PyDict>>) -> PyResult<Prior> {
-    let part = |name: &str| -> PyResult<Option<Bound<'_, PyAny>>> {
-        let value = given.map_or(Ok(None), |given| given.get_item(name))?;
-        Ok(value.filter(|value| !value.is_none()))
-    };
-    let initial: Option<PoseArrays<'_>> = part("initial")?.map(|value| value.extract()).transpose()?;
-    let initial = initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?;
-    let up: Option<Vector3<f64>> = part("up")?.map(|up| vector("up", &up)).transpose()?;
-    if up.is_some_and(|up| up.norm() == 0.0) {
-        return Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"));
-    }
-    let initial_sigma = part("initial_sigma")?.map(|sigma| pose_sigma(&sigma)).transpose()?;
-    let up_sigma = part("up_sigma")?.map(|sigma| deviation("up_sigma", &sigma).map(f64::to_radians)).transpose()?;
-    Ok(Prior { initial, initial_sigma, up, up_sigma, ..Prior::default() })
-}
-
-fn pose_sigma(given: &Bound<'_, PyAny>) -> PyResult<PoseSigma> {
-    let values = numbers("initial_sigma", given)?;
-    let [degrees, place] = values[..] else {
-        let found = values.len();
-        let needed = "(degrees, metres)";
-        return Err(PyValueError::new_err(format!("initial_sigma has {found} entries; it needs to be {needed}")));
-    };
-    for value in [degrees, place] {
-        check_deviation("initial_sigma", value)?;
-    }
-    Ok(PoseSigma { rotation: degrees.to_radians(), place })
-}
-
-fn deviation(item: &str, given: &Bound<'_, PyAny>) -> PyResult<f64> {
-    let value = scalar(item, given, "a positive number of degrees")?;
-    check_deviation(item, value)?;
-    Ok(value)
-}
-
-fn check_deviation(item: &str, value: f64) -> PyResult<()> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!("{item} holds {value}; it needs positive numbers")))
-}
 
 /// Where a least squares ended.
 #[pyclass(frozen, module = "regionpose._core")]
@@ -300,13 +254,7 @@ impl Problem {
 
     /// The poses that may be the answer, and the equations to polish them by.
     #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
-    fn search(
-        &self,
-        py: Python<'_>,
-        start: &str,
-        prior: Option<&Bound<'_, PyDict>>,
-        refine: Option<&str>,
-    ) -> PyResult<Search> {
+    fn search(&self, py: Python<'_>, start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine)?;
         Ok(Search(py.detach(|| self.0.search(&options))))
     }
@@ -342,7 +290,7 @@ impl Problem {
         &self,
         py: Python<'py>,
         start: &str,
-        prior: Option<&Bound<'py, PyDict>>,
+        prior: Option<Prior>,
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine)?;
@@ -350,8 +298,9 @@ impl Problem {
     }
 }
 
-fn parsed_options(start: &str, prior: Option<&Bound<'_, PyDict>>, refine: Option<&str>) -> PyResult<Options> {
-    Ok(Options { start: parsed_start(start)?, prior: parsed_prior(prior)?, refinement: parsed_refinement(refine)? })
+fn parsed_options(start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Options> {
+    let prior = prior.map(|prior| prior.0).unwrap_or_default();
+    Ok(Options { start: parsed_start(start)?, prior, refinement: parsed_refinement(refine)? })
 }
 
 fn residual_jacobian<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<ResidualJacobian<'py>> {
@@ -441,26 +390,34 @@ impl Sides {
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
-/// Estimates of many problems by the native solver, in order; None for a problem without a pose in view, and what is wrong
-/// with it for one that is refused.
+/// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in view,
+/// and what is wrong with it for one that is refused.
 #[pyfunction]
-#[pyo3(signature = (problems, *, threads = None, system = "plane", integration = "boundary", refine = "contour"))]
+#[pyo3(signature = (problems, priors, *, threads = None, refine = "contour"))]
 pub fn estimate_batch<'py>(
     py: Python<'py>,
     problems: Vec<PySides<'_>>,
+    priors: Vec<Option<Prior>>,
     threads: Option<&Bound<'_, PyAny>>,
-    system: &str,
-    integration: &str,
     refine: Option<&str>,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let (system, integration) = (parsed_system(system)?, parsed_integration(integration, None)?);
-    let options = Options { refinement: parsed_refinement(refine)?, ..Options::default() };
+    if problems.len() != priors.len() {
+        let (found, needed) = (priors.len(), problems.len());
+        return Err(PyValueError::new_err(format!(
+            "priors has {found} items; it needs one for each problem, {needed}"
+        )));
+    }
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
-    let sides: Vec<Sides> = problems.iter().map(|(observed, worlds)| Sides::new(observed, worlds)).collect();
-    let solve = |sides: &Sides| sides.problem(system, integration).map(|problem| problem.estimate_with(&options));
+    let tasks = problems.iter().zip(priors).map(|((observed, worlds), prior)| {
+        Ok((Sides::new(observed, worlds), parsed_options("global", prior, refine)?))
+    });
+    let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
+    let solve = |(sides, options): &(Sides, Options)| {
+        sides.problem(System::Plane, Integration::Boundary).map(|problem| problem.estimate_with(options))
+    };
     // A problem that panics costs its own answer, not those of the others.
-    let guarded = |sides: &Sides| catch_unwind(AssertUnwindSafe(|| solve(sides)));
-    let results = py.detach(|| in_parallel(&sides, threads, guarded)).map_err(value_error)?;
+    let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| solve(task)));
+    let results = py.detach(|| in_parallel(&tasks, threads, guarded)).map_err(value_error)?;
     let answer = |result: std::thread::Result<regionpose::error::Result<Option<estimate::Estimate>>>| match result {
         Ok(Ok(found)) => Ok(found.map(Estimate).into_pyobject(py)?.into_any()),
         Ok(Err(error)) => Ok(error.to_string().into_pyobject(py)?.into_any()),

@@ -2,6 +2,7 @@
 
 pub mod correlation;
 pub mod covariance;
+pub mod creases;
 pub mod field;
 pub mod fit;
 pub mod mixture;

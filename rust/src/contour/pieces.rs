@@ -38,13 +38,13 @@ impl Piece {
     }
 }
 
-/// The pieces of a region's rings, `pixels` to the unit; those that touch an edge on the image's border are left out.
-pub fn pieces(outline: &PlaneRings, on_border: &[Vec<bool>], pixels: f64) -> Vec<Piece> {
-    pieces_by_ring(outline.rings(), on_border, pixels).into_iter().flatten().collect()
+/// The pieces of a region's rings, `pixels` to the unit; those that touch a foreign edge are left out.
+pub fn pieces(outline: &PlaneRings, foreign: &[Vec<bool>], pixels: f64) -> Vec<Piece> {
+    pieces_by_ring(outline.rings(), foreign, pixels).into_iter().flatten().collect()
 }
 
 /// The same ring by ring, of closed rings that need not bound a region.
-pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], on_border: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
+pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], foreign: &[Vec<bool>], pixels: f64) -> Vec<Vec<Piece>> {
     let lengths: Vec<f64> = rings.iter().map(|ring| edges(ring).map(|(a, b)| (b - a).norm()).sum()).collect();
     let piece = (PIECE / pixels).max(lengths.iter().sum::<f64>() / MOST_PIECES as f64);
     let mut pieces = Vec::with_capacity(rings.len());
@@ -52,8 +52,8 @@ pub fn pieces_by_ring(rings: &[Vec<Vector2<f64>>], on_border: &[Vec<bool>], pixe
     for (index, (ring, length)) in rings.iter().zip(lengths).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
         let count = ((length / piece).round() as usize).max(FEWEST_PIECES);
-        let on_border = on_border.get(index).map_or(&[][..], Vec::as_slice);
-        pieces.push(ring_pieces(ring, &numbers, on_border, length, count));
+        let foreign = foreign.get(index).map_or(&[][..], Vec::as_slice);
+        pieces.push(ring_pieces(ring, &numbers, foreign, length, count));
     }
     pieces
 }
@@ -64,7 +64,7 @@ pub fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
 }
 
 /// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
-fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
+pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
     let mut before = Vector2::zeros();
     let mut number = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;

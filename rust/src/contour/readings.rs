@@ -55,13 +55,13 @@ pub struct Reading {
 }
 
 impl Contour {
-    /// The contour of an observed region, without what lies on the image's border, and the boundary of its world region about
+    /// The contour of an observed region, without what is not its own, and the boundary of its world region about
     /// `origin`.
     pub fn new(region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let scale = region.chart().scale;
         let pixels = region.pixel_area().sqrt();
-        let on_border = region.border().map_or(&[][..], |border| border.on_border());
-        let pieces = pieces(region.outline(), on_border, pixels).into_iter().map(|piece| piece.scaled(scale)).collect();
+        let pieces = pieces(region.outline(), region.foreign_edges(), pixels);
+        let pieces = pieces.into_iter().map(|piece| piece.scaled(scale)).collect();
         let frame = world.frame();
         let plane = PlaneFrame { origin: frame.origin - origin, axes: frame.axes };
         Self {

@@ -22,7 +22,7 @@ use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::view::border::Border;
+use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
@@ -41,6 +41,9 @@ pub struct RegionEquations {
     chart: Chart,
     outline: PlaneRings,
     border: Option<Border>,
+    /// Edges of the outline that are not the region's own boundary, ring by ring.
+    foreign: Vec<Vec<bool>>,
+    hides_edges: bool,
     observed: Vec<f64>,
     facets: Vec<Facet>,
     pixel_area: f64,
@@ -55,7 +58,7 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`] and [`Border::of`] refuse, a pixel area that is not positive, or pixel sums asked for without
+    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel sums asked for without
     /// pixels.
     pub fn new(
         observed: &ObservedRegion,
@@ -66,7 +69,9 @@ impl RegionEquations {
     ) -> Result<Self> {
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
-        let border = Border::of(&observed.borders, &chart, &outline, pixel_area.sqrt().recip())?;
+        let pixel = pixel_area.sqrt().recip();
+        let border = Border::of(&observed.borders, &chart, &outline, pixel)?;
+        let (foreign, hides_edges) = foreign_edges(&observed.hidden, border.as_ref(), &chart, &outline, pixel)?;
         // What the border leaves visible changes with the pose: a mesh of it would not last.
         let integration = match (integration, &border) {
             (Integration::Mesh { .. }, Some(_)) => Integration::Boundary,
@@ -79,6 +84,8 @@ impl RegionEquations {
             chart,
             outline,
             border,
+            foreign,
+            hides_edges,
             observed: values,
             facets,
             pixel_area,
@@ -123,6 +130,16 @@ impl RegionEquations {
     /// The border of the image along which the region was cut.
     pub fn border(&self) -> Option<&Border> {
         self.border.as_ref()
+    }
+
+    /// Edges of the observed outline that are not the region's own boundary, ring by ring: on the image's border, or hidden.
+    pub fn foreign_edges(&self) -> &[Vec<bool>] {
+        &self.foreign
+    }
+
+    /// Whether edges are hidden, so that the moments are those of a part whose other part nobody knows.
+    pub fn hides_edges(&self) -> bool {
+        self.hides_edges
     }
 
     /// Number of independent equations.

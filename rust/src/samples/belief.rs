@@ -1,4 +1,4 @@
-//! What is believed of a left increment: normal distributions and factors of such (`docs/math.md`, section 16).
+//! What is believed of a left increment: normal distributions and factors of such (`docs/math.md`, section 17).
 
 use nalgebra::{Matrix6, Vector6};
 

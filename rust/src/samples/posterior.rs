@@ -1,4 +1,4 @@
-//! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 16).
+//! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 17).
 
 use nalgebra::{Matrix6, Vector6};
 

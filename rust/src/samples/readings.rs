@@ -1,4 +1,4 @@
-//! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 16.1, 16.2).
+//! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1, 17.2).
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 
@@ -17,7 +17,7 @@ pub struct SampledRegion {
     index: usize,
     /// `chart_from_camera`.
     rotation: Rotation3<f64>,
-    /// The contour on the plane z = 1 of the chart's axes; the image's border is marked.
+    /// The contour on the plane z = 1 of the chart's axes; edges that are not the region's own are marked.
     contour: SignedField,
     /// Pixels per unit of that plane.
     pixels: f64,
@@ -47,11 +47,10 @@ impl SampledRegion {
         let scale = region.chart().scale;
         let unscaled: Vec<Vec<_>> =
             region.outline().rings().iter().map(|ring| ring.iter().map(|p| p / scale).collect()).collect();
-        let borders = region.border().map_or(&[][..], |border| border.on_border());
         Some(Self {
             index,
             rotation: region.chart().rotation,
-            contour: SignedField::new(&unscaled, borders),
+            contour: SignedField::new(&unscaled, region.foreign_edges()),
             pixels: region.pixel_area().sqrt() * scale,
             size: region.pixel_area().sqrt(),
             samples: inside.chain(samples.outside().iter().map(lifted(false))).collect(),

@@ -1,4 +1,4 @@
-//! The signed distance of any point from the rings that bound a region (`docs/math.md`, eq. 16.1).
+//! The signed distance of any point from the rings that bound a region (`docs/math.md`, eq. 17.1).
 
 use nalgebra::Vector2;
 

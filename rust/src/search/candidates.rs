@@ -2,12 +2,14 @@
 
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
-use super::moments::{SAME_CANDIDATE, moment_poses, paper_poses, single_region_poses};
+use super::directions::direction_poses;
+use super::moments::{SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses, single_region_poses};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 use crate::contour::fit::{ContourFit, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, Stopping, minimize};
+use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
@@ -164,11 +166,12 @@ impl Problem {
         let few = sketch_step(contours);
         let explains = |pose: &Pose| ContourFit::at(contours, pose, few).is_some_and(|fit| fit.is_clean());
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &explains),
+            Start::Global => self.global_poses(options, few, &explains),
             Start::Paper => paper_poses(self, &options.prior),
         };
         let first = poses.first().and_then(|pose| ContourFit::at(contours, pose, few));
-        let clean = first.as_ref().is_some_and(ContourFit::is_clean);
+        // The moments of a region of which a part is hidden are wrong, however clean the rest of its contour.
+        let clean = first.as_ref().is_some_and(ContourFit::is_clean) && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.clone().whitened(first.map_or(0.0, |fit| fit.noise()), orders);
         let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
@@ -181,15 +184,21 @@ impl Problem {
         Search { problem, options: *options, answers, starts }
     }
 
-    fn global_poses(&self, options: &Options, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
-        let poses = moment_poses(self, &options.prior, WantedTurns::Likely, explains);
+    fn global_poses(&self, options: &Options, few: usize, explains: &impl Fn(&Pose) -> bool) -> Vec<Pose> {
+        let known = known_poses(self, &options.prior, few);
+        let poses = moment_poses(self, &options.prior, &known, WantedTurns::Likely, explains);
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, WantedTurns::All, explains),
+            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, explains),
         }
+    }
+
+    /// Whether any region has hidden edges.
+    fn hides_edges(&self) -> bool {
+        self.regions().iter().any(RegionEquations::hides_edges)
     }
 
     /// The most that a prior and the regions' visible sides count against a pose, in variances.
@@ -219,6 +228,12 @@ impl Search {
         let minimum = minimize(self.problem.regions(), &start, Weighting::Whitened, FINAL);
         Minimum { pose: self.problem.uncentred(&minimum.pose), ..minimum }
     }
+}
+
+/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's place.
+fn known_poses(problem: &Problem, prior: &Prior, few: usize) -> Vec<Pose> {
+    let initial = prior.initial.map(|pose| problem.centred(&pose));
+    initial.into_iter().chain(direction_poses(problem, prior, few)).collect()
 }
 
 /// The step that leaves about as many pieces of all contours as a first look takes.
@@ -272,6 +287,9 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Answers {
     let contours = problem.contours();
     let places = places(problem, poses, prior);
+    if problem.hides_edges() {
+        return Answers::Contours(places);
+    }
     let starts = places.iter().map(|place| place.pose).collect();
     let minima = by_moments(problem, starts, prior);
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
@@ -289,10 +307,10 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<ContourFit>
     let contours = problem.contours();
     let few = sketch_step(contours);
     let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| refined(contours, pose, few)).collect::<Vec<_>>();
-    let known = prior.initial.iter().map(|pose| problem.centred(pose));
+    let known = known_poses(problem, prior, few);
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
-    if !found.iter().any(is_found) {
+    if problem.hides_edges() || !found.iter().any(is_found) {
         found.extend(led(further_poses(problem, few)));
     }
     let mut all = sharpened(problem, found, few, prior);
@@ -325,7 +343,8 @@ fn is_found(fit: &ContourFit) -> bool {
     fit.mixture.sigma < LOOSE && shares.iter().all(|&share| share >= least)
 }
 
-/// Poses from corners and, of several regions, from each by itself, those that lie nearest to the contours of all.
+/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie nearest to the
+/// contours of all.
 pub(crate) fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
     let sketch = Sketch::new(contours, few);
@@ -335,7 +354,8 @@ pub(crate) fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     };
     let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
     let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };
-    corners.chain(best(single)).collect()
+    let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
+    corners.chain(best(single)).chain(best(hidden)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.

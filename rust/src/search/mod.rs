@@ -4,6 +4,7 @@ pub mod candidates;
 pub mod closed_form;
 pub mod corners;
 pub mod cuts;
+pub mod directions;
 pub mod moments;
 pub mod p3p;
 pub mod poses;

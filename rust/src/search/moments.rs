@@ -45,17 +45,18 @@ pub const SAME_CANDIDATE: f64 = 0.01;
 
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
-/// From the closed forms of one region after the other, the largest first, until one explains all regions.
+/// From poses that are known, then from the closed forms of one region after the other, the largest first, until one explains all
+/// regions.
 pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
+    known: &[Pose],
     turns: WantedTurns,
     explains: impl Fn(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
-    let known: Vec<Pose> = prior.initial.iter().map(|pose| problem.centred(pose)).collect();
-    let mut poses = solved_together(problem, known);
+    let mut poses: Vec<Pose> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
         poses.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
         poses = narrowed(problem.regions(), poses);
@@ -94,10 +95,20 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTur
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
 /// cut by lines from all sides.
 fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
+    best_fitting(std::slice::from_ref(region), cut_forms(problem, region, world), STARTS_OF_CUT)
+}
+
+/// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have cut it.
+pub fn hidden_region_poses(problem: &Problem) -> Vec<Pose> {
+    let pairs = problem.regions().iter().zip(problem.worlds());
+    let hidden = pairs.filter(|(region, _)| region.hides_edges());
+    hidden.flat_map(|(region, world)| cut_forms(problem, region, world)).collect()
+}
+
+fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
     let closed =
         |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), WantedTurns::Likely);
-    let poses = cut_worlds(world).iter().flat_map(closed).collect();
-    best_fitting(std::slice::from_ref(region), poses, STARTS_OF_CUT)
+    cut_worlds(world).iter().flat_map(closed).collect()
 }
 
 /// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
@@ -125,8 +136,12 @@ fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<Pose> {
     if problem.regions().len() == 1 {
         return poses;
     }
-    let joint = |pose: &Pose| minimize(problem.regions(), pose, Weighting::Uniform, JOINT).pose;
-    poses.iter().map(joint).collect()
+    poses.iter().map(|pose| solved_jointly(problem, pose)).collect()
+}
+
+/// The minimum of all regions' unweighted equations near a start.
+fn solved_jointly(problem: &Problem, start: &Pose) -> Pose {
+    minimize(problem.regions(), start, Weighting::Uniform, JOINT).pose
 }
 
 /// Distinct poses by their joint unweighted cost, best first, as many as are worth another look.

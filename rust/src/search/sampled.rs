@@ -1,4 +1,4 @@
-//! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 16).
+//! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
 
 use super::candidates::further_poses;
 use super::poses::{apart, distinct};

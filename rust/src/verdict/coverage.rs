@@ -11,7 +11,14 @@ use crate::view::border::{Border, projected_before};
 use crate::view::chart::Chart;
 
 /// Solid angles shared and not shared by an observed region and the projected one; `None` where it cannot be projected.
+///
+/// What is projected beyond a region that has hidden edges may be what they hide, and does not count.
 pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Option<OverlapAreas> {
+    let areas = whole_overlap(observed, world, pose)?;
+    Some(if observed.hides_edges() { OverlapAreas { only_predicted: 0.0, ..areas } } else { areas })
+}
+
+fn whole_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Option<OverlapAreas> {
     if let Some(border) = observed.border() {
         return Some(cut_overlap(observed, border, world, pose));
     }

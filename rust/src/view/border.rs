@@ -40,21 +40,13 @@ impl Border {
     /// # Errors
     /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
     pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
-        let numbered = lines.iter().enumerate();
-        let lines = numbered.map(|(index, line)| projected(index, line, chart)).collect::<Result<Vec<_>>>()?;
-        let near = |p: &Vector2<f64>| lines.iter().any(|line| lies_along(line, p, ON_BORDER * pixel));
-        let on_border: Vec<Vec<bool>> = outline
-            .rings()
-            .iter()
-            .map(|ring| ring_edges(ring).map(|(a, b)| near(&a) && near(&b) && near(&a.lerp(&b, 0.5))).collect())
-            .collect();
+        let lines = projected_lines("border", lines, chart)?;
+        let on_border = edges_along(&lines, outline, pixel);
         let flat = || on_border.iter().flatten().copied();
         if !flat().any(|on_border| on_border) {
             return Ok(None);
         }
-        let lengths = || outline.edges().map(|(a, b)| (b - a).norm());
-        let seen = lengths().zip(flat()).map(|(length, on_border)| if on_border { 0.0 } else { length }).sum::<f64>();
-        let share = seen / lengths().sum::<f64>();
+        let share = share_of_others(outline, &on_border);
         if share < LEAST_SEEN {
             return Err(Error::OutOfRange {
                 item: "the share of the observed outline inside the image",
@@ -116,17 +108,63 @@ pub fn near_plane(ring: &[Vector3<f64>]) -> f64 {
     NEAR * ring.iter().map(|p| p.norm()).fold(f64::MIN_POSITIVE, f64::max)
 }
 
+/// Which edges of an outline in its chart are not the region's own boundary, ring by ring: those on the image's border, and those
+/// along the lines of hidden edges; and whether there are any of these. `pixel` is a pixel's size in the chart.
+///
+/// # Errors
+/// When hardly any of the outline is left, or a line is none.
+pub fn foreign_edges(
+    hidden: &[Vec<Bearing>],
+    border: Option<&Border>,
+    chart: &Chart,
+    outline: &PlaneRings,
+    pixel: f64,
+) -> Result<(Vec<Vec<bool>>, bool)> {
+    let mut foreign = edges_along(&projected_lines("hidden", hidden, chart)?, outline, pixel);
+    let any_hidden = foreign.iter().flatten().any(|&hidden| hidden);
+    for (edges, on_border) in foreign.iter_mut().zip(border.map_or(&[][..], Border::on_border)) {
+        edges.iter_mut().zip(on_border).for_each(|(foreign, &on_border)| *foreign |= on_border);
+    }
+    let share = if any_hidden { share_of_others(outline, &foreign) } else { 1.0 };
+    if share < LEAST_SEEN {
+        return Err(Error::OutOfRange {
+            item: "the share of the observed outline that is the region's own",
+            found: format!("{:.1} %, the rest of it hidden or on the image's border", 100.0 * share),
+            needed: format!("at least {:.0} %", 100.0 * LEAST_SEEN),
+        });
+    }
+    Ok((foreign, any_hidden))
+}
+
+/// Whether each edge of an outline lies along one of the lines, ring by ring.
+fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64) -> Vec<Vec<bool>> {
+    let near = |p: &Vector2<f64>| lines.iter().any(|line| lies_along(line, p, ON_BORDER * pixel));
+    let along = |(a, b): (Vector2<f64>, Vector2<f64>)| near(&a) && near(&b) && near(&a.lerp(&b, 0.5));
+    outline.rings().iter().map(|ring| ring_edges(ring).map(along).collect()).collect()
+}
+
+/// The share of an outline's length that is not marked.
+fn share_of_others(outline: &PlaneRings, marked: &[Vec<bool>]) -> f64 {
+    let lengths = || outline.edges().map(|(a, b)| (b - a).norm());
+    let others = lengths().zip(marked.iter().flatten()).map(|(length, &marked)| if marked { 0.0 } else { length });
+    others.sum::<f64>() / lengths().sum::<f64>()
+}
+
+fn projected_lines(item: &'static str, lines: &[Vec<Bearing>], chart: &Chart) -> Result<Vec<Vec<Vector2<f64>>>> {
+    lines.iter().enumerate().map(|(index, line)| projected(item, index, line, chart)).collect()
+}
+
 /// A line of bearings in the chart, without what lies outside of it at both ends.
-fn projected(index: usize, line: &[Bearing], chart: &Chart) -> Result<Vec<Vector2<f64>>> {
+fn projected(item: &'static str, index: usize, line: &[Bearing], chart: &Chart) -> Result<Vec<Vector2<f64>>> {
     if line.len() < 2 {
-        return Err(Error::ShortBorder { line: index, found: line.len() });
+        return Err(Error::ShortLine { item, line: index, found: line.len() });
     }
     let points: Vec<_> = line.iter().map(|bearing| chart.project(bearing)).collect();
     let first = points.iter().position(Option::is_some).unwrap_or(0);
     let last = points.iter().rposition(Option::is_some).unwrap_or(0);
     let inside = points[first..=last].iter().copied().collect::<Option<Vec<_>>>();
     inside.filter(|line| line.len() > 1).ok_or_else(|| Error::OutOfRange {
-        item: "the image's border beside the observed region",
+        item: "a line of the image's border or of hidden edges beside the observed region",
         found: "a line that leaves the region's half space".into(),
         needed: "a line that is in view beside the region".into(),
     })

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import shapely
@@ -33,6 +32,7 @@ from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
+from regionpose.prior import Prior
 from regionpose.regions import ImageRegion, WorldRegion
 
 Array = NDArray[np.float64]
@@ -63,8 +63,8 @@ class Problem:
     `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
     halves or that a lidar hits too rarely. `image_change`, `world_change`: area of the symmetric difference between the
     given and the true regions over the true area, as measured; a wrong region counts by its own disturbance alone.
-    `wrong`: place of the wrong region among those given. `options`: what is known of the pose beforehand, as
-    `estimate_pose` takes it. `drawn`: fields of the condition that the seed decided.
+    `wrong`: place of the wrong region among those given. `prior`: what is known of the pose beforehand. `drawn`: fields
+    of the condition that the seed decided.
     """
 
     scene: Scene
@@ -75,7 +75,7 @@ class Problem:
     image_change: float
     world_change: float
     wrong: int | None = None
-    options: dict[str, Any] = field(default_factory=dict)
+    prior: Prior | None = None
     drawn: Mapping[str, Value] = field(default_factory=dict)
 
 
@@ -101,22 +101,22 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
         float(np.mean(changes)),
         list(worlds).index(wrong) if wrong in worlds else None,
-        known_options(scene, condition, problem_generator(seed, "prior")),
+        known_beforehand(scene, condition, problem_generator(seed, "prior")),
     )
 
 
-def known_options(scene: Scene, condition: Condition, rng: np.random.Generator) -> dict[str, Any]:
-    """Options of `estimate_pose` that say what the condition lets be known of the pose beforehand, with its errors."""
+def known_beforehand(scene: Scene, condition: Condition, rng: np.random.Generator) -> Prior | None:
+    """What the condition lets be known of the pose beforehand, with its errors."""
     if condition.prior == "initial":
         degrees, metres = INITIAL_SIGMA
         turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
         true = Pose.from_parts(scene.rotation, scene.translation)
         rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
-        return {"initial": rough, "initial_sigma": INITIAL_SIGMA}
+        return Prior(initial=rough, initial_sigma=INITIAL_SIGMA)
     if "up" in condition.prior:
         turn = Rotation.from_rotvec(rng.normal(0.0, UP_SIGMA_DEG, size=3), degrees=True)
-        return {"up": scene.rotation.T @ turn.apply([0.0, -1.0, 0.0]), "up_sigma": UP_SIGMA_DEG}
-    return {}
+        return Prior(up=scene.rotation.T @ turn.apply([0.0, -1.0, 0.0]), up_sigma_deg=UP_SIGMA_DEG)
+    return None
 
 
 def pose_source(setup: Setup, condition: Condition) -> PoseSource:

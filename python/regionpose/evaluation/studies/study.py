@@ -24,6 +24,7 @@ from regionpose.evaluation.studies.conditions import (
 )
 from regionpose.evaluation.studies.problems import Problem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
+from regionpose.prior import Prior
 from regionpose.solver import estimate_pose
 
 ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
@@ -137,7 +138,7 @@ class Study:
                 warnings.simplefilter("always")
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
-            options = {**problem.options, **solver_options(condition.solver)}
+            options = estimate_options(problem, condition.solver)
             estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
             ended = perf_counter()
             bound = pose_bound(problem) if self.bounds else None
@@ -145,6 +146,13 @@ class Study:
             return {**row, "input_warnings": ";".join(dict.fromkeys(warning.category.__name__ for warning in said))}
         except Exception as error:
             return failed_row(error, problem)
+
+
+def estimate_options(problem: Problem, solver: str) -> dict[str, Any]:
+    """Options of `estimate_pose` for a problem: the condition's, what these say of a prior added to what is known."""
+    options = solver_options(solver)
+    known, told = problem.prior or Prior(), options.pop("prior", {})
+    return {**options, "prior": replace(known, **told)}
 
 
 def versions() -> dict[str, str]:

@@ -1,0 +1,98 @@
+"""What is known of a pose beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionpose import _core
+from regionpose.pose import Pose
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Prior:
+    """What is known of the pose `camera_from_world` of a camera beforehand; each part stands by itself.
+
+    `up`: world direction (3,) that is up in the image, known to `up_sigma_deg` degrees (15 without it). `initial`: a
+    rough pose; with `initial_sigma`, standard deviations (degrees, metres) of the camera's rotation and place along
+    each axis, it rules out what lies elsewhere, without them it is a start and chooses between poses that fit alike.
+    `camera_near`: a place (3,) of the world, metres, that the camera stands near, such as the scanner's, known to
+    `camera_near_sigma_m` metres along each axis (2 without it); directions to the regions are a start from there.
+
+    A prior decides between poses that fit about alike and moves none; one that no fitting pose agrees with is warned of
+    (docs/math.md, section 10). ValueError, naming the field, for what is no direction, pose or place, for a deviation
+    that isn't positive, and for one of what isn't given. Hashable; equal to a prior of the same numbers.
+    """
+
+    up: ArrayLike | None = None
+    up_sigma_deg: float | None = None
+    initial: Pose | None = None
+    initial_sigma: tuple[float, float] | None = None
+    camera_near: ArrayLike | None = None
+    camera_near_sigma_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the parts, and keep numbers alone."""
+        if self.initial is not None and not isinstance(self.initial, Pose):
+            raise ValueError(f"initial is a {type(self.initial).__name__}; needed a Pose")
+        # Made once to have everything checked, and anew where it is used: what is compiled has no pickle.
+        _ = self.core
+        for name in ("up", "initial_sigma", "camera_near"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, tuple(np.asarray(values, dtype=np.float64).tolist()))
+        for name in ("up_sigma_deg", "camera_near_sigma_m"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, float(value))
+
+    @property
+    def core(self) -> _core.Prior:
+        """The prior as the core takes it."""
+        parts = None if self.initial is None else (self.initial.rotation.as_matrix(), self.initial.translation)
+        return _core.Prior(
+            up=self.up,
+            up_sigma_deg=self.up_sigma_deg,
+            initial=parts,
+            initial_sigma=self.initial_sigma,
+            camera_near=self.camera_near,
+            camera_near_sigma_m=self.camera_near_sigma_m,
+        )
+
+    def about(self, origin: ArrayLike) -> Prior:
+        """The same for world points taken relative to `origin` (3,), metres."""
+        shift = np.asarray(origin, dtype=np.float64)
+        pose, near = self.initial, self.camera_near
+        return replace(
+            self,
+            initial=None if pose is None else Pose(pose.rotation, pose.transform(shift)),
+            camera_near=None if near is None else np.asarray(near) - shift,
+        )
+
+    def _values(self) -> tuple[object, ...]:
+        pose = self.initial
+        numbers = (
+            None if pose is None else (*pose.rotation.as_quat(canonical=True).tolist(), *pose.translation.tolist())
+        )
+        sigmas = (self.up_sigma_deg, self.initial_sigma, self.camera_near_sigma_m)
+        return self.up, numbers, self.camera_near, *sigmas
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other is a prior of the same numbers."""
+        return self._values() == other._values() if isinstance(other, Prior) else NotImplemented
+
+    def __hash__(self) -> int:
+        """Of the numbers."""
+        return hash(self._values())
+
+    def __repr__(self) -> str:
+        """The parts that are given, as they could be typed in."""
+        parts = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        written = {name: _written(value) for name, value in parts.items() if value is not None}
+        return f"Prior({', '.join(f'{name}={value}' for name, value in written.items())})"
+
+
+def _written(value: object) -> str:
+    return f"Pose.from_matrix({value.matrix[:3].tolist()})" if isinstance(value, Pose) else repr(value)

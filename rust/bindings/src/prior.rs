@@ -1,0 +1,107 @@
+//! What is known of a pose beforehand.
+
+use nalgebra::{Matrix6, Vector3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regionpose::prior::{self, PoseSigma};
+
+use crate::arrays::{numbers, points, pose, scalar, vector};
+
+/// What is known of a pose beforehand.
+#[pyclass(frozen, module = "regionpose._core", from_py_object)]
+#[derive(Clone, Copy)]
+pub struct Prior(pub prior::Prior);
+
+type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+#[pymethods]
+impl Prior {
+    #[new]
+    #[pyo3(signature = (
+        *, up = None, up_sigma_deg = None, initial = None, initial_sigma = None, camera_near = None, camera_near_sigma_m = None
+    ))]
+    fn new(
+        up: Option<&Bound<'_, PyAny>>,
+        up_sigma_deg: Option<&Bound<'_, PyAny>>,
+        initial: Option<PoseArrays<'_>>,
+        initial_sigma: Option<&Bound<'_, PyAny>>,
+        camera_near: Option<&Bound<'_, PyAny>>,
+        camera_near_sigma_m: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        check_given("up_sigma_deg", up_sigma_deg, "up", up.is_some())?;
+        check_given("initial_sigma", initial_sigma, "initial", initial.is_some())?;
+        check_given("camera_near_sigma_m", camera_near_sigma_m, "camera_near", camera_near.is_some())?;
+        let degrees = |sigma| deviation("up_sigma_deg", sigma, "a positive number of degrees");
+        let metres = |sigma| deviation("camera_near_sigma_m", sigma, "a positive number of metres");
+        Ok(Self(prior::Prior {
+            initial: initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?,
+            initial_sigma: initial_sigma.map(pose_sigma).transpose()?,
+            up: up.map(direction).transpose()?,
+            up_sigma: up_sigma_deg.map(degrees).transpose()?.map(f64::to_radians),
+            near: camera_near.map(|place| vector("camera_near", place)).transpose()?,
+            near_sigma: camera_near_sigma_m.map(metres).transpose()?,
+        }))
+    }
+
+    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a place.
+    #[getter]
+    fn camera_near_sigma_m(&self) -> Option<f64> {
+        self.0.place().map(|(_, sigma)| sigma)
+    }
+
+    /// What counts against a pose with this covariance (6, 6) of its left increment, in variances.
+    fn penalty(
+        &self,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+        covariance: &Bound<'_, PyAny>,
+    ) -> PyResult<f64> {
+        let rows = points::<6>("covariance", covariance)?;
+        if rows.len() != 6 {
+            return Err(PyValueError::new_err(format!("covariance has {} rows; it needs to be (6, 6)", rows.len())));
+        }
+        Ok(self.0.penalty(&pose(rotation, translation)?, &Matrix6::from_columns(&rows)))
+    }
+}
+
+/// Refuses a deviation of what is not given.
+fn check_given(item: &str, sigma: Option<&Bound<'_, PyAny>>, of: &str, given: bool) -> PyResult<()> {
+    match sigma {
+        Some(sigma) if !given => Err(PyValueError::new_err(format!("{item} is {sigma} without {of}; it needs {of}"))),
+        _ => Ok(()),
+    }
+}
+
+fn direction(up: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    let up = vector("up", up)?;
+    if up.norm() > 0.0 {
+        return Ok(up);
+    }
+    Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"))
+}
+
+fn pose_sigma(given: &Bound<'_, PyAny>) -> PyResult<PoseSigma> {
+    let values = numbers("initial_sigma", given)?;
+    let [degrees, place] = values[..] else {
+        let found = values.len();
+        let needed = "(degrees, metres)";
+        return Err(PyValueError::new_err(format!("initial_sigma has {found} entries; it needs to be {needed}")));
+    };
+    for value in [degrees, place] {
+        check_deviation("initial_sigma", value)?;
+    }
+    Ok(PoseSigma { rotation: degrees.to_radians(), place })
+}
+
+fn deviation(item: &str, given: &Bound<'_, PyAny>, needed: &str) -> PyResult<f64> {
+    let value = scalar(item, given, needed)?;
+    check_deviation(item, value)?;
+    Ok(value)
+}
+
+fn check_deviation(item: &str, value: f64) -> PyResult<()> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{item} holds {value}; it needs positive numbers")))
+}

@@ -1,0 +1,157 @@
+//! Lines in which the planes of two regions meet, seen as an edge that their outlines share (`docs/math.md`, section 16).
+
+use nalgebra::{Vector2, Vector3, Vector6};
+
+use super::pieces::{edges, straight_runs};
+use crate::equations::residual::RegionEquations;
+use crate::geometry::pose::Pose;
+use crate::prior::Gaussian;
+use crate::region::WorldRegion;
+
+/// Standard deviation of either end of a shared edge across it, pixels: drawn by hand, on frames of natural scenes.
+const SIGMA: f64 = 1.5;
+
+/// Distance, pixels, up to which two outlines share an edge: twice a hand's error of each.
+const SHARED: f64 = 5.0;
+
+/// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
+const SHORTEST: f64 = 20.0;
+
+/// Sine of the angle between planes (20 degrees) from which their line is known: its place errs by theirs over the sine.
+const APART: f64 = 0.34;
+
+/// Distance of a world outline from the line up to which its region meets it, as a share of the square root of its area: samples
+/// of walls of some 4 m end up to 0.6 m short of the corner.
+const MEETS: f64 = 0.15;
+
+/// A straight edge of the scene that two regions share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crease {
+    /// The regions, by number.
+    pub regions: [usize; 2],
+    /// Bearings of the ends of the edge, as far as both outlines show it.
+    pub ends: [Vector3<f64>; 2],
+    /// A point of the line in which the planes meet, about the problem's origin.
+    pub point: Vector3<f64>,
+    /// Its direction, a unit vector.
+    pub direction: Vector3<f64>,
+    /// Pixels per radian.
+    pixels: f64,
+}
+
+/// The creases of all pairs of regions, world coordinates about `origin`.
+pub fn creases(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vector3<f64>) -> Vec<Crease> {
+    let pairs = (0..regions.len()).flat_map(|second| (0..second).map(move |first| [first, second]));
+    pairs.filter_map(|pair| crease(pair, regions, worlds, origin)).collect()
+}
+
+fn crease(
+    pair: [usize; 2],
+    regions: &[RegionEquations],
+    worlds: &[WorldRegion],
+    origin: &Vector3<f64>,
+) -> Option<Crease> {
+    let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]])?;
+    let observed = pair.map(|index| &regions[index]);
+    let ends = shared_edge(observed[0], observed[1])?;
+    let pixels = observed.map(|region| region.pixel_area().sqrt() * region.chart().scale);
+    Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
+}
+
+/// The line in which two planes meet, if both regions reach it: a point and the direction.
+fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    if first.surface().is_some() || second.surface().is_some() {
+        return None;
+    }
+    let [a, b] = [first, second].map(WorldRegion::frame);
+    let cross = a.axes[2].cross(&b.axes[2]);
+    let direction = cross.try_normalize(APART)?;
+    // From the first plane's origin along that plane, square to the line, to the second plane.
+    let across = a.axes[2].cross(&direction);
+    let point = a.origin + across * (-b.height(&a.origin) / b.axes[2].dot(&across));
+    let meets = |world: &WorldRegion| {
+        let side = world.frame().axes[2].cross(&direction);
+        let offsets = world.rings().concat().into_iter().map(|x| side.dot(&(x - point)));
+        let (low, high) = offsets.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        low.max(-high) <= MEETS * world.outline().area().sqrt()
+    };
+    (meets(first) && meets(second)).then_some((point, direction))
+}
+
+/// Bearings of the ends of the longest edge that two observed outlines share, each outline on its own side of it.
+fn shared_edge(first: &RegionEquations, second: &RegionEquations) -> Option<[Vector3<f64>; 2]> {
+    let chart = first.chart();
+    let pixels = first.pixel_area().sqrt() * chart.scale;
+    let in_pixels = |ray: &Vector3<f64>| {
+        let turned = chart.rotation * ray;
+        (turned.z > 0.0).then(|| turned.xy() * (pixels / turned.z))
+    };
+    let seen = |side: [Vector3<f64>; 2]| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]);
+    let [own, others] = [first, second].map(|region| sides(region).into_iter().filter_map(seen).collect::<Vec<_>>());
+    let pairs = own.iter().flat_map(|a| others.iter().filter_map(|b| shared_part(a, b)));
+    let length = |part: &[Vector2<f64>; 2]| (part[1] - part[0]).norm();
+    let longest = pairs.max_by(|a, b| length(a).total_cmp(&length(b)))?;
+    Some(longest.map(|p| chart.rotation.inverse() * (p / pixels).push(1.0).normalize()))
+}
+
+/// The straight sides of an observed outline that are its own, as pairs of rays.
+fn sides(region: &RegionEquations) -> Vec<[Vector3<f64>; 2]> {
+    let (chart, mut runs) = (region.chart(), 0);
+    let mut found: Vec<[Vector3<f64>; 2]> = Vec::new();
+    let lift = |p: Vector2<f64>| chart.rotation.inverse() * (p / chart.scale).push(1.0);
+    for (ring, foreign) in region.outline().rings().iter().zip(region.foreign_edges()) {
+        let mut last = None;
+        let numbers = straight_runs(ring, &mut runs);
+        for (((from, to), number), &foreign) in edges(ring).zip(numbers).zip(foreign) {
+            match found.last_mut() {
+                Some([_, end]) if !foreign && last == Some(number) => *end = lift(to),
+                _ if !foreign => found.push([lift(from), lift(to)]),
+                _ => {}
+            }
+            last = (!foreign).then_some(number);
+        }
+    }
+    found
+}
+
+/// The middle line of two sides where they run beside each other, in opposite directions, as outlines on either side of it do.
+fn shared_part(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> Option<[Vector2<f64>; 2]> {
+    let along = (a[1] - a[0]).try_normalize(0.0)?;
+    let [start, end] = b.map(|p| along.dot(&(p - a[0])));
+    let (low, high) = (end.max(0.0), start.min((a[1] - a[0]).norm()));
+    if high - low < SHORTEST {
+        return None;
+    }
+    let both = [low, high].map(|place| (a[0] + along * place, b[0].lerp(&b[1], (place - start) / (end - start))));
+    let near = both.iter().all(|(own, other)| (own - other).norm() <= SHARED);
+    near.then(|| both.map(|(own, other)| (own + other) / 2.0))
+}
+
+impl Crease {
+    /// How far the ends of the edge lie from the projected line at a pose about the problem's origin, pixels, and the derivatives
+    /// by the left increment (`docs/math.md`, eq. 16.1 and 16.2); `None` where the line passes through the camera.
+    pub fn rows(&self, pose: &Pose) -> Option<[(f64, Vector6<f64>); 2]> {
+        let (place, direction) = (pose.transform(&self.point), pose.rotation * self.direction);
+        let moment = place.cross(&direction);
+        let length = moment.norm();
+        let normal = moment.try_normalize(f64::EPSILON * place.norm())?;
+        Some(self.ends.map(|ray| {
+            let off = normal.dot(&ray);
+            let (turning, moving) = (normal.cross(&ray), direction.cross(&(ray - normal * off)) / length);
+            let row = Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z);
+            (self.pixels * off, row * self.pixels)
+        }))
+    }
+
+    /// The crease at a pose as a Gaussian factor of its left increment; one that says nothing where the line passes through the
+    /// camera.
+    pub fn gaussian(&self, pose: &Pose) -> Gaussian {
+        let mut factor = Gaussian::default();
+        for (distance, row) in self.rows(pose).into_iter().flatten() {
+            factor.information += row * row.transpose() / (SIGMA * SIGMA);
+            factor.vector -= row * (distance / (SIGMA * SIGMA));
+            factor.offset -= 0.5 * (distance / SIGMA).powi(2);
+        }
+        factor
+    }
+}
