@@ -133,6 +133,13 @@ class WorldRegion:
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region of which a viewpoint (3,) lies on the side that the camera sees."""
 
+    def with_samples(self, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
+        """The same region with places (n, 3) inside and (m, 3) outside of it."""
+
+    @property
+    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Places (n, 3) inside and (m, 3) outside of the region, or None."""
+
     @property
     def viewpoint(self) -> NDArray[np.float64] | None:
         """The viewpoint, (3,), or None."""

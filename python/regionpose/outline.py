@@ -114,6 +114,19 @@ class Outline(NamedTuple):
     rings: list[Array]
 
 
+class PlaneSamples(NamedTuple):
+    """A plane and the samples of a region on it.
+
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points
+    belong to it. `flat`: the samples (n, 2) in its coordinates, moved onto it along the normal or their beams.
+    """
+
+    origin: Array
+    axes: Array
+    thickness: float
+    flat: Array
+
+
 def outline_of_points(
     points: ArrayLike,
     *,
@@ -133,12 +146,19 @@ def outline_of_points(
     finite, fewer than 3 points, points that are identical, on one line or on a single scan line, or a radius that is
     not positive.
     """
-    given = _checked_points(points)
     checked = None if radius is None else checked_radius(radius)
+    plane = plane_samples(points, sensor_origin)
+    rings = flat_outline(plane.flat, radius=checked, correct_sampling=correct_sampling)
+    return Outline(plane.origin, plane.axes[:2], rings)
+
+
+def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> PlaneSamples:
+    """The robust plane of points (n, 3) and those near it moved onto it; ValueError as of `outline_of_points`."""
+    given = _checked_points(points)
     origin, axes, _ = robust_plane(given[:: max(1, len(given) // PLANE_POINTS)])
-    flat = _flat_samples(given, origin, axes, sensor_origin)
-    _refuse_one_line(_thinned(flat if sensor_origin is None else _sights(given, sensor_origin)))
-    return Outline(origin, axes[:2], flat_outline(flat, radius=checked, correct_sampling=correct_sampling))
+    samples = _flat_samples(given, origin, axes, sensor_origin)
+    _refuse_one_line(_thinned(samples.flat if sensor_origin is None else _sights(given, sensor_origin)))
+    return samples
 
 
 def checked_radius(radius: object) -> float:
@@ -266,12 +286,13 @@ def _spacing_squared(points: Array) -> Array:
     return matrix
 
 
-def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> Array:
-    """The samples (n, 2) of the region near the plane, moved onto it along the normal or the beams."""
+def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> PlaneSamples:
+    """The samples of the region near the plane, moved onto it along the normal or the beams."""
     heights = (points - origin) @ axes[2]
     sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
     extent = float(np.ptp(points, axis=0).max())
-    near = np.abs(heights) <= max(INLIER_SIGMAS * sigma, REGION_THICKNESS * extent)
+    thickness = max(INLIER_SIGMAS * float(sigma), REGION_THICKNESS * extent)
+    near = np.abs(heights) <= thickness
     moved = points[near] - origin
     if sensor_origin is not None:
         sensor = np.asarray(sensor_origin, dtype=np.float64)
@@ -282,8 +303,7 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
         approach = beams @ axes[2]
         steep = np.abs(approach) >= LEAST_APPROACH
         moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
-    flat: Array = moved @ axes[:2].T
-    return flat
+    return PlaneSamples(origin, axes, thickness, moved @ axes[:2].T)
 
 
 def _sights(points: Array, sensor_origin: ArrayLike) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,8 +15,9 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.mask import MaskWindow, traced_mask
-from regionpose.outline import outline_of_points
+from regionpose.outline import SparseSamplingWarning, flat_outline, outline_of_points, plane_samples
 from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
+from regionpose.scan_samples import scan_samples
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -219,9 +221,9 @@ class ImageRegion:
         return bearings, solid_angles * coverage
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WorldRegion:
-    """A region of the 3D data: a planar patch with holes, or an open triangulated surface."""
+    """A region of the 3D data: a planar patch with holes, or an open triangulated surface; or samples of a patch."""
 
     core: _core.WorldRegion
 
@@ -278,6 +280,54 @@ class WorldRegion:
         return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
 
     @classmethod
+    def from_samples(cls, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
+        """The planar region of which places (n, 3) are known to be inside, and (m, 3) to be outside of it, metres.
+
+        The plane is that of the places inside. The pose is then the mean of those that show each place on its side of
+        the image's contour (docs/math.md, section 17); the outline around the places inside is a start. ValueError as
+        of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
+        """
+        beside = _real_array(outside, "outside", "(m, 3)").astype(np.float64)
+        if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
+            raise ValueError(f"outside has shape {beside.shape}; needed (m, 3) with at least one place")
+        plane = plane_samples(inside)
+        region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
+        return cls(region.core.with_samples(plane.origin + plane.flat @ plane.axes[:2], beside))
+
+    @classmethod
+    def from_scan(
+        cls,
+        points: ArrayLike,
+        members: ArrayLike,
+        *,
+        sensor_origin: ArrayLike | None = None,
+        extends: bool = False,
+    ) -> WorldRegion:
+        """The planar region of the returns `members` (k,) of a scan (n, 3), by index, and what is known beside it.
+
+        `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,)
+        that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no
+        member, unless it joins members without a gap and the region `extends` there. Beams that ended before the plane
+        say nothing. Without `sensor_origin` the returns on the plane alone tell; where there are none beside the
+        region, it is that of `from_points`. Points that are not finite are left out. ValueError for indices that are no
+        members of the scan, and as of `from_points`.
+        """
+        cloud = _cloud_array(points)
+        numbers = _member_array(members, len(cloud))
+        plane = plane_samples(cloud[numbers], sensor_origin)
+        rings = _start_outline(plane.flat)
+        region = cls._on_plane(plane.origin, plane.axes, rings)
+        samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
+        if samples is None:
+            return region
+        inside, outside = (plane.origin + flat @ plane.axes[:2] for flat in samples)
+        return cls(region.core.with_samples(inside, outside))
+
+    @classmethod
+    def _on_plane(cls, origin: Array, axes: Array, rings: list[Array]) -> WorldRegion:
+        return cls(_core.WorldRegion.from_outline(origin, axes[:2], rings))
+
+    @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
         """The region covered by an open triangle mesh (`vertices` (n, 3), `faces` (k, 3)), planar or not.
 
@@ -303,6 +353,11 @@ class WorldRegion:
         return self.core.viewpoint
 
     @property
+    def samples(self) -> tuple[Array, Array] | None:
+        """Places (n, 3) inside the region and (m, 3) outside of it; None where the outline alone is known."""
+        return self.core.samples
+
+    @property
     def rings(self) -> list[Array]:
         """Boundary rings, (n, 3) each."""
         return self.core.rings
@@ -322,21 +377,54 @@ class WorldRegion:
         """Whether the region lies in one plane."""
         return self.core.is_planar
 
+    def __repr__(self) -> str:
+        """What it holds, in square metres and numbers."""
+        samples = self.samples
+        known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
+        return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
+
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
-        """What pickling keeps: the plane and the outline, or the surface, and the viewpoint."""
+        """What pickling keeps: the plane, the outline and the samples, or the surface, and the viewpoint."""
         if self.core.surface is not None:
             return _surface_region, (*self.core.surface, self.viewpoint)
-        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline, self.viewpoint)
+        return _planar_region, (self.core.origin, self.core.axes[:2], self.core.outline, self.samples, self.viewpoint)
 
 
-def _planar_region(origin: Array, axes: Array, outline: list[Array], viewpoint: Array | None) -> WorldRegion:
-    region = WorldRegion(_core.WorldRegion.from_outline(origin, axes, outline))
+def _planar_region(
+    origin: Array, axes: Array, outline: list[Array], samples: tuple[Array, Array] | None, viewpoint: Array | None
+) -> WorldRegion:
+    core = _core.WorldRegion.from_outline(origin, axes, outline)
+    region = WorldRegion(core if samples is None else core.with_samples(*samples))
     return region if viewpoint is None else region.seen_from(viewpoint)
 
 
 def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Array | None) -> WorldRegion:
     region = WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
     return region if viewpoint is None else region.seen_from(viewpoint)
+
+
+def _start_outline(flat: Array) -> list[Array]:
+    """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SparseSamplingWarning)
+        return flat_outline(flat)
+
+
+def _cloud_array(points: ArrayLike) -> Array:
+    cloud = _real_array(points, "points", "(n, 3)")
+    if cloud.ndim != 2 or cloud.shape[1] != 3:
+        raise ValueError(f"points has shape {cloud.shape}; needed (n, 3)")
+    return np.asarray(cloud, dtype=np.float64)
+
+
+def _member_array(members: ArrayLike, count: int) -> NDArray[np.intp]:
+    numbers = np.asarray(members)
+    if numbers.ndim != 1 or numbers.dtype.kind not in "iu":
+        raise ValueError(f"members has shape {numbers.shape} and type {numbers.dtype}; needed indices (k,)")
+    wrong = np.flatnonzero((numbers < 0) | (numbers >= count))
+    if len(wrong):
+        raise ValueError(f"member {wrong[0]} is {numbers[wrong[0]]}; needed an index from 0 to {count - 1}")
+    return np.unique(numbers.astype(np.intp))
 
 
 def _polygon_list(polygons: object) -> list[list[Array]]:

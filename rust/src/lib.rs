@@ -57,6 +57,8 @@ pub mod problem;
 #[doc(hidden)]
 pub mod region;
 #[doc(hidden)]
+pub mod samples;
+#[doc(hidden)]
 pub mod search;
 #[doc(hidden)]
 pub mod verdict;

@@ -65,14 +65,16 @@ pub struct Prior {
     pub near_sigma: Option<f64>,
 }
 
-/// A prior at a pose as a Gaussian factor of the left increment `x`: `log p = vector . x - x . information x / 2`, but
-/// for a constant.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A Gaussian factor of the left increment `x` of a pose, not normalized: `offset + vector . x - x . information x / 2` is its
+/// logarithm.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gaussian {
-    /// Inverse covariance, zero along what the prior leaves free.
+    /// Inverse covariance, zero along what it leaves free.
     pub information: Matrix6<f64>,
     /// Information times mean.
     pub vector: Vector6<f64>,
+    /// Logarithm of its value at the pose itself.
+    pub offset: f64,
 }
 
 /// How far a pose is from the initial one.
@@ -156,7 +158,7 @@ impl Prior {
     /// prior agree: from anywhere, the mean of each term alone is one Newton step away, so none drifts from one
     /// linearisation to the next.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
-        let mut factor = Gaussian { information: Matrix6::zeros(), vector: Vector6::zeros() };
+        let mut factor = Gaussian::default();
         if let Some((initial, sigma)) = self.rough() {
             let turn = pose.increment_to(&initial).fixed_rows::<3>(0).into_owned();
             factor.add(0, &Matrix3::identity(), &turn, sigma.rotation);
@@ -222,6 +224,7 @@ impl Gaussian {
         block += along * weight;
         let mut rows = self.vector.fixed_rows_mut::<3>(first);
         rows += mean * weight;
+        self.offset -= 0.5 * weight * mean.norm_squared();
     }
 
     /// Adds that the camera stands near a place of the world, which it sees at `R (X - C)`: the way there in its axes.

@@ -13,6 +13,7 @@ use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
+use crate::samples::readings::SampledRegion;
 
 /// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
 /// the quality of calibrations.
@@ -45,6 +46,7 @@ pub struct Problem {
     regions: Vec<RegionEquations>,
     worlds: Arc<[WorldRegion]>,
     contours: Arc<[Contour]>,
+    sampled: Arc<[SampledRegion]>,
 }
 
 impl Problem {
@@ -90,7 +92,9 @@ impl Problem {
             })
             .collect::<Result<_>>()?;
         let contours = Contour::all(&regions, worlds, &origin).into();
-        Ok(Self { origin, regions, worlds: worlds.into(), contours })
+        let pairs = regions.iter().zip(worlds).enumerate();
+        let sampled = pairs.filter_map(|(index, (region, world))| SampledRegion::new(index, region, world, &origin));
+        Ok(Self { sampled: sampled.collect(), origin, contours, worlds: worlds.into(), regions })
     }
 
     /// The equations of each region.
@@ -113,6 +117,11 @@ impl Problem {
         self.contours[0].few()
     }
 
+    /// The regions whose world side has samples, which count in place of its outline.
+    pub fn sampled(&self) -> &[SampledRegion] {
+        &self.sampled
+    }
+
     /// The straight edges that two regions share, as far as their outlines and planes show any.
     pub fn creases(&self) -> Vec<Crease> {
         creases(&self.regions, &self.worlds, &self.origin)
@@ -126,7 +135,7 @@ impl Problem {
     /// The same problem, its moments compared on the scale of a boundary noise in pixels.
     pub(crate) fn whitened(&self, noise: f64, orders: Orders) -> Self {
         let regions = self.regions.iter().map(|region| region.whitened_for(noise, orders)).collect();
-        Self { regions, origin: self.origin, worlds: self.worlds.clone(), contours: self.contours.clone() }
+        Self { regions, ..self.clone() }
     }
 
     /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.

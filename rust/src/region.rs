@@ -1,5 +1,7 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
+pub mod samples;
+
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
@@ -8,6 +10,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use crate::contour::field::EdgeField;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
+use samples::Samples;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
 /// good to a few millimetres in a metre, while a ring bent more than this is not one plane.
@@ -160,6 +163,7 @@ pub struct WorldRegion {
     viewpoint: Option<Vector3<f64>>,
     /// The edges of the outline, for all problems and copies that the region is in.
     field: Arc<OnceLock<EdgeField>>,
+    samples: Option<Samples>,
 }
 
 /// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
@@ -199,7 +203,7 @@ impl WorldRegion {
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None, viewpoint: None, field: Arc::default() }
+        Self { frame, outline, surface: None, viewpoint: None, samples: None, field: Arc::default() }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -247,6 +251,29 @@ impl WorldRegion {
     /// Of a surface that is not planar, the mean plane's side counts.
     pub fn is_behind(&self, camera: &Vector3<f64>) -> bool {
         self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
+    }
+
+    /// The same region with what a sensor knows of it: places inside and outside of it, moved onto its plane.
+    ///
+    /// Where they are given, they decide of the pose, and the outline is a start.
+    ///
+    /// # Errors
+    /// What [`Samples::new`] refuses, and samples of a surface that is not planar.
+    pub fn with_samples(self, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
+        if self.surface.is_some() {
+            return Err(Error::OutOfRange {
+                item: "the region with samples",
+                found: "a surface that is not planar".into(),
+                needed: "a planar region".into(),
+            });
+        }
+        let samples = Samples::new(&self.frame, inside, outside)?;
+        Ok(Self { samples: Some(samples), ..self })
+    }
+
+    /// What a sensor knows of places on the plane.
+    pub fn samples(&self) -> Option<&Samples> {
+        self.samples.as_ref()
     }
 
     /// The plane's coordinates in which [`WorldRegion::outline`] is given.

@@ -24,6 +24,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("view",),
     ("equations",),
     ("contour",),
+    ("samples",),
     ("problem",),
     ("search",),
     ("verdict",),
@@ -35,7 +36,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "prior", "scan_lines"),
     ("mask", "outline", "pixel_edges"),
-    ("hidden_edges",),
+    ("hidden_edges", "scan_samples"),
     ("regions",),
     ("contours", "segmentation", "solver"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),
@@ -56,12 +57,14 @@ KNOWS_NO_POSE = (
     "geometry/rings",
     "mesh",
     "moments",
+    "region",
     "region.rs",
     "view",
 )
 """Files and folders of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {
+    "libm": {"samples"},
     "pulp": {"moments"},
     "rayon": {"batch"},
     "robust": {"geometry"},

@@ -168,7 +168,7 @@ def test_a_lidar_and_a_wrong_calibration_reach_the_estimate() -> None:
 
 def test_a_region_that_a_lidar_hits_by_one_line_is_left_out() -> None:
     sparse = Condition(planes=2, lidar_beams=8)
-    problem = draw_problem(PERSPECTIVE, sparse, 1)
+    problem = draw_problem(PERSPECTIVE, sparse, 11)
     assert problem.kept == [0] and len(problem.image_regions) == len(problem.world_regions) == 1
     alone = run_study(replace(QUICK, grids=[{"planes": (1,), "lidar_beams": (8,)}]), 1, seed=2)
     assert "lie on one scan line" in str(alone.rows[0]["error"])

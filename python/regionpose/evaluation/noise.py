@@ -381,6 +381,8 @@ class SpinningLidar:
         return beams
 
 
+# Range at which beams end that meet no region: a wall of a large yard.
+BACKDROP_M = 30.0
 # The scenes' "first" world frame has y down.
 UP = (0.0, -1.0, 0.0)
 
@@ -394,23 +396,57 @@ def lidar_points(
 ) -> Array:
     """(n, 3) world points where the beams of a lidar at `position` (3,) hit a planar region, with range noise, metres.
 
-    Other regions don't shade it. The turn starts at a random angle. `up`: the axis of rotation in the world.
+    The turn starts at a random angle. `up`: the axis of rotation in the world.
+    """
+    scan = lidar_scan([rings], position, rng, lidar, up)
+    points: Array = scan.points[scan.regions == 0]
+    return points
+
+
+class LidarScan(NamedTuple):
+    """Returns (n, 3) of one turn of a lidar, metres, and the region that each fell on, (n,), -1 for the backdrop."""
+
+    points: Array
+    regions: NDArray[np.intp]
+
+
+def lidar_scan(
+    regions: Sequence[Sequence[Array]],
+    position: ArrayLike,
+    rng: np.random.Generator,
+    lidar: SpinningLidar | None = None,
+    up: ArrayLike = UP,
+) -> LidarScan:
+    """All returns of a lidar at `position` (3,) before planar regions, given by their (n, 3) rings, and a backdrop.
+
+    A beam ends on the nearest region that it meets, or on a sphere of `BACKDROP_M` around the lidar. The turn starts at
+    a random angle. `up`: the axis of rotation in the world.
     """
     sensor = SpinningLidar() if lidar is None else lidar
     origin = np.asarray(position, dtype=np.float64)
+    beams = sensor.directions(up, rng.uniform(0.0, 2.0 * np.pi))
+    ranges = np.full(len(beams), BACKDROP_M)
+    hit = np.full(len(beams), -1)
+    for index, rings in enumerate(regions):
+        met = _ranges(rings, origin, beams)
+        nearer = met < ranges
+        ranges[nearer], hit[nearer] = met[nearer], index
+    noisy = ranges + rng.normal(0.0, sensor.range_noise_m, size=len(ranges))
+    return LidarScan(origin + noisy[:, None] * beams, hit)
+
+
+def _ranges(rings: Sequence[Array], origin: Array, beams: Array) -> Array:
+    """Range (n,) at which each beam (n, 3) meets a planar region; infinite where it doesn't."""
     frame = PlaneFrame.of_region(rings)
     normal = np.cross(frame.axes[:, 0], frame.axes[:, 1])
-    beams = sensor.directions(up, rng.uniform(0.0, 2.0 * np.pi))
-    approach = beams @ normal
     with np.errstate(divide="ignore"):
-        ranges = ((frame.origin - origin) @ normal) / approach
-    ahead = np.isfinite(ranges) & (ranges > 0.0)
-    beams, ranges = beams[ahead], ranges[ahead]
-    flat = frame.flat(origin + ranges[:, None] * beams)
-    inside = shapely.contains_xy(frame.polygon(rings), flat[:, 0], flat[:, 1])
-    noisy = ranges[inside] + rng.normal(0.0, sensor.range_noise_m, size=int(inside.sum()))
-    points: Array = origin + noisy[:, None] * beams[inside]
-    return points
+        ranges: Array = ((frame.origin - origin) @ normal) / (beams @ normal)
+    ahead = np.flatnonzero(np.isfinite(ranges) & (ranges > 0.0))
+    flat = frame.flat(origin + ranges[ahead, None] * beams[ahead])
+    missed = np.ones(len(beams), dtype=np.bool_)
+    missed[ahead] = ~shapely.contains_xy(frame.polygon(rings), flat[:, 0], flat[:, 1])
+    ranges[missed] = np.inf
+    return ranges
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,17 @@
 //! The two sides of a region.
 
+use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::geometry::rings::PlaneRings;
+use regionpose::region::samples::Samples;
 use regionpose::region::{self, Pixels, PlaneFrame};
 
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
 use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};
+
+type SampleArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// A region as the camera sees it: rings of bearings, and its area in pixels.
 #[pyclass(frozen, module = "regionpose._core")]
@@ -87,6 +91,21 @@ impl WorldRegion {
     fn seen_from(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
         let viewpoint = crate::arrays::vector("viewpoint", viewpoint)?;
         self.0.clone().seen_from(viewpoint).map(Self).map_err(value_error)
+    }
+
+    /// The same region with places (n, 3) inside and (m, 3) outside of it.
+    fn with_samples(&self, py: Python<'_>, inside: &Bound<'_, PyAny>, outside: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
+        py.detach(|| self.0.clone().with_samples(&inside, &outside)).map(Self).map_err(value_error)
+    }
+
+    /// Places (n, 3) inside and (m, 3) outside of the region, or None.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> PyResult<Option<SampleArrays<'py>>> {
+        let frame = self.0.frame();
+        let lifted = |flat: &[Vector2<f64>]| array(py, &flat.iter().map(|p| frame.lifted(p)).collect::<Vec<_>>());
+        let arrays = |samples: &Samples| Ok((lifted(samples.inside())?, lifted(samples.outside())?));
+        self.0.samples().map(arrays).transpose()
     }
 
     /// The viewpoint, (3,), or None.

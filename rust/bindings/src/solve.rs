@@ -148,7 +148,10 @@ impl Solution {
 
     #[getter]
     fn termination(&self) -> String {
-        let led = "led onto the clean parts of the contours";
+        let led = match self.0.posterior {
+            Some(_) => "the mean of what the samples leave possible",
+            None => "led onto the clean parts of the contours",
+        };
         self.0.minimum.as_ref().map_or_else(|| led.into(), |minimum| minimum.termination.to_string())
     }
 
@@ -190,9 +193,13 @@ impl Estimate {
         self.0.boundary_noise
     }
 
-    /// Share of the contours that is disturbed, a fraction; None where the pose is that of the moments.
+    /// Share of the contours that is disturbed, or of the samples on the wrong side of them, a fraction; None where the pose is
+    /// that of the moments.
     #[getter]
     fn disturbed_share(&self) -> Option<f64> {
+        if let Some(posterior) = &self.0.best.posterior {
+            return Some(posterior.wrong.iter().sum::<f64>() / posterior.wrong.len().max(1) as f64);
+        }
         let shares = self.0.best.fit.clean_shares();
         let clean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
         self.0.best.minimum.is_none().then_some(1.0 - clean)

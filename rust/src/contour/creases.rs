@@ -1,7 +1,7 @@
 //! Lines in which the planes of two regions meet, seen as an edge that their outlines share (`docs/math.md`, section
 //! 16).
 
-use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
+use nalgebra::{Vector2, Vector3, Vector6};
 
 use super::pieces::{edges, straight_runs};
 use crate::equations::residual::RegionEquations;
@@ -150,10 +150,11 @@ impl Crease {
     /// The crease at a pose as a Gaussian factor of its left increment; one that says nothing where the line passes
     /// through the camera.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
-        let mut factor = Gaussian { information: Matrix6::zeros(), vector: Vector6::zeros() };
+        let mut factor = Gaussian::default();
         for (distance, row) in self.rows(pose).into_iter().flatten() {
             factor.information += row * row.transpose() / (SIGMA * SIGMA);
             factor.vector -= row * (distance / (SIGMA * SIGMA));
+            factor.offset -= 0.5 * (distance / SIGMA).powi(2);
         }
         factor
     }

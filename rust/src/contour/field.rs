@@ -7,19 +7,20 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector2;
 
-use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
-
 /// Cells along a side of the grid: of a region of some hundred pixels they are as large as the distances that decide a pose.
 const CELLS: usize = 32;
 
 /// Room around the rings that the grid covers, as a share of their extent.
 const MARGIN: f64 = 0.25;
 
+/// Consecutive edges that are looked at together: of a contour of some hundred edges as many groups as edges in a group.
+const GROUP: usize = 16;
+
 /// Closed rings, and for every place about them the edges that may be nearest.
 #[derive(Debug, Clone)]
 pub struct EdgeField {
     edges: Vec<FieldEdge>,
-    groups: Vec<EdgeGroup>,
+    groups: Vec<Group>,
     origin: Vector2<f64>,
     /// Size of a cell.
     cell: Vector2<f64>,
@@ -34,55 +35,33 @@ struct FieldEdge {
     inverse: f64,
 }
 
+/// A box around consecutive edges.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    low: Vector2<f64>,
+    high: Vector2<f64>,
+}
+
+impl Group {
+    fn around(edges: &[FieldEdge]) -> Self {
+        let ends = || edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]);
+        let low = ends().fold(Vector2::repeat(f64::INFINITY), |low, end| low.inf(&end));
+        let high = ends().fold(Vector2::repeat(f64::NEG_INFINITY), |high, end| high.sup(&end));
+        Self { low, high }
+    }
+
+    /// Squared distance of a point from the box: no edge in it is nearer.
+    fn square(&self, point: &Vector2<f64>) -> f64 {
+        (self.low - point).sup(&(point - self.high)).sup(&Vector2::zeros()).norm_squared()
+    }
+}
+
 impl FieldEdge {
     /// Squared distance of a point.
     fn square(&self, point: &Vector2<f64>) -> f64 {
         let offset = point - self.start;
         let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
         (offset - self.step * share).norm_squared()
-    }
-}
-
-/// Edges whose distances are worked out together; past the last one comes it again.
-#[derive(Debug, Clone, Copy)]
-struct EdgeGroup {
-    start: [Lanes; 2],
-    step: [Lanes; 2],
-    inverse: Lanes,
-}
-
-impl EdgeGroup {
-    fn new(edges: &[FieldEdge]) -> Self {
-        let edge: [FieldEdge; LANES] = std::array::from_fn(|lane| edges[lane.min(edges.len() - 1)]);
-        let lanes = |value: fn(&FieldEdge) -> f64| Lanes(edge.map(|edge| value(&edge)));
-        Self {
-            start: [lanes(|edge| edge.start.x), lanes(|edge| edge.start.y)],
-            step: [lanes(|edge| edge.step.x), lanes(|edge| edge.step.y)],
-            inverse: lanes(|edge| edge.inverse),
-        }
-    }
-}
-
-/// Squared distances of a point from all edges.
-struct Squares<'a> {
-    groups: &'a [EdgeGroup],
-    point: Vector2<f64>,
-}
-
-impl NullaryFnOnce for Squares<'_> {
-    type Output = Vec<Lanes>;
-
-    #[inline(always)]
-    fn call(self) -> Vec<Lanes> {
-        let point = [Lanes::splat(self.point.x), Lanes::splat(self.point.y)];
-        let mut squares = Vec::with_capacity(self.groups.len());
-        for EdgeGroup { start, step, inverse } in self.groups {
-            let [x, y] = [point[0] - start[0], point[1] - start[1]];
-            let share = ((x * step[0] + y * step[1]) * *inverse).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
-            let [x, y] = [x - share * step[0], y - share * step[1]];
-            squares.push(x * x + y * y);
-        }
-        squares
     }
 }
 
@@ -95,7 +74,7 @@ impl EdgeField {
         let high = points().fold(Vector2::repeat(f64::NEG_INFINITY), |high, point| high.sup(point));
         let room = (high - low) * MARGIN;
         let cell = (high - low + room * 2.0) / CELLS as f64;
-        let groups = edges.chunks(LANES).map(EdgeGroup::new).collect();
+        let groups = edges.chunks(GROUP).map(Group::around).collect();
         Self { edges, groups, origin: low - room, cell, candidates: vec![OnceLock::new(); CELLS * CELLS] }
     }
 
@@ -104,15 +83,37 @@ impl EdgeField {
     fn may_be_nearest(&self, cell: usize) -> Box<[u32]> {
         let place = Vector2::new((cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5);
         let middle = self.origin + self.cell.component_mul(&place);
-        let squares = vectorized(Squares { groups: &self.groups, point: middle });
-        let least = squares.iter().fold(Lanes::splat(f64::INFINITY), |least, square| least.lower(*square)).min();
-        let limit = (least.sqrt() + self.cell.norm()).powi(2);
-        let mut near = Vec::with_capacity(LANES * LANES);
-        for (group, squares) in squares.iter().enumerate().filter(|(_, squares)| squares.min() <= limit) {
-            let edges = (group * LANES..self.edges.len()).zip(squares.0);
-            near.extend(edges.filter(|(_, square)| *square <= limit).map(|(edge, _)| edge as u32));
+        let limit = (self.nearest_of_all(&middle).0.sqrt() + self.cell.norm()).powi(2);
+        let groups = (0..self.groups.len()).filter(|&group| self.groups[group].square(&middle) <= limit);
+        let near = |edge: &u32| self.edges[*edge as usize].square(&middle) <= limit;
+        groups.flat_map(|group| self.numbers_in(group)).filter(near).collect()
+    }
+
+    /// The numbers of the edges in a group.
+    fn numbers_in(&self, group: usize) -> std::ops::Range<u32> {
+        (group * GROUP) as u32..((group + 1) * GROUP).min(self.edges.len()) as u32
+    }
+
+    /// The nearest of all edges, by its squared distance and number: those in the nearest box, then in all that may hold a nearer.
+    fn nearest_of_all(&self, point: &Vector2<f64>) -> (f64, u32) {
+        let mut best = (f64::INFINITY, 0);
+        let look_at = |group: usize, best: &mut (f64, u32)| {
+            for edge in self.numbers_in(group) {
+                let square = self.edges[edge as usize].square(point);
+                if square < best.0 {
+                    *best = (square, edge);
+                }
+            }
+        };
+        let square = |group: &usize| self.groups[*group].square(point);
+        let first = (0..self.groups.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0);
+        look_at(first, &mut best);
+        for group in (0..self.groups.len()).filter(|&group| group != first) {
+            if square(&group) < best.0 {
+                look_at(group, &mut best);
+            }
         }
-        near.into()
+        best
     }
 
     /// The edge nearest to a point, by its number.
@@ -129,7 +130,7 @@ impl EdgeField {
                 let candidates = self.candidates[cell].get_or_init(|| self.may_be_nearest(cell));
                 candidates.iter().for_each(|&edge| look_at(edge));
             }
-            None => (0..self.edges.len() as u32).for_each(look_at),
+            None => return self.nearest_of_all(point).1 as usize,
         }
         best.1 as usize
     }

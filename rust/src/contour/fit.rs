@@ -9,6 +9,7 @@ use super::mixture::{Distances, Mixture};
 use super::readings::{Contour, Reading};
 use crate::equations::residual::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
+use crate::prior::Gaussian;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
@@ -135,6 +136,23 @@ impl ContourFit {
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
         clean.len() as f64 / correlation(&about_mean, &self.counts)
+    }
+
+    /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
+    /// independently; `None` where a region is out of view.
+    pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
+        let mut equations = NormalEquations::default();
+        for ((region, readings), contour) in self.regions().zip(contours) {
+            let weight = |reading: &Reading| self.mixture.weight(region, reading);
+            contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations)?;
+        }
+        let share = self.independent() / self.readings.len().max(1) as f64;
+        let weight = share / (self.mixture.sigma * self.mixture.sigma);
+        Some(Gaussian {
+            information: equations.information * weight,
+            vector: equations.gradient * -weight,
+            offset: self.independent() * self.mixture.likelihood,
+        })
     }
 
     /// Standard deviation of a normal boundary noise with the same mean distance, pixels (`docs/math.md`, eq. 6.6).

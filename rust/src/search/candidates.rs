@@ -144,6 +144,8 @@ pub struct Search {
     /// How it was searched.
     pub(crate) options: Options,
     pub(crate) answers: Answers,
+    /// Where samples of regions are to be led from, about the problem's origin.
+    pub(crate) starts: Vec<Pose>,
 }
 
 /// Poses about the problem's origin.
@@ -169,11 +171,12 @@ impl Problem {
         let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
+        let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
         let answers = match options.refinement {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, looks.led),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
-        Search { problem, options: *options, answers }
+        Search { problem, options: *options, answers, starts }
     }
 
     fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
@@ -385,7 +388,7 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
 
 /// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie
 /// nearest to the contours of all.
-fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
+pub(crate) fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
     let contours = problem.contours();
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {

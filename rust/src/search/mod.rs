@@ -8,4 +8,5 @@ pub mod directions;
 pub mod moments;
 pub mod p3p;
 pub mod poses;
+pub mod sampled;
 pub mod symmetry;

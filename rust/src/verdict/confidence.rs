@@ -3,7 +3,9 @@
 use nalgebra::Matrix6;
 
 use crate::contour::fit::ContourFit;
-use crate::verdict::outliers::log_odds;
+use crate::samples::posterior::Posterior;
+use crate::samples::readings::SampledRegion;
+use crate::verdict::outliers::{contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
@@ -40,6 +42,24 @@ impl Evidence {
             clean_share,
             clean_parts: clean_share * fit.independent(),
             regions: log_odds(fit).iter().filter(|&&odds| odds >= 0.0).count(),
+        }
+    }
+
+    /// The same with the regions' samples in place of their contours: the blur as scatter, right labels as clean, samples that are
+    /// near enough to the contour to tell anything as pieces.
+    pub fn with_samples(self, posterior: &Posterior, sampled: &[SampledRegion], fit: &ContourFit) -> Self {
+        let (mut shares, mut odds) = (fit.clean_shares(), log_odds(fit));
+        for (region, &wrong) in sampled.iter().zip(&posterior.wrong) {
+            shares[region.index()] = 1.0 - wrong;
+            odds[region.index()] = if contradicts(wrong) { f64::NEG_INFINITY } else { f64::INFINITY };
+        }
+        let clean_share = shares.iter().sum::<f64>() / shares.len() as f64;
+        Self {
+            scatter: posterior.blur,
+            clean_share,
+            clean_parts: clean_share * posterior.telling as f64,
+            regions: odds.iter().filter(|&&odds| odds >= 0.0).count(),
+            ..self
         }
     }
 

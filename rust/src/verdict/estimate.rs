@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::log_odds;
+use super::outliers::{contradicts, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
@@ -15,6 +15,8 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
+use crate::samples::posterior::Posterior;
+use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
@@ -42,6 +44,8 @@ pub struct Solution {
     pub minimum: Option<Minimum>,
     /// What the contours show at the pose.
     pub fit: ContourFit,
+    /// What the samples show there; `None` where no region has any.
+    pub posterior: Option<Posterior>,
     /// Area of the symmetric difference over the observed area, all regions together (the paper's delta); NaN where a region
     /// cannot be projected.
     pub overlap_error: f64,
@@ -76,6 +80,7 @@ struct Place {
     pose: Pose,
     minimum: Option<Minimum>,
     fit: ContourFit,
+    posterior: Option<Posterior>,
     covariance: Matrix6<f64>,
     /// What counts against it: how much worse than the best it fits, and the prior, in variances.
     against: f64,
@@ -103,12 +108,13 @@ impl Search {
     /// The verdict, with the minima that any driver found from the candidates.
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let places = likely(&self.problem, self.places(minima), &self.options.prior);
+        let places = likely(&self.problem, self.answers(minima), &self.options.prior);
         let best = places.first()?;
-        let evidence = Evidence::new(&best.fit, &best.covariance);
-        let noise = match &best.minimum {
-            Some(minimum) => self.problem.noise_variance(minimum.cost).sqrt(),
-            None => best.fit.mixture.sigma,
+        let evidence = best.evidence(&self.problem);
+        let noise = match (&best.posterior, &best.minimum) {
+            (Some(posterior), _) => posterior.blur,
+            (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
+            (None, None) => best.fit.mixture.sigma,
         };
         let all: f64 = places.iter().map(Place::weight).sum();
         let mut solutions = places.into_iter().map(|place| {
@@ -121,7 +127,26 @@ impl Search {
         Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
     }
 
-    /// The poses that may be the answer, those that fit best first.
+    /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
+    fn answers(&self, minima: Vec<Minimum>) -> Vec<Place> {
+        let places = self.places(minima);
+        if self.problem.sampled().is_empty() {
+            return places;
+        }
+        let starts: Vec<Pose> = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
+        let posteriors = self.problem.posteriors(&starts, &self.options.prior);
+        let step = self.problem.few();
+        let place = |posterior: Posterior| {
+            let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
+            let (pose, covariance) = (self.problem.uncentred(&posterior.pose), posterior.covariance);
+            Some(Place { pose, minimum: None, fit, posterior: Some(posterior), covariance, against: 0.0 })
+        };
+        let led: Vec<Place> = posteriors.into_iter().filter_map(place).collect();
+        // Samples that hold nothing leave the outlines' answers.
+        if led.is_empty() { places } else { led }
+    }
+
+    /// The poses that the outlines leave, those that fit best first.
     fn places(&self, minima: Vec<Minimum>) -> Vec<Place> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         // What is clean and fits from one pose alone shows it by a few pieces.
@@ -131,7 +156,7 @@ impl Search {
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
             let covariance = moment_covariance(problem, &minimum.pose, problem.noise_variance(minimum.cost));
-            Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, covariance, against: 0.0 })
+            Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
             Answers::Contours(fits) => fits.as_slice(),
@@ -139,7 +164,14 @@ impl Search {
         };
         let led = led.iter().map(|fit| {
             let covariance = covariance(contours, fit);
-            Place { pose: problem.uncentred(&fit.pose), minimum: None, fit: fit.clone(), covariance, against: 0.0 }
+            Place {
+                pose: problem.uncentred(&fit.pose),
+                minimum: None,
+                fit: fit.clone(),
+                posterior: None,
+                covariance,
+                against: 0.0,
+            }
         });
         let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
         distinct(scored, usize::MAX, SAME_MINIMUM, |place| &place.fit.pose)
@@ -158,7 +190,9 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     let against = |place: &Place| {
         let worse = first.outdoes(place, problem);
         let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
-        (if worse <= TIE { 0.0 } else { worse }) + prior.penalty(&place.pose, &place.covariance) + behind
+        // The evidence of samples holds the prior already.
+        let unlikely = if place.posterior.is_some() { 0.0 } else { prior.penalty(&place.pose, &place.covariance) };
+        (if worse <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
     let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
     let least = scored.first().map_or(0.0, |(against, _)| *against);
@@ -184,10 +218,22 @@ impl Place {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
             return 0.0;
         }
+        if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
+            return 2.0 * (own.log_evidence - posterior.log_evidence);
+        }
         let by_contours = self.fit.against(&other.fit);
         match (&self.minimum, &other.minimum) {
             (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
             _ => by_contours,
+        }
+    }
+
+    /// What the fit shows of the pose.
+    fn evidence(&self, problem: &Problem) -> Evidence {
+        let evidence = Evidence::new(&self.fit, &self.covariance);
+        match &self.posterior {
+            Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
+            None => evidence,
         }
     }
 
@@ -212,9 +258,9 @@ fn moment_covariance(problem: &Problem, pose: &Pose, variance: f64) -> Matrix6<f
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
-    let Place { pose, minimum, fit, covariance, .. } = place;
+    let Place { pose, minimum, fit, posterior, covariance, .. } = place;
     let (overlap_error, region_overlap_errors) = overlap_errors(problem, &pose);
-    Solution { pose, minimum, fit, overlap_error, region_overlap_errors, covariance, confidence }
+    Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence }
 }
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each; NaN where a region cannot be
@@ -245,7 +291,9 @@ fn warnings(
         warnings.push(Warning::Ambiguous { others });
     }
     let trusted = evidence.probability() > TRUSTED;
-    warnings.extend(poor_regions(best, trusted));
+    let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
+    warnings.extend(poor_regions(best, &sampled, trusted));
+    warnings.extend(best.posterior.iter().flat_map(|posterior| contradicting_regions(posterior, &sampled)));
     warnings.extend(weak_geometry(problem, &best.pose, &best.covariance));
     warnings.extend(contradictions(problem, best, prior));
     if warnings.is_empty() && !trusted {
@@ -256,7 +304,7 @@ fn warnings(
 
 /// The warnings of regions that the pose projects elsewhere: those that do not belong to it while others do, and, unless the
 /// pose is trusted, those of which a part lies elsewhere.
-fn poor_regions(best: &Solution, trusted: bool) -> Vec<Warning> {
+fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
     let needed = (odds.len() - 1).min(2);
@@ -269,7 +317,7 @@ fn poor_regions(best: &Solution, trusted: bool) -> Vec<Warning> {
     };
     let mut warnings = Vec::new();
     for (region, &error) in best.region_overlap_errors.iter().enumerate() {
-        if error < POOR_OVERLAP {
+        if error < POOR_OVERLAP || sampled.contains(&region) {
             continue;
         }
         match others_of(region) {
@@ -282,6 +330,21 @@ fn poor_regions(best: &Solution, trusted: bool) -> Vec<Warning> {
         }
     }
     warnings
+}
+
+/// The warnings of regions whose samples lie on the wrong sides of their contours, while those of others do not.
+fn contradicting_regions(posterior: &Posterior, sampled: &[usize]) -> Vec<Warning> {
+    let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
+    let others_of = |place: usize| {
+        let others =
+            right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
+        others.map(|(_, &right)| right).reduce(f64::min)
+    };
+    let warning = |(place, &region): (usize, &usize)| {
+        let others = others_of(place).filter(|_| contradicts(posterior.wrong[place]))?;
+        Some(Warning::OutlierRegion { region, percent: right[place], others })
+    };
+    sampled.iter().enumerate().filter_map(warning).collect()
 }
 
 /// What was known beforehand and is not so at the pose.

@@ -29,3 +29,13 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     };
     fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
 }
+
+/// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
+const MISLABELLED: f64 = 0.1;
+const ELSEWHERE: f64 = 0.5;
+
+/// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
+pub fn contradicts(wrong: f64) -> bool {
+    let (label, right) = (ELSEWHERE / MISLABELLED, (1.0 - ELSEWHERE) / (1.0 - MISLABELLED));
+    wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
+}

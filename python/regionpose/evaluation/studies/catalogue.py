@@ -28,6 +28,7 @@ MESHES = (
 """Meshes by the length of their edges, a share of the region's size."""
 
 SYMMETRIES = ("asymmetric", "symmetric")
+SCANS = ("outline", "samples")
 KNOWN = ("nothing", "up", "side", "near", "initial", "up and side")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
@@ -109,11 +110,20 @@ _ALL = (
     _cut("truncation", "truncation", ("2d",), "Errors when the image border cuts the regions."),
     Study(
         "lidar",
-        "Errors of outlines from a lidar's points, by beams and range noise.",
-        [{"planes": PLANES, "range_noise_m": (0.0, 0.01, 0.03), "lidar_beams": (16, 32, 64, 128)}],
+        "Errors by a lidar's beams and range noise, of outlines of its points and of all its beams as samples.",
+        [
+            {
+                "templates": ("asymmetric",),
+                "scan": SCANS,
+                "planes": PLANES,
+                "range_noise_m": (0.0, 0.01, 0.03),
+                "lidar_beams": (16, 32, 64, 128),
+            }
+        ],
         [
             Chart("sorted", lines="lidar_beams", panels="planes"),
-            Chart("solved", lines="planes", panels="range_noise_m", across="lidar_beams"),
+            Chart("solved", lines="scan", panels="planes", across="lidar_beams"),
+            Chart("coverage", lines="scan", panels="planes"),
         ],
     ),
     Study(

@@ -18,6 +18,7 @@ Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage", "polygon"]
 Wrong = Literal["none", "shape", "place"]
+Scan = Literal["outline", "samples"]
 Known = Literal["nothing", "up", "side", "near", "initial", "up and side"]
 NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
@@ -32,13 +33,13 @@ class Condition:
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
     region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas, or
     the true outline without any pixels.
-    `lidar_beams`: the world region is outlined from the points of a lidar of so many beams near the camera, with the
-    error `range_noise_m` along them. `focal_error` (a share) and `center_error_px`: standard deviations of the
-    calibration that the estimate is given. `wrong`: one region, drawn by the seed, is another template's ("shape") or
-    lies elsewhere ("place"), on `side`. `model`: what is disturbed where the seed draws how much (`mixes.py`).
-    `grazing_deg`: angle between the first plane and the line of sight; `turn_deg`: turn of the first plane in itself.
-    `prior`: what the estimate is told of the pose beforehand, off by the deviations that it is told. `solver`: options
-    of `estimate_pose`, as "integration=mesh system=sphere".
+    `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
+    `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`). `focal_error` (a
+    share) and `center_error_px`: standard deviations of the calibration that the estimate is given. `wrong`: one
+    region, drawn by the seed, is another template's ("shape") or lies elsewhere ("place"), on `side`. `model`: what is
+    disturbed where the seed draws how much (`mixes.py`). `grazing_deg`: angle between the first plane and the line of
+    sight; `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, off
+    by the deviations that it is told. `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"
@@ -52,6 +53,7 @@ class Condition:
     masks: Masks = "binary"
     lidar_beams: int | None = None
     range_noise_m: float = 0.0
+    scan: Scan = "outline"
     focal_error: float = 0.0
     center_error_px: float = 0.0
     wrong: Wrong = "none"

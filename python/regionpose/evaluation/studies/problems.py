@@ -14,8 +14,9 @@ from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Patch, Window, binary_patch, coverage_patch, image_size, project_region
 from regionpose.evaluation.measures import overlap_error
 from regionpose.evaluation.noise import (
+    LidarScan,
     SpinningLidar,
-    lidar_points,
+    lidar_scan,
     miscalibrate,
     occlude_mask,
     occlude_region,
@@ -27,7 +28,7 @@ from regionpose.evaluation.noise import (
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
-from regionpose.evaluation.studies.conditions import Condition, Value
+from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
@@ -245,33 +246,40 @@ def world_sides(
 
     A region that a lidar hits by one scan line is left out while there are others; ValueError says why none is left.
     """
+    regions = [disturbed_rings(rings, condition, rng) for rings in scene.regions]
+    if condition.lidar_beams is None:
+        return {index: world_region(regions[index]) for index in kept}
+    lidar = SpinningLidar(beams=condition.lidar_beams, range_noise_m=condition.range_noise_m)
+    offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
+    position = scene.rotation.T @ (offset - scene.translation)
+    scan = lidar_scan(regions, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
+    return scanned_regions(scan, position, kept, condition.scan)
+
+
+def disturbed_rings(rings: list[Array], condition: Condition, rng: np.random.Generator) -> list[Array]:
+    """The rings of a world region as the condition disturbs them."""
+    if condition.noise == 0.0 or condition.side == "2d":
+        return rings
+    change = squares_on_region if condition.disturbance == "squares" else occlude_region
+    return change(rings, condition.noise, rng)
+
+
+def scanned_regions(scan: LidarScan, position: Array, kept: Sequence[int], known: Scan) -> dict[int, WorldRegion]:
+    """Regions of a scan from a position (3,), by number, but those hit too rarely; ValueError where all are."""
     worlds: dict[int, WorldRegion] = {}
     refused = None
     for index in kept:
+        members = np.flatnonzero(scan.regions == index)
         try:
-            worlds[index] = world_side(scene, index, condition, rng)
+            if known == "samples":
+                worlds[index] = WorldRegion.from_scan(scan.points, members, sensor_origin=position)
+            else:
+                worlds[index] = WorldRegion.from_points(scan.points[members], sensor_origin=position)
         except ValueError as error:
-            if condition.lidar_beams is None:
-                raise
             refused = error
     if refused is not None and not worlds:
         raise refused
     return worlds
-
-
-def world_side(scene: Scene, index: int, condition: Condition, rng: np.random.Generator) -> WorldRegion:
-    """The world region as the condition disturbs and samples it."""
-    rings = scene.regions[index]
-    if condition.noise > 0.0 and condition.side == "3d":
-        change = squares_on_region if condition.disturbance == "squares" else occlude_region
-        rings = change(rings, condition.noise, rng)
-    if condition.lidar_beams is None:
-        return world_region(rings)
-    lidar = SpinningLidar(beams=condition.lidar_beams, range_noise_m=condition.range_noise_m)
-    offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
-    position = scene.rotation.T @ (offset - scene.translation)
-    points = lidar_points(rings, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
-    return WorldRegion.from_points(points, sensor_origin=position)
 
 
 def world_region(rings: Sequence[Array]) -> WorldRegion:

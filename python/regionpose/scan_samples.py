@@ -1,0 +1,201 @@
+"""What a scan knows of a planar region: places on its plane that beams found to be the region, and places that are not.
+
+A lidar does not measure an outline. Each of its beams met the region, passed the plane beside it, or ended before the
+plane and says nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from regionpose.outline import LEAST_APPROACH, PlaneSamples, bridging_radius
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Kind = TypeVar("Kind", np.float64, np.intp)
+
+BESIDE = 0.5
+"""How far beside the region samples are looked for, over its extent: farther than a rough start is off."""
+
+CHUNK = 1_000_000
+"""Points of a cloud that are looked at at once, which bounds the memory."""
+
+CLEARLY = 2.0
+"""Distance beyond the plane, in those up to which points belong to it, from which a beam has passed it: range noise and
+what stands back from a face, such as a joint, end sooner."""
+
+EDGE_SAMPLES = 800
+"""Samples of either kind together, next to one of the other kind, that are kept: a pose is known no better by more."""
+
+OTHER_SAMPLES = 200
+"""Other samples that are kept: far from all edges they tell a wrong pose from a right one and no more."""
+
+MOST_TRIANGULATED = 20_000
+"""Samples that are joined to find neighbours; of more those near the edges alone, cell by cell."""
+
+CELL_SAMPLES = 16
+"""Samples of such a cell on average."""
+
+
+class ScanSamples(NamedTuple):
+    """Places (n, 2) and (m, 2) in a plane's coordinates, inside a region and outside of it."""
+
+    inside: Array
+    outside: Array
+
+
+def scan_samples(
+    points: Array,
+    members: NDArray[np.intp],
+    plane: PlaneSamples,
+    rings: list[Array],
+    sensor_origin: ArrayLike | None,
+    extends: bool,
+) -> ScanSamples | None:
+    """The samples of a region whose returns are `members` of the points (n, 3), on its plane with the outline `rings`.
+
+    Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
+    not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing
+    is known to be outside. Of many samples those next to the other kind are kept, and a few of the rest.
+    """
+    inside = plane.flat
+    beside = BESIDE * float(np.ptp(inside, axis=0).max())
+    window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
+    sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
+    is_member = np.zeros(len(points), dtype=np.bool_)
+    is_member[members] = True
+    passed, beside_members = [], []
+    for first in range(0, len(points), CHUNK):
+        others = points[first : first + CHUNK][~is_member[first : first + CHUNK]]
+        through, on_plane = _other_places(others, plane, window, sensor)
+        passed.append(through)
+        beside_members.append(on_plane)
+    neighbours = np.concatenate(beside_members)
+    if extends and len(neighbours):
+        neighbours = neighbours[~_joined(inside, neighbours)]
+    outside = np.concatenate([*passed, neighbours])
+    return _telling(inside, outside, rings) if len(outside) else None
+
+
+def _other_places(
+    points: Array, plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
+) -> tuple[Array, Array]:
+    """Places (n, 2) of a plane, in a window, that the beams of points (k, 3) passed, and (m, 2) at which they ended."""
+    normal = plane.axes[2]
+    heights = points @ normal - plane.origin @ normal
+    if sensor is None:
+        near = points[np.abs(heights) <= plane.thickness]
+        return np.empty((0, 2)), _within((near - plane.origin) @ plane.axes[:2].T, window)
+    depth = float((plane.origin - sensor) @ normal)
+    # Beyond the plane as the sensor sees it, before it negative.
+    beyond = heights * np.sign(depth)
+    reached = np.flatnonzero(beyond >= -plane.thickness)
+    beams = points[reached] - sensor
+    toward = beams @ normal
+    steep = np.abs(toward) >= LEAST_APPROACH * np.linalg.norm(beams, axis=1)
+    reached, beams, toward = reached[steep], beams[steep], toward[steep]
+    flat = (sensor - plane.origin + beams * (depth / toward)[:, None]) @ plane.axes[:2].T
+    through = beyond[reached] > CLEARLY * plane.thickness
+    on_plane = np.abs(heights[reached]) <= plane.thickness
+    return _within(flat[through], window), _within(flat[on_plane], window)
+
+
+def _within(flat: Array, window: tuple[Array, Array]) -> Array:
+    low, high = window
+    inside: Array = flat[((flat >= low) & (flat <= high)).all(axis=1)]
+    return inside
+
+
+def _joined(inside: Array, neighbours: Array) -> Mask:
+    """Whether each of the neighbours (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps."""
+    reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
+    near = cKDTree(inside).query(neighbours, distance_upper_bound=reach)[0] <= reach
+    pairs = cKDTree(neighbours).query_pairs(reach, output_type="ndarray")
+    count = len(neighbours)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    parts = connected_components(graph, directed=False)[1]
+    joined: Mask = np.isin(parts, np.unique(parts[near]))
+    return joined
+
+
+def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
+    """The samples next to one of the other kind or to the outline, not too many, and a few others."""
+    places = np.concatenate([inside, outside])
+    is_inside = np.arange(len(places)) < len(inside)
+    kept = _near_edges(places, is_inside)
+    at_edge = _beside_others(places[kept], is_inside[kept]) | _on_rim(places[kept], is_inside[kept], rings)
+    edge = np.zeros(len(places), dtype=np.bool_)
+    edge[kept[at_edge]] = True
+    chosen = [_some(np.flatnonzero(edge), EDGE_SAMPLES), _some(np.flatnonzero(~edge), OTHER_SAMPLES)]
+    # In no order: every so many of them are then as even as all.
+    order = np.random.default_rng(0).permutation(np.concatenate(chosen))
+    return ScanSamples(places[order[is_inside[order]]], places[order[~is_inside[order]]])
+
+
+def _some(items: NDArray[Kind], most: int) -> NDArray[Kind]:
+    """At most so many of the items, chosen without order."""
+    if len(items) <= most:
+        return items
+    chosen: NDArray[Kind] = items[np.sort(np.random.default_rng(0).choice(len(items), most, replace=False))]
+    return chosen
+
+
+def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
+    """Indices of at most so many places as a triangulation takes, in cells where both kinds or none are near."""
+    everything = np.arange(len(places))
+    if len(places) <= MOST_TRIANGULATED:
+        return everything
+    low, extent = places.min(axis=0), np.ptp(places, axis=0)
+    size = float(np.sqrt(np.prod(extent) * CELL_SAMPLES / len(places)))
+    cells = np.floor((places - low) / size).astype(np.intp)
+    shape = cells.max(axis=0) + 3
+    number = (cells[:, 0] + 1) * shape[1] + cells[:, 1] + 1
+    counts = [
+        np.bincount(number[kind], minlength=int(np.prod(shape))).reshape(shape) > 0 for kind in (is_inside, ~is_inside)
+    ]
+    around = [_dilated(count) for count in counts]
+    mixed = (around[0] & around[1]) | _dilated(~(counts[0] | counts[1]))
+    near: NDArray[np.intp] = everything[mixed.ravel()[number]]
+    if len(near) <= MOST_TRIANGULATED:
+        return near
+    # Whole cells, so that neighbours stay neighbours.
+    used = np.unique(number[near])
+    share = MOST_TRIANGULATED / len(near)
+    thinned: NDArray[np.intp] = near[np.isin(number[near], _some(used, int(share * len(used))))]
+    return thinned
+
+
+def _dilated(cells: Mask) -> Mask:
+    grown = cells.copy()
+    for axis in (0, 1):
+        for step in (-1, 1):
+            grown |= np.roll(cells, step, axis=axis)
+    return grown
+
+
+def _beside_others(places: Array, is_inside: Mask) -> Mask:
+    """Whether each place (n, 2) has a natural neighbour of the other kind."""
+    try:
+        triangles = Delaunay(places - places.mean(axis=0)).simplices
+    except QhullError:
+        return np.ones(len(places), dtype=np.bool_)
+    mixed = is_inside[triangles].any(axis=1) & ~is_inside[triangles].all(axis=1)
+    beside = np.zeros(len(places), dtype=np.bool_)
+    beside[triangles[mixed].ravel()] = True
+    return beside
+
+
+def _on_rim(places: Array, is_inside: Mask, rings: list[Array]) -> Mask:
+    """Whether each place (n, 2) inside is an outermost one, beyond which nothing may be known."""
+    region = shapely.Polygon(rings[0], rings[1:])
+    inner = region.buffer(-np.sqrt(region.area / max(int(is_inside.sum()), 1)))
+    shapely.prepare(inner)
+    rim: Mask = is_inside & ~shapely.contains_xy(inner, places[:, 0], places[:, 1])
+    return rim

@@ -1,0 +1,65 @@
+//! Places on a region's plane of which a sensor knows whether they belong to the region.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::{PlaneFrame, check_finite, extent};
+use crate::error::{Error, Result};
+
+/// Largest distance of a sample from the region's plane, as a share of the extent of all samples: the range noise of a small
+/// face seen from afar, and far less than any edge between two planes.
+const OFF_PLANE: f64 = 0.1;
+
+/// Places on a plane, in its coordinates: inside the region, and outside of it.
+///
+/// A scanner doesn't measure an outline: each of its beams met the region or passed its plane beside it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Samples {
+    inside: Vec<Vector2<f64>>,
+    outside: Vec<Vector2<f64>>,
+}
+
+impl Samples {
+    /// Samples of a region on the plane of a frame, moved onto it along its normal.
+    ///
+    /// # Errors
+    /// No samples inside, a coordinate that is not finite, or a sample off the plane by more than a tenth of the extent.
+    pub fn new(frame: &PlaneFrame, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
+        if inside.is_empty() {
+            let needed = "at least 1".into();
+            return Err(Error::OutOfRange {
+                item: "the number of samples inside the region",
+                found: "0".into(),
+                needed,
+            });
+        }
+        check_finite("inside sample", inside)?;
+        check_finite("outside sample", outside)?;
+        let allowed = OFF_PLANE * extent(inside).max(extent(outside));
+        check_near(frame, "an inside sample", inside, allowed)?;
+        check_near(frame, "an outside sample", outside, allowed)?;
+        let flat = |points: &[Vector3<f64>]| points.iter().map(|point| frame.flat(point)).collect();
+        Ok(Self { inside: flat(inside), outside: flat(outside) })
+    }
+
+    /// Places inside the region, plane coordinates.
+    pub fn inside(&self) -> &[Vector2<f64>] {
+        &self.inside
+    }
+
+    /// Places outside of it, plane coordinates.
+    pub fn outside(&self) -> &[Vector2<f64>] {
+        &self.outside
+    }
+}
+
+fn check_near(frame: &PlaneFrame, item: &'static str, points: &[Vector3<f64>], allowed: f64) -> Result<()> {
+    let heights = points.iter().map(|point| frame.height(point).abs());
+    match heights.enumerate().find(|(_, height)| *height > allowed) {
+        None => Ok(()),
+        Some((index, height)) => Err(Error::OutOfRange {
+            item,
+            found: format!("number {index} at {height:.3e} off the region's plane"),
+            needed: format!("at most {allowed:.3e}, a tenth of the samples' extent"),
+        }),
+    }
+}

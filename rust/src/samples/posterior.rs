@@ -1,0 +1,411 @@
+//! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 17).
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::belief::Belief;
+use super::propagation::{Label, Site, Trust, propagated};
+use super::readings::{Reading, SampledRegion};
+use crate::geometry::pose::{Pose, Tangent};
+use crate::prior::Gaussian;
+
+/// The finest blur, pixels: contours of binary masks scatter by as much.
+const FINEST: f64 = 0.25;
+
+/// The coarsest one, pixels.
+const COARSEST: f64 = 64.0;
+
+/// From blur to blur.
+const STEP: f64 = 0.5;
+
+/// Blur from which on all samples count, pixels; on the way to it about so many of all regions lead as well.
+const SHARP: f64 = 4.0;
+const LEADING: usize = 200;
+
+/// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand for.
+const MISLABELLED: f64 = 0.01;
+const DISTURBED: f64 = 0.03;
+const WEIGHT: f64 = 30.0;
+
+/// Largest such share: no more than a coin would err.
+const MOST_WRONG: f64 = 0.5;
+
+/// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
+const FAR_OFF: f64 = 0.1;
+const FAR_BLURS: f64 = 4.0;
+
+/// Logarithm of the probability of a label of which the contour tells nothing: a coin's. Were it one, the likeliest pose would be
+/// one that shows all samples where nothing is known.
+const UNKNOWN: f64 = -std::f64::consts::LN_2;
+
+/// Relinearisations at one blur at most: on the way, and where they end.
+const ROUNDS: usize = 2;
+const LAST_ROUNDS: usize = 8;
+
+/// A relinearisation that moves by less than this many standard deviations is the last.
+const SETTLED: f64 = 0.1;
+
+/// Share of a step that is gone where the last one came from ahead.
+const RELAXED: f64 = 0.5;
+
+/// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
+const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
+
+/// Longest step, rad and share of the distance.
+const LONGEST: f64 = 0.3;
+
+/// A sample lies on the wrong side if by more than this many standard deviations.
+const CLEARLY: f64 = 2.0;
+
+/// How much wider the belief of some samples is taken before all of them have told theirs.
+const WIDER: f64 = 3.0;
+
+/// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
+const REACH: f64 = 6.0;
+
+/// Deviation of an increment from the start before anything is seen: a radian, and the distance.
+const ANCHOR: f64 = 1.0;
+
+/// What samples show at a pose.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    /// The mean, about the problem's origin.
+    pub pose: Pose,
+    /// Covariance of the left increment.
+    pub covariance: Matrix6<f64>,
+    /// Logarithm of the evidence.
+    pub log_evidence: f64,
+    /// The likeliest blur of the margins, pixels.
+    pub blur: f64,
+    /// Share of each region's telling samples that lie on the wrong side of its contour.
+    pub wrong: Vec<f64>,
+    /// Number of samples near enough to the contours to tell anything.
+    pub telling: usize,
+}
+
+/// A sample that tells something: its site, its region's place among those with samples, and its number there.
+struct Telling {
+    site: Site,
+    region: usize,
+    number: usize,
+}
+
+impl AsRef<Site> for Telling {
+    fn as_ref(&self) -> &Site {
+        &self.site
+    }
+}
+
+impl AsMut<Site> for Telling {
+    fn as_mut(&mut self) -> &mut Site {
+        &mut self.site
+    }
+}
+
+/// The samples of several regions about a start.
+struct Samples<'a, F> {
+    regions: &'a [SampledRegion],
+    /// What else is known at a pose.
+    others: &'a F,
+    start: Pose,
+    /// One sample in so many is taken.
+    step: usize,
+    telling: Vec<Telling>,
+    /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
+    trust: Vec<Trust>,
+    certain: Vec<Shown>,
+    /// Number of samples of which nothing is known.
+    unknown: usize,
+}
+
+/// What labels show together.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shown {
+    log_probability: f64,
+    mislabelled: f64,
+    disturbed: f64,
+    /// Numbers of labels: all, and those that could show a disturbed contour.
+    all: f64,
+    near: f64,
+}
+
+impl Shown {
+    fn add(&mut self, label: &Label, is_near: bool) {
+        let near = f64::from(u8::from(is_near));
+        self.log_probability += label.log_probability;
+        self.mislabelled += label.mislabelled;
+        self.disturbed += near * label.disturbed;
+        self.all += 1.0;
+        self.near += near;
+    }
+}
+
+/// A pose and what is believed of its left increment.
+#[derive(Clone, Copy)]
+struct State {
+    pose: Pose,
+    belief: Belief,
+    log_evidence: f64,
+}
+
+impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
+    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, trust: Vec<Trust>) -> Self {
+        Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
+    }
+
+    /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
+    fn look(&mut self, state: &State, blur: f64) {
+        let known = std::mem::take(&mut self.telling);
+        let mut known = known.iter().peekable();
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
+        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
+            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+        }
+        (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
+        for (region, sampled) in self.regions.iter().enumerate() {
+            for number in (0..sampled.count()).step_by(self.step) {
+                let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
+                match sampled.read(&state.pose, number) {
+                    Reading::Seen(margin, slope) => {
+                        let site = Site::new(slope, margin, self.trust[region]);
+                        let (mean, variance) = site.margin_under(&belief);
+                        if mean.abs() > REACH * (blur * blur + variance).sqrt() {
+                            self.certain[region].add(&self.trust[region].label(mean, variance), mean < 0.0);
+                        } else {
+                            // The factors of margins stay what they are when these are linearised anew.
+                            let site = before.map_or(site, |before| site.with_factor_of(&before.site));
+                            self.telling.push(Telling { site, region, number });
+                        }
+                    }
+                    Reading::Behind(right) => {
+                        let margin = if right { f64::INFINITY } else { f64::NEG_INFINITY };
+                        self.certain[region].add(&self.trust[region].label(margin, 0.0), !right);
+                    }
+                    Reading::Unknown => self.unknown += 1,
+                }
+            }
+        }
+    }
+
+    /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
+    fn linearise(&mut self, pose: &Pose) {
+        for telling in &mut self.telling {
+            if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
+                telling.site = Site::new(slope, margin, self.trust[telling.region]).with_factor_of(&telling.site);
+            }
+        }
+    }
+
+    /// The lines that the margins of the telling samples follow best over the whole of a belief about a pose, and how far they
+    /// bend from these (statistical linear regression at the belief's sigma points).
+    fn regress(&mut self, state: &State) {
+        let Some(root) = state.belief.covariance.cholesky().map(|root| root.unpack()) else { return };
+        let ways: [Tangent; 6] = std::array::from_fn(|axis| root.column(axis) * SIGMA_POINTS);
+        let poses = ways.map(|way| [way, -way].map(|way| state.pose.moved(&way)));
+        let Some(inverse) = root.try_inverse() else { return };
+        for telling in &mut self.telling {
+            let mut margins = [[0.0; 2]; 6];
+            let mut seen = true;
+            for (margin, pose) in margins.iter_mut().flatten().zip(poses.iter().flatten()) {
+                match self.regions[telling.region].read(pose, telling.number) {
+                    Reading::Seen(value, _) => *margin = value,
+                    _ => seen = false,
+                }
+            }
+            if seen {
+                telling.site = regressed(&telling.site, &margins, &inverse);
+            }
+        }
+    }
+
+    /// Logarithm of the probability of the labels that move nothing.
+    fn log_certain(&self) -> f64 {
+        self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
+    }
+
+    /// What all labels show of each region under a belief.
+    fn shown(&self, belief: &Belief) -> Vec<Shown> {
+        let mut shown = self.certain.clone();
+        self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
+        shown
+    }
+
+    /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
+    fn learn_trust(&mut self, belief: &Belief) {
+        let shown = self.shown(belief);
+        let share =
+            |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
+        for (trust, shown) in self.trust.iter_mut().zip(shown) {
+            trust.mislabelled = share(shown.mislabelled, shown.all, MISLABELLED);
+            trust.disturbed = share(shown.disturbed, shown.near, DISTURBED);
+        }
+    }
+
+    /// Share of each region's samples near its contour that lie on its wrong side at a pose.
+    fn wrong(&self, belief: &Belief) -> Vec<f64> {
+        let mut counts: Vec<[f64; 2]> = self.certain.iter().map(|shown| [shown.near, shown.near]).collect();
+        for telling in &self.telling {
+            let (mean, variance) = telling.site.margin_under(belief);
+            let deviation = (telling.site.trust.blur.powi(2) + telling.site.bent + variance).sqrt();
+            counts[telling.region][0] += f64::from(u8::from(mean < -CLEARLY * deviation));
+            counts[telling.region][1] += 1.0;
+        }
+        counts.into_iter().map(|[wrong, all]| wrong / f64::max(all, 1.0)).collect()
+    }
+
+    /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
+    /// would tell.
+    fn guard(&self, state: &State, blur: f64) -> Gaussian {
+        let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
+        let unit = || {
+            let mut information = Matrix6::zeros();
+            self.telling.iter().for_each(|telling| information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0));
+            information / (self.telling.len() as f64 * blur * blur)
+        };
+        Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
+    }
+
+    /// The belief once its mean is where it was linearised; `None` where a direction is left free.
+    fn settled(&mut self, mut state: State, blur: f64, rounds: usize, whole: bool) -> Option<State> {
+        let is_first = self.telling.is_empty();
+        self.look(&state, blur);
+        let (mut before, mut share) = (Tangent::zeros(), 1.0);
+        for round in 0..rounds {
+            if whole {
+                self.regress(&state);
+            } else if round > 0 {
+                self.linearise(&state.pose);
+            }
+            let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
+            let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
+            let (belief, integral) = propagated(&known, &guard, &mut self.telling)?;
+            self.learn_trust(&belief);
+            let information = belief.covariance.cholesky()?;
+            // A mean that goes to and fro lies between.
+            if before.dot(&information.solve(&belief.mean)) < 0.0 {
+                share *= RELAXED;
+            }
+            before = belief.mean;
+            let way = belief.mean.dot(&information.solve(&belief.mean));
+            let pose = state.pose.moved(&shortened(&(belief.mean * share), &state.pose));
+            state = State { pose, belief, log_evidence: integral + self.log_certain() };
+            if way < SETTLED * SETTLED {
+                break;
+            }
+        }
+        Some(state)
+    }
+}
+
+/// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
+fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) -> Site {
+    let points = 2.0 * margins.len() as f64;
+    let mean = margins.iter().flatten().sum::<f64>() / points;
+    let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
+    let along = Vector6::from_iterator(margins.iter().map(|[ahead, behind]| (ahead - behind) / (2.0 * SIGMA_POINTS)));
+    let bent = (squares - along.norm_squared()).max(0.0);
+    Site { slope: inverse_root.transpose() * along, margin: mean, bent, ..*site }
+}
+
+/// A start led on by some of the samples, to a blur from which on all of them tell more.
+#[derive(Debug, Clone)]
+pub struct Led {
+    /// About the problem's origin.
+    pub pose: Pose,
+    /// Logarithm of the evidence of the samples that led it.
+    pub log_evidence: f64,
+    belief: Belief,
+    trust: Vec<Trust>,
+}
+
+/// Where some of the samples lead a start, while their blur falls by halves from as far as they lie on the wrong side; `others`
+/// gives what else is known at a pose. `None` where a direction is left free.
+pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
+    let step = leading_step(regions);
+    let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
+    let mut samples = Samples::new(regions, others, *start, step, vec![Trust::unknown(); regions.len()]);
+    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
+    let mut blur = first_blur(regions, start, step);
+    loop {
+        state = samples.settled(state, blur, ROUNDS, false)?;
+        if blur <= SHARP {
+            let State { pose, log_evidence, belief } = state;
+            return Some(Led { pose, log_evidence, belief, trust: samples.trust });
+        }
+        blur = (blur * STEP).max(SHARP);
+    }
+}
+
+/// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
+pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
+    let mut samples = Samples::new(regions, others, from.pose, 1, from.trust.clone());
+    let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+    let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
+    while blur >= FINEST {
+        state = samples.settled(state, blur, 1, false)?;
+        if best.is_none_or(|(best, _): (State, f64)| best.log_evidence < state.log_evidence) {
+            best = Some((state, blur));
+        }
+        blur *= STEP;
+    }
+    let (state, blur) = best?;
+    let State { pose, belief, log_evidence } = samples.settled(state, blur, LAST_ROUNDS, true)?;
+    let (wrong, telling) = (samples.wrong(&Belief { mean: Tangent::zeros(), ..belief }), samples.telling.len());
+    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling })
+}
+
+/// The step that leaves about as many samples of all regions as lead.
+pub fn leading_step(regions: &[SampledRegion]) -> usize {
+    (regions.iter().map(SampledRegion::count).sum::<usize>() / LEADING).max(1)
+}
+
+/// The start as all that is known of a pose: without it, what the samples leave free would drift.
+fn anchor(start: &Pose, pose: &Pose) -> Gaussian {
+    let distance = start.translation.norm();
+    let [turn, way] = [ANCHOR, ANCHOR * distance];
+    Gaussian::normal(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
+}
+
+/// An increment no longer than the longest step.
+fn shortened(increment: &Tangent, pose: &Pose) -> Tangent {
+    let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
+    let size = increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance);
+    increment * (LONGEST / size).min(1.0)
+}
+
+/// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square, pixels.
+fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for reading in readings(regions, pose, step) {
+        if let Reading::Seen(margin, _) = reading
+            && margin < 0.0
+        {
+            squares += margin * margin;
+            count += 1.0;
+        }
+    }
+    (2.0 * (squares / f64::max(count, 1.0)).sqrt()).clamp(SHARP, COARSEST)
+}
+
+/// Logarithm of the probability of the labels of every `step`-th sample at a pose that is not refined, with this blur.
+pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: usize) -> f64 {
+    let trust = Trust { blur, wide: FAR_BLURS * blur, ..Trust::unknown() };
+    let label = |reading: Reading| match reading {
+        Reading::Seen(margin, _) => trust.label(margin, 0.0).log_probability,
+        Reading::Behind(right) => {
+            trust.label(if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0).log_probability
+        }
+        Reading::Unknown => UNKNOWN,
+    };
+    readings(regions, pose, step).map(label).sum()
+}
+
+impl Trust {
+    /// What is expected before anything is known.
+    fn unknown() -> Self {
+        Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabelled: MISLABELLED }
+    }
+}
+
+fn readings<'a>(regions: &'a [SampledRegion], pose: &'a Pose, step: usize) -> impl Iterator<Item = Reading> + 'a {
+    regions.iter().flat_map(move |region| (0..region.count()).step_by(step).map(|number| region.read(pose, number)))
+}

@@ -1,0 +1,215 @@
+//! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
+//! possible (`docs/math.md`, eq. 17.4 to 17.6).
+
+use nalgebra::Vector6;
+
+use super::belief::Belief;
+use super::normal::{cumulative, density};
+use crate::prior::Gaussian;
+
+/// Sweeps over all sites at most.
+const SWEEPS: usize = 6;
+
+/// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
+const SETTLED: f64 = 0.05;
+
+/// How far the labels of a region's samples are to be trusted.
+///
+/// A label is right with the probability `mislabelled + (1 - 2 mislabelled) ((1 - disturbed) Phi(margin / blur) + disturbed
+/// Phi(margin / wide))`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trust {
+    /// Blur of the contour where it is clean, pixels.
+    pub blur: f64,
+    /// Blur where it is disturbed, pixels.
+    pub wide: f64,
+    /// Share of the contour that is disturbed.
+    pub disturbed: f64,
+    /// Share of labels that are wrong, however far from the contour.
+    pub mislabelled: f64,
+}
+
+impl Trust {
+    /// Weights and blurs of the clean and the disturbed parts.
+    fn parts(&self) -> [(f64, f64); 2] {
+        let labelled = 1.0 - 2.0 * self.mislabelled;
+        [(labelled * (1.0 - self.disturbed), self.blur), (labelled * self.disturbed, self.wide)]
+    }
+
+    /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the contour is
+    /// disturbed; of a margin with a normal distribution.
+    pub fn label(&self, mean: f64, variance: f64) -> Label {
+        let [clean, wide] =
+            self.parts().map(|(weight, blur)| weight * cumulative(mean / (blur * blur + variance).sqrt()));
+        let all = self.mislabelled + clean + wide;
+        // Of a margin that is certain to be right a label that was drawn at random agrees by half.
+        let beyond = self.mislabelled * cumulative(-mean / (self.blur * self.blur + variance).sqrt());
+        Label { log_probability: all.ln(), mislabelled: beyond / all, disturbed: wide / all }
+    }
+}
+
+/// What a label shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Label {
+    /// Logarithm of its probability.
+    pub log_probability: f64,
+    /// Probability that it is wrong for its own sake.
+    pub mislabelled: f64,
+    /// Probability that the contour is disturbed where it lies.
+    pub disturbed: f64,
+}
+
+/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
+#[derive(Debug, Clone, Copy)]
+pub struct Site {
+    /// Derivative of the margin.
+    pub slope: Vector6<f64>,
+    /// The margin at zero, pixels.
+    pub margin: f64,
+    /// Variance of the margin about that line, squared pixels, which adds to the blur's.
+    pub bent: f64,
+    /// How far labels are to be trusted.
+    pub trust: Trust,
+    /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
+    pub precision: f64,
+    /// See `precision`.
+    pub pull: f64,
+}
+
+/// What a normal distribution of a margin shows of a label.
+struct Tilted {
+    /// Logarithm of the label's probability.
+    log_probability: f64,
+    /// Its first derivative by the mean, and minus its second.
+    first: f64,
+    second: f64,
+}
+
+impl Tilted {
+    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.5).
+    fn new(mean: f64, variance: f64, trust: &Trust) -> Self {
+        let (mut probability, mut slope, mut bend) = (trust.mislabelled, 0.0, 0.0);
+        for (weight, blur) in trust.parts() {
+            let width = (blur * blur + variance).sqrt();
+            let u = mean / width;
+            let height = weight * density(u) / width;
+            probability += weight * cumulative(u);
+            slope += height;
+            bend += height * u / width;
+        }
+        let first = slope / probability;
+        Self { log_probability: probability.ln(), first, second: first * first + bend / probability }
+    }
+}
+
+impl AsRef<Site> for Site {
+    fn as_ref(&self) -> &Site {
+        self
+    }
+}
+
+impl AsMut<Site> for Site {
+    fn as_mut(&mut self) -> &mut Site {
+        self
+    }
+}
+
+impl Site {
+    /// A sample whose factor is not known yet.
+    pub fn new(slope: Vector6<f64>, margin: f64, trust: Trust) -> Self {
+        Self { slope, margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
+    }
+
+    /// The site with the factor of another one.
+    pub fn with_factor_of(self, other: &Self) -> Self {
+        Self { precision: other.precision, pull: other.pull, ..self }
+    }
+
+    /// Mean and variance of the margin under a distribution of the increment.
+    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+        let variance = self.slope.dot(&(belief.covariance * self.slope));
+        (self.margin + self.slope.dot(&belief.mean), variance)
+    }
+
+    /// What the label shows under a belief.
+    pub fn label(&self, belief: &Belief) -> Label {
+        let (mean, variance) = self.margin_under(belief);
+        self.trust.label(mean, variance + self.bent)
+    }
+
+    /// Mean and variance without the site's own factor; `None` where nothing is left.
+    fn cavity(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
+        let left = 1.0 - variance * self.precision;
+        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
+    }
+
+    /// Moment matching of the site's factor, in place in the belief.
+    fn update(&mut self, belief: &mut Belief) {
+        let spread = belief.covariance * self.slope;
+        let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
+        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
+        let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust);
+        let left = 1.0 - variance_without * tilted.second;
+        // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
+        let (precision, pull) = match tilted.second > 0.0 {
+            true => (tilted.second / left, (tilted.first + mean_without * tilted.second) / left),
+            false => (0.0, 0.0),
+        };
+        let (more, farther) = (precision - self.precision, pull - self.pull);
+        let held = 1.0 + more * variance;
+        // The comparison fails for what is not finite, too.
+        if !(held > f64::EPSILON && held.is_finite() && farther.is_finite()) {
+            return;
+        }
+        belief.covariance.ger(-more / held, &spread, &spread, 1.0);
+        belief.mean += spread * ((farther - more * mean) / held);
+        (self.precision, self.pull) = (precision, pull);
+    }
+
+    /// The site's factor of the increment, without what makes it as large as the label's probability.
+    fn factor_into(&self, factor: &mut Gaussian) {
+        let pull = self.pull - self.precision * self.margin;
+        factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
+        factor.vector += self.slope * pull;
+        factor.offset += self.margin * (self.pull - 0.5 * self.precision * self.margin);
+    }
+
+    /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
+    fn log_scale(&self, belief: &Belief) -> f64 {
+        let (mean, variance) = self.margin_under(belief);
+        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
+        let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
+        let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
+        label + potential(mean_without, variance_without) - potential(mean, variance)
+    }
+}
+
+/// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
+fn product<'a>(others: &Gaussian, sites: impl Iterator<Item = &'a Site>) -> Option<(Belief, f64)> {
+    let mut factor = *others;
+    sites.for_each(|site| site.factor_into(&mut factor));
+    factor.belief()
+}
+
+/// What samples and other factors leave possible, and the logarithm of the evidence;
+/// the sites keep their factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that
+/// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
+/// where a direction is left free.
+pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
+    others: &Gaussian,
+    guard: &Gaussian,
+    sites: &mut [S],
+) -> Option<(Belief, f64)> {
+    let (mut belief, mut integral) = product(&(*others + *guard), sites.iter().map(S::as_ref))?;
+    for _ in 0..SWEEPS {
+        let before = belief.mean;
+        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
+        // Anew from all factors: the updates' rounding errors add up.
+        (belief, integral) = product(others, sites.iter().map(S::as_ref))?;
+        let way = belief.mean - before;
+        if way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED {
+            break;
+        }
+    }
+    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>()))
+}

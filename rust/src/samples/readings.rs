@@ -1,0 +1,98 @@
+//! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1, 17.2).
+
+use nalgebra::{Rotation3, Vector3, Vector6};
+
+use super::signed_field::SignedField;
+use crate::equations::residual::RegionEquations;
+use crate::geometry::pose::Pose;
+use crate::region::WorldRegion;
+
+/// Depth over distance along the chart's axis below which a sample is behind the camera, or nearly.
+const BEHIND: f64 = 0.05;
+
+/// The observed contour of a region and the samples of its world region.
+#[derive(Debug, Clone)]
+pub struct SampledRegion {
+    /// Its place among the problem's regions.
+    index: usize,
+    /// `chart_from_camera`.
+    rotation: Rotation3<f64>,
+    /// The contour on the plane z = 1 of the chart's axes; edges that are not the region's own are marked.
+    contour: SignedField,
+    /// Pixels per unit of that plane.
+    pixels: f64,
+    /// Side, in pixels, of a square of the region's area.
+    size: f64,
+    /// Samples about the problem's origin, and whether each is inside.
+    samples: Vec<(Vector3<f64>, bool)>,
+}
+
+/// Where a sample is seen at a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reading {
+    /// On its right side of the contour by so many pixels (negative on the wrong one), with the derivative by the left increment.
+    Seen(f64, Vector6<f64>),
+    /// Nearest to a stretch of the contour that is not the region's own, which tells nothing.
+    Unknown,
+    /// Behind the camera, where no region is seen: right for a sample outside.
+    Behind(bool),
+}
+
+impl SampledRegion {
+    /// The samples of the region of that place in a problem, about `origin`; `None` where it has none.
+    pub fn new(index: usize, region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Option<Self> {
+        let samples = world.samples()?;
+        let lifted = |inside: bool| move |p| (world.frame().lifted(p) - origin, inside);
+        let inside = samples.inside().iter().map(lifted(true));
+        let scale = region.chart().scale;
+        let unscaled: Vec<Vec<_>> =
+            region.outline().rings().iter().map(|ring| ring.iter().map(|p| p / scale).collect()).collect();
+        Some(Self {
+            index,
+            rotation: region.chart().rotation,
+            contour: SignedField::new(&unscaled, region.foreign_edges()),
+            pixels: region.pixel_area().sqrt() * scale,
+            size: region.pixel_area().sqrt(),
+            samples: inside.chain(samples.outside().iter().map(lifted(false))).collect(),
+        })
+    }
+
+    /// Its place among the problem's regions.
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Side, in pixels, of a square of the observed region's area.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// Number of samples.
+    pub fn count(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// The sample of a number at a pose about the problem's origin.
+    pub fn read(&self, pose: &Pose, number: usize) -> Reading {
+        let (sample, inside) = &self.samples[number];
+        self.reading(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
+    }
+
+    /// The reading of a sample that lies at `seen` along the chart's axes.
+    fn reading(&self, seen: &Vector3<f64>, inside: bool, back: &Rotation3<f64>) -> Reading {
+        if seen.z < BEHIND * seen.norm() {
+            return Reading::Behind(!inside);
+        }
+        let point = seen.xy() / seen.z;
+        let nearest = self.contour.nearest(&point);
+        if nearest.marked {
+            return Reading::Unknown;
+        }
+        let scale = if inside { self.pixels } else { -self.pixels };
+        let slope = nearest.gradient * (scale / seen.z);
+        let moving = Vector3::new(slope.x, slope.y, -slope.dot(&point));
+        let (turning, moving) = (back * seen.cross(&moving), back * moving);
+        let derivative = Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z);
+        Reading::Seen(scale * nearest.distance, derivative)
+    }
+}

@@ -1,0 +1,75 @@
+//! The signed distance of any point from the rings that bound a region (`docs/math.md`, eq. 17.1).
+
+use nalgebra::Vector2;
+
+use crate::contour::field::EdgeField;
+
+/// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
+#[derive(Debug, Clone)]
+pub struct SignedField {
+    field: EdgeField,
+    edges: Vec<Edge>,
+}
+
+/// Where a point lies from the boundary.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nearest {
+    /// Distance from the boundary, positive inside.
+    pub distance: f64,
+    /// Its gradient, a unit vector.
+    pub gradient: Vector2<f64>,
+    /// Whether the nearest edge is one that was marked.
+    pub marked: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    start: Vector2<f64>,
+    step: Vector2<f64>,
+    inverse: f64,
+    /// Unit normal towards the inside.
+    inward: Vector2<f64>,
+    /// Sums of this normal and the neighbour's at either end: they tell the side of a point that is nearest to the vertex.
+    ends: [Vector2<f64>; 2],
+    marked: bool,
+}
+
+impl SignedField {
+    /// The field of a region's rings; `marks` tells of each edge, ring by ring, whether it is marked (none where it is empty).
+    pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>]) -> Self {
+        let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
+        let edges = rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
+        Self { field: EdgeField::new(rings), edges }
+    }
+
+    /// Signed distance of a point, and its gradient.
+    pub fn nearest(&self, point: &Vector2<f64>) -> Nearest {
+        let edge = &self.edges[self.field.nearest_edge(point)];
+        let offset = point - edge.start;
+        let share = offset.dot(&edge.step) * edge.inverse;
+        if share > 0.0 && share < 1.0 {
+            return Nearest { distance: offset.dot(&edge.inward), gradient: edge.inward, marked: edge.marked };
+        }
+        let (from_end, inward) = if share <= 0.0 { (offset, edge.ends[0]) } else { (offset - edge.step, edge.ends[1]) };
+        let (length, side) = (from_end.norm(), if from_end.dot(&inward) < 0.0 { -1.0 } else { 1.0 });
+        let gradient = if length > 0.0 { from_end * (side / length) } else { edge.inward };
+        Nearest { distance: side * length, gradient, marked: edge.marked }
+    }
+}
+
+fn ring_edges<'a>(ring: &'a [Vector2<f64>], marks: &'a [bool]) -> impl Iterator<Item = Edge> + 'a {
+    let count = ring.len();
+    let step = move |k: usize| ring[(k + 1) % count] - ring[k % count];
+    let inward = move |k: usize| {
+        let along = step(k);
+        Vector2::new(-along.y, along.x) / along.norm().max(f64::MIN_POSITIVE)
+    };
+    (0..count).map(move |k| Edge {
+        start: ring[k],
+        step: step(k),
+        inverse: 1.0 / step(k).norm_squared().max(f64::MIN_POSITIVE),
+        inward: inward(k),
+        ends: [inward(k) + inward(k + count - 1), inward(k) + inward(k + 1)],
+        marked: marks.get(k) == Some(&true),
+    })
+}

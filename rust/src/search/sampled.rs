@@ -1,0 +1,126 @@
+//! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
+
+use super::candidates::further_poses;
+use super::poses::{apart, distinct};
+use crate::contour::fit::ContourFit;
+use crate::contour::readings::Contour;
+use crate::geometry::pose::Pose;
+use crate::prior::{Gaussian, Prior};
+use crate::problem::Problem;
+use crate::samples::posterior::{Led, Posterior, leading_step, led, log_likelihood, posterior};
+use crate::search::candidates::{AMBIGUITY, LOOSE};
+
+/// Starts that are led on.
+const MOST_STARTS: usize = 12;
+
+/// Poses nearer than this, rad and share of the distance, are one start.
+const SAME_START: f64 = 0.02;
+
+/// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
+const SAME_ANSWER: f64 = 9.0;
+
+/// Blur, pixels, with which starts are compared: as far as rough ones are off.
+const ROUGH: f64 = 32.0;
+
+/// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
+const FOUND: f64 = 0.2;
+
+/// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
+const HOPELESS: f64 = 40.0;
+
+impl Problem {
+    /// What the samples leave possible about some starts and, where they contradict all of these, about further ones; the
+    /// likeliest first. Poses are about the problem's origin.
+    pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
+        let mut found = self.posteriors_with(starts, prior);
+        let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
+        if prior.most() > 0.0 && !found.first().is_some_and(agrees) {
+            // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
+            found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
+                let log_evidence = posterior.log_evidence - 0.5 * self.penalty(&posterior, prior);
+                Posterior { log_evidence, ..posterior }
+            }));
+        }
+        let behind = 0.5 * (AMBIGUITY + self.most_penalty(prior));
+        likeliest(found, behind, |posterior| posterior.log_evidence, Posterior::is_same_as)
+    }
+
+    /// What a prior counts against a posterior, in variances.
+    fn penalty(&self, posterior: &Posterior, prior: &Prior) -> f64 {
+        prior.penalty(&self.uncentred(&posterior.pose), &posterior.covariance)
+    }
+
+    /// The posteriors with a prior, the likeliest first.
+    fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
+        let outlined = self.outlined();
+        let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+        let mut found = self.posteriors_near(starts, &others);
+        if !found.iter().any(is_found) {
+            let further = further_poses(self, self.few());
+            found.extend(self.posteriors_near(&further, &others));
+        }
+        likeliest(found, f64::INFINITY, |posterior| posterior.log_evidence, Posterior::is_same_as)
+    }
+
+    /// The posteriors of the likeliest starts.
+    fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
+        let (regions, step) = (self.sampled(), leading_step(self.sampled()));
+        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step);
+        let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
+        let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
+        let all: Vec<Led> = starts.iter().filter_map(|(_, start)| led(regions, others, start)).collect();
+        let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
+        let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
+        likely.iter().filter_map(|led| posterior(regions, others, led)).collect()
+    }
+
+    /// The contours of the regions without samples.
+    fn outlined(&self) -> Vec<Contour> {
+        let has_samples = |index: usize| self.sampled().iter().any(|region| region.index() == index);
+        let contours = self.contours().iter().enumerate();
+        contours.filter(|(index, _)| !has_samples(*index)).map(|(_, contour)| contour.clone()).collect()
+    }
+}
+
+/// The items of the greatest logarithms of evidence, each pose once, and no more behind the best than `behind`.
+fn likeliest<T>(
+    mut items: Vec<T>,
+    behind: f64,
+    log_evidence: impl Fn(&T) -> f64,
+    is_same: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    items.retain(|item| log_evidence(item).is_finite());
+    items.sort_by(|a, b| log_evidence(b).total_cmp(&log_evidence(a)));
+    let most = items.first().map_or(0.0, &log_evidence);
+    let mut kept: Vec<T> = Vec::new();
+    for item in items.into_iter().take_while(|item| most - log_evidence(item) <= behind) {
+        if !kept.iter().any(|other| is_same(other, &item)) {
+            kept.push(item);
+        }
+    }
+    kept
+}
+
+impl Posterior {
+    /// Whether another posterior is one and the same.
+    fn is_same_as(&self, other: &Self) -> bool {
+        let way = self.pose.increment_to(&other.pose);
+        let root = (self.covariance + other.covariance).cholesky();
+        root.is_some_and(|root| way.dot(&root.solve(&way)) < SAME_ANSWER)
+    }
+}
+
+/// Whether the samples of every region agree with a pose.
+fn is_found(posterior: &Posterior) -> bool {
+    posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+}
+
+/// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
+fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
+    if contours.is_empty() {
+        return Gaussian::default();
+    }
+    // Out of view nothing can be likely.
+    let hopeless = Gaussian { offset: -f64::MAX.sqrt(), ..Gaussian::default() };
+    ContourFit::at(contours, pose, 1).map_or(hopeless, |fit| fit.gaussian(contours).unwrap_or(hopeless))
+}

@@ -1,0 +1,332 @@
+//! Poses from samples inside and outside of regions: signed distances and their derivatives, expectation propagation against
+//! quadrature and sampling, and what samples change of an estimate.
+
+mod support;
+
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, U6, Vector2, Vector3, Vector6};
+use proptest::prelude::*;
+use regionpose::geometry::pose::Tangent;
+use regionpose::geometry::rings::PlaneRings;
+use regionpose::prior::Gaussian;
+use regionpose::samples::normal::{cumulative, density};
+use regionpose::samples::propagation::{Site, Trust, propagated};
+use regionpose::samples::readings::Reading;
+use regionpose::samples::signed_field::SignedField;
+use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
+use support::jacobian::differences;
+use support::random::Random;
+use support::scene::{Layout, Scene, rectangle, star};
+
+/// Error allowed of exact derivatives: that of the differences.
+const DIFFERENCES: f64 = 1e-6;
+
+const CLEAN: Trust = Trust { blur: 1.0, wide: 8.0, disturbed: 0.1, mislabelled: 0.02 };
+
+fn layout(regions: usize) -> Layout {
+    Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() }
+}
+
+/// The world regions with samples in rows and columns `gap` units apart over the extent of each, as a scan knows them; with an
+/// outline that is `shrunk`.
+fn sampled(random: &mut Random, worlds: &[WorldRegion], gap: f64, shrunk: f64) -> Vec<WorldRegion> {
+    worlds.iter().map(|world| sampled_region(random, world, gap, shrunk)).collect()
+}
+
+fn sampled_region(random: &mut Random, world: &WorldRegion, gap: f64, shrunk: f64) -> WorldRegion {
+    let (frame, outline) = (world.frame().clone(), world.outline());
+    let (low, high) = outline.bounds();
+    let shift = Vector2::new(random.uniform(0.0, gap), random.uniform(0.0, gap));
+    let first = low - Vector2::repeat(3.0 * gap) + shift;
+    let count = |axis: usize| ((high[axis] - low[axis]) / gap).ceil() as usize + 6;
+    let places = (0..count(0)).flat_map(|i| (0..count(1)).map(move |j| Vector2::new(i as f64, j as f64) * gap));
+    let (inside, outside): (Vec<_>, Vec<_>) = places.map(|p| first + p).partition(|p| outline.contains(*p));
+    let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|p| frame.lifted(p)).collect::<Vec<_>>();
+    let rings = outline.rings().iter().map(|ring| ring.iter().map(|p| p * shrunk).collect()).collect();
+    let start = WorldRegion::from_outline(frame.clone(), PlaneRings::new(rings).unwrap());
+    start.with_samples(&lifted(inside), &lifted(outside)).unwrap()
+}
+
+fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
+    let problem = Problem::new(&scene.observed, worlds).unwrap();
+    problem.estimate_with(&Options { prior, ..Options::default() }).unwrap()
+}
+
+/// A square of side 2: a point beside an edge, one beyond a corner, one at the middle of a notch.
+#[test]
+fn distances_are_signed_by_the_side() {
+    let field = SignedField::new(&[rectangle(2.0, 2.0)], &[vec![false, false, false, true]]);
+    let at = |x: f64, y: f64| field.nearest(&Vector2::new(x, y));
+    let beside = at(0.2, -0.7);
+    assert!((beside.distance - 0.3).abs() < 1e-12 && (beside.gradient - Vector2::y()).norm() < 1e-12);
+    let beyond = at(4.0, 5.0);
+    assert!((beyond.distance + 5.0).abs() < 1e-12, "3 and 4 from the corner");
+    assert!((beyond.gradient + Vector2::new(0.6, 0.8)).norm() < 1e-12);
+    assert!(at(-1.5, 0.0).marked && !at(1.5, 0.0).marked, "the last edge, at x = -1, is marked");
+}
+
+/// The corner of an L towards the inside: a point near it is inside, on whichever edge it counts.
+#[test]
+fn a_notch_has_its_inside_outside() {
+    let ell = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y));
+    let field = SignedField::new(&[ell.to_vec()], &[]);
+    let near = field.nearest(&Vector2::new(0.7, 0.6));
+    assert!((near.distance - 0.5).abs() < 1e-12, "0.3 and 0.4 from the notch's corner: {near:?}");
+    assert!(field.nearest(&Vector2::new(1.2, 1.1)).distance < 0.0);
+}
+
+#[test]
+fn a_hole_is_outside() {
+    let hole: Vec<_> = rectangle(1.0, 1.0).into_iter().rev().collect();
+    let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[]);
+    assert!((field.nearest(&Vector2::zeros()).distance + 0.5).abs() < 1e-12);
+    assert!((field.nearest(&Vector2::new(0.8, 0.0)).distance - 0.3).abs() < 1e-12);
+}
+
+proptest! {
+    /// Against the exact inside test and the least distance to all edges.
+    #[test]
+    fn signs_and_distances_are_exact(seed in 0_u64..1000) {
+        let mut random = Random::new(seed);
+        let ring = star(&mut random, 40, 1.0);
+        let region = PlaneRings::new(vec![ring.clone()]).unwrap();
+        let field = SignedField::new(std::slice::from_ref(&ring), &[]);
+        for _ in 0..40 {
+            let point = Vector2::new(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0));
+            let least = (0..ring.len()).map(|k| from_segment(&point, &ring[k], &ring[(k + 1) % ring.len()])).fold(f64::INFINITY, f64::min);
+            let signed = if region.contains(point) { least } else { -least };
+            prop_assert!((field.nearest(&point).distance - signed).abs() < 1e-12);
+        }
+    }
+}
+
+fn from_segment(point: &Vector2<f64>, a: &Vector2<f64>, b: &Vector2<f64>) -> f64 {
+    let share = ((point - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
+    (point - a.lerp(b, share)).norm()
+}
+
+#[test]
+fn at_the_true_pose_every_sample_is_on_its_side() {
+    let mut random = Random::new(3);
+    let scene = Scene::random(&mut random, layout(2));
+    let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
+    let pose = problem.centred(&scene.pose);
+    for region in problem.sampled() {
+        let right = |reading: &Reading| matches!(reading, Reading::Seen(margin, _) if *margin > -1e-6);
+        assert!((0..region.count()).all(|number| right(&region.read(&pose, number))));
+    }
+}
+
+#[test]
+fn margins_have_exact_derivatives() {
+    let mut random = Random::new(4);
+    let scene = Scene::random(&mut random, layout(2));
+    let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.2, 1.0)).unwrap();
+    let pose = problem.centred(&scene.pose).moved(&random.tangent(0.02, 0.05));
+    for region in problem.sampled() {
+        let numbers: Vec<usize> = (0..region.count()).collect();
+        let read = |at: &Tangent| numbers.iter().map(|&n| region.read(&pose.moved(at), n)).collect::<Vec<_>>();
+        let margins = |at: &Tangent| {
+            let margin = |reading: &Reading| if let Reading::Seen(margin, _) = reading { *margin } else { f64::NAN };
+            DVector::from_iterator(numbers.len(), read(at).iter().map(margin))
+        };
+        let expected = differences(&margins, &Tangent::zeros(), 4.0);
+        let found = OMatrix::<f64, Dyn, U6>::from_fn(numbers.len(), |row, column| match region.read(&pose, row) {
+            Reading::Seen(_, slope) => slope[column],
+            _ => f64::NAN,
+        });
+        // Where the nearest edge changes within the differences' step they mean nothing.
+        let error = |row: usize| (found.row(row) - expected.row(row)).norm() / expected.row(row).norm();
+        let exact = numbers.iter().filter(|&&row| error(row) < DIFFERENCES).count();
+        assert!(exact as f64 > 0.9 * numbers.len() as f64, "{exact} of {}", numbers.len());
+    }
+}
+
+/// One direction is free, the others known: moments and evidence of a few labels against quadrature.
+#[test]
+fn moments_of_a_line_are_those_of_quadrature() {
+    let slope = Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    // Two walls, each met by one label from either side, and one label that is likely wrong.
+    let margins = [(1.0, 2.0), (-1.0, 1.5), (2.0, 4.0), (-0.5, 3.0)];
+    let mut sites: Vec<Site> =
+        margins.iter().map(|(scale, margin)| Site::new(slope * *scale, *margin, CLEAN)).collect();
+    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(3.0));
+    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+    let probability = |x: f64| margins.iter().map(|(scale, margin)| label(scale * x + margin)).product::<f64>();
+    let weight = |x: f64| probability(x) * density(x / 3.0) / 3.0;
+    let [all, first, second] = [0, 1, 2].map(|power| quadrature(|x| weight(x) * x.powi(power)));
+    let (mean, variance) = (first / all, second / all - (first / all).powi(2));
+    assert!((belief.mean[0] - mean).abs() < 0.05, "{} against {mean}", belief.mean[0]);
+    assert!(
+        (belief.covariance[(0, 0)] / variance - 1.0).abs() < 0.1,
+        "{} against {variance}",
+        belief.covariance[(0, 0)]
+    );
+    assert!((log_evidence - all.ln()).abs() < 0.02, "{log_evidence} against {}", all.ln());
+    assert!((belief.covariance[(1, 1)] - 9.0).abs() < 1e-9, "what no label tells stays as it was");
+}
+
+/// The probability of a label by its definition.
+fn label(margin: f64) -> f64 {
+    let Trust { blur, wide, disturbed, mislabelled } = CLEAN;
+    let clean = (1.0 - disturbed) * cumulative(margin / blur) + disturbed * cumulative(margin / wide);
+    mislabelled + (1.0 - 2.0 * mislabelled) * clean
+}
+
+fn quadrature(value: impl Fn(f64) -> f64) -> f64 {
+    const STEPS: usize = 40_000;
+    let step = 60.0 / STEPS as f64;
+    (0..STEPS).map(|k| value(-30.0 + (k as f64 + 0.5) * step) * step).sum()
+}
+
+/// A single label: matching its moments is exact.
+#[test]
+fn one_label_is_exact() {
+    let slope = Vector6::new(0.3, -1.0, 0.5, 2.0, 0.1, -0.7);
+    let mut sites = [Site::new(slope, -1.2, CLEAN)];
+    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(1.0));
+    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+    let spread = slope.norm();
+    let weight = |g: f64| label(g) * density((g + 1.2) / spread) / spread;
+    let [all, first, second] = [0, 1, 2].map(|power| quadrature(|g| weight(g) * g.powi(power)));
+    assert!((log_evidence - all.ln()).abs() < 1e-6, "{log_evidence} against {}", all.ln());
+    let (mean, variance) = sites[0].margin_under(&belief);
+    assert!((mean - first / all).abs() < 1e-6 && (variance - second / all + (first / all).powi(2)).abs() < 1e-6);
+}
+
+/// Sixty labels in six directions against a million draws of the prior.
+#[test]
+fn moments_are_those_of_sampling() {
+    let mut random = Random::new(8);
+    let truth = Vector6::from_fn(|_, _| 0.5 * random.normal());
+    let draw = |random: &mut Random| {
+        let slope = Vector6::from_fn(|_, _| random.normal());
+        let threshold = 1.5 * random.normal();
+        let side = if slope.dot(&truth) > threshold { 1.0 } else { -1.0 };
+        (slope * side, -threshold * side)
+    };
+    let labels: Vec<_> = (0..12).map(|_| draw(&mut random)).collect();
+    let mut sites: Vec<Site> = labels.iter().map(|(slope, margin)| Site::new(*slope, *margin, CLEAN)).collect();
+    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(1.0));
+    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+    let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
+    for _ in 0..400_000 {
+        let x = Vector6::from_fn(|_, _| random.normal());
+        let weight: f64 = labels.iter().map(|(slope, margin)| label(slope.dot(&x) + margin)).product();
+        all += weight;
+        first += x * weight;
+        second += x * x.transpose() * weight;
+    }
+    let mean = first / all;
+    let covariance = second / all - mean * mean.transpose();
+    assert!((belief.mean - mean).norm() < 0.05, "{} against {mean}", belief.mean);
+    assert!(
+        (belief.covariance - covariance).norm() < 0.1 * covariance.norm(),
+        "{} against {covariance}",
+        belief.covariance
+    );
+    assert!((log_evidence - (all / 400_000.0_f64).ln()).abs() < 0.05);
+}
+
+/// Outlines a tenth too small put the pose off; the samples don't.
+#[test]
+fn samples_make_up_for_a_wrong_outline() {
+    for seed in 0..4 {
+        let mut random = Random::new(seed);
+        let scene = Scene::random(&mut random, layout(3));
+        let worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
+        let estimate = estimated(&scene, &worlds, Prior::default());
+        let (rotation, place) = scene.errors(&estimate.best.pose);
+        assert!(rotation < 6e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
+        let way = estimate.best.pose.increment_to(&scene.pose);
+        let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
+        assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
+        assert!(estimate.warnings.is_empty(), "seed {seed}: {:?}", estimate.warnings);
+    }
+}
+
+/// Three regions with four times as many samples: what stays possible falls with their number, not with its root.
+#[test]
+fn the_uncertainty_falls_with_the_number_of_samples() {
+    let deviations = |gap: f64| {
+        let mut random = Random::new(11);
+        let scene = Scene::random(&mut random, layout(3));
+        let worlds = sampled(&mut random, &scene.worlds, gap, 1.0);
+        estimated(&scene, &worlds, Prior::default()).best.covariance.diagonal().map(f64::sqrt)
+    };
+    let ratio = deviations(0.06).component_div(&deviations(0.12)).mean();
+    assert!((0.1..0.5).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn outlines_and_samples_mix() {
+    for seed in 20..23 {
+        let mut random = Random::new(seed);
+        let scene = Scene::random(&mut random, layout(3));
+        let mut worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
+        worlds[0] = scene.worlds[0].clone();
+        let mixed = estimated(&scene, &worlds, Prior::default());
+        let (rotation, place) = scene.errors(&mixed.best.pose);
+        assert!(rotation < 2e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
+    }
+}
+
+#[test]
+fn a_region_whose_samples_lie_elsewhere_is_named() {
+    let mut random = Random::new(30);
+    let scene = Scene::random(&mut random, layout(4));
+    let mut moved = scene.worlds.clone();
+    let frame = moved[2].frame().clone();
+    let shift = (frame.axes[0] + frame.axes[1]) * 0.5;
+    let rings: Vec<Vec<_>> = moved[2].rings().iter().map(|ring| ring.iter().map(|x| x + shift).collect()).collect();
+    moved[2] = WorldRegion::from_rings(&rings).unwrap();
+    let estimate = estimated(&scene, &sampled(&mut random, &moved, 0.1, 1.0), Prior::default());
+    let (rotation, _) = scene.errors(&estimate.best.pose);
+    assert!(rotation < 5e-3, "{rotation}");
+    let named = |warning: &Warning| matches!(warning, Warning::OutlierRegion { region: 2, .. });
+    assert!(estimate.warnings.iter().any(named), "{:?}", estimate.warnings);
+}
+
+fn known(pose: Pose) -> Prior {
+    let sigma = PoseSigma { rotation: 1e-3, place: 1e-3 };
+    Prior { initial: Some(pose), initial_sigma: Some(sigma), ..Prior::default() }
+}
+
+#[test]
+fn a_prior_holds_what_few_samples_leave_free() {
+    let mut random = Random::new(41);
+    let scene = Scene::random(&mut random, layout(1));
+    let worlds = sampled(&mut random, &scene.worlds, 0.25, 1.0);
+    let free = estimated(&scene, &worlds, Prior::default()).best.covariance.trace();
+    let held = estimated(&scene, &worlds, known(scene.pose));
+    assert!(held.best.covariance.trace() < 0.2 * free && scene.errors(&held.best.pose).0 < 3e-3);
+}
+
+#[test]
+fn a_prior_that_samples_contradict_is_left_out_and_warned_of() {
+    let mut random = Random::new(42);
+    let scene = Scene::random(&mut random, layout(3));
+    let worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
+    let elsewhere = scene.pose.moved(&Tangent::new(0.3, -0.4, 0.2, 0.5, 0.1, 0.2));
+    let estimate = estimated(&scene, &worlds, known(elsewhere));
+    assert!(scene.errors(&estimate.best.pose).0 < 6e-3, "{:?}", scene.errors(&estimate.best.pose));
+    let warned = |warning: &Warning| matches!(warning, Warning::InitialContradicted { .. });
+    assert!(estimate.warnings.iter().any(warned), "{:?}", estimate.warnings);
+}
+
+#[test]
+fn samples_that_cannot_be_used_are_refused() {
+    let square: Vec<_> = rectangle(1.0, 1.0).iter().map(|p| p.push(0.0)).collect();
+    let region = WorldRegion::from_rings(&[square]).unwrap();
+    let refused = |inside: &[Vector3<f64>], outside: &[Vector3<f64>]| {
+        region.clone().with_samples(inside, outside).unwrap_err().to_string()
+    };
+    let (near, far) = (Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0));
+    assert!(refused(&[], &[far]).contains("the number of samples inside the region is 0"), "{}", refused(&[], &[far]));
+    let bad = refused(&[near, Vector3::new(f64::NAN, 0.0, 0.0)], &[far]);
+    assert!(bad.contains("inside sample 1"), "{bad}");
+    let off = refused(&[near, far], &[Vector3::new(1.0, 0.0, 0.5)]);
+    assert!(off.contains("an outside sample is number 0 at 5.000e-1 off"), "{off}");
+    let bent = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.2], [0.0, 1.0, 0.0]].map(Vector3::from);
+    let surface = WorldRegion::from_mesh(&bent, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+    assert!(surface.with_samples(&[near], &[far]).unwrap_err().to_string().contains("needs to be a planar region"));
+}
