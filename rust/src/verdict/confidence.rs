@@ -9,7 +9,7 @@ use crate::verdict::outliers::{contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 6] = [-0.3362, -0.5018, -0.5995, 0.1591, 0.1458, 2.4619];
+const WEIGHTS: [f64; 6] = [-0.1815, -0.5414, -0.3578, 0.1282, 0.1974, 2.1701];
 
 /// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean pieces.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
