@@ -7,8 +7,8 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::contour::field::EdgeField;
 use crate::error::{Error, Result};
+use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::PlaneRings;
 use samples::Samples;
 

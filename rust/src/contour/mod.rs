@@ -3,7 +3,6 @@
 pub mod correlation;
 pub mod covariance;
 pub mod creases;
-pub mod field;
 pub mod fit;
 pub mod mixture;
 pub mod pieces;

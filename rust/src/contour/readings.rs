@@ -5,9 +5,9 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::field::EdgeField;
 use super::pieces::{self, Piece, edges, pieces};
 use crate::equations::residual::{NormalEquations, RegionEquations};
+use crate::geometry::edge_field::EdgeField;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::region::{PlaneFrame, WorldRegion};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::contour::field::EdgeField;
+use crate::geometry::edge_field::EdgeField;
 
 /// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
 #[derive(Debug, Clone)]

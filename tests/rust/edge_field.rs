@@ -3,7 +3,7 @@
 mod support;
 
 use nalgebra::Vector2;
-use regionpose::contour::field::EdgeField;
+use regionpose::geometry::edge_field::EdgeField;
 use support::random::Random;
 use support::scene::{Ring, pierced_star, rectangle, regular, star};
 
