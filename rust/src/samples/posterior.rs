@@ -154,14 +154,18 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
     }
 
+    fn take_blur(&mut self, blur: f64) {
+        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
+            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+        }
+    }
+
     /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
     fn look(&mut self, state: &State, blur: f64) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
         let belief = Belief { mean: Tangent::zeros(), ..state.belief };
-        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
-            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
-        }
+        self.take_blur(blur);
         (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
         for (region, sampled) in self.regions.iter().enumerate() {
             for number in (0..sampled.count()).step_by(self.step) {
