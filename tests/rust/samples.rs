@@ -15,7 +15,7 @@ use regionpose::samples::signed_field::SignedField;
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::jacobian::differences;
 use support::random::Random;
-use support::scene::{Layout, Scene, rectangle, star};
+use support::scene::{Layout, Scene, rectangle, regular, star};
 
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;
@@ -80,6 +80,19 @@ fn a_hole_is_outside() {
     let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[]);
     assert!((field.nearest(&Vector2::zeros()).distance + 0.5).abs() < 1e-12);
     assert!((field.nearest(&Vector2::new(0.8, 0.0)).distance - 0.3).abs() < 1e-12);
+}
+
+/// A square has four sides; a circle of as many edges as a contour has a stretch for each tenth of its size.
+#[test]
+fn stretches_are_sides_or_tenths_of_the_size() {
+    let numbers = |ring: &[Vector2<f64>]| {
+        let field = SignedField::new(&[ring.to_vec()], &[]);
+        let middles = (0..ring.len()).map(|k| ring[k].lerp(&ring[(k + 1) % ring.len()], 0.5));
+        middles.map(|middle| field.stretch(&middle)).collect::<Vec<_>>()
+    };
+    assert_eq!(numbers(&rectangle(2.0, 1.0)), [1, 2, 3, 4]);
+    let circle = numbers(&regular(40, 1.0));
+    assert!(circle.is_sorted() && (17..=40).contains(&circle[39]), "{circle:?}");
 }
 
 proptest! {

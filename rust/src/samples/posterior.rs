@@ -1,5 +1,7 @@
 //! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 17).
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
@@ -152,14 +154,18 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
     }
 
+    fn take_blur(&mut self, blur: f64) {
+        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
+            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+        }
+    }
+
     /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
     fn look(&mut self, state: &State, blur: f64) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
         let belief = Belief { mean: Tangent::zeros(), ..state.belief };
-        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
-            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
-        }
+        self.take_blur(blur);
         (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
         for (region, sampled) in self.regions.iter().enumerate() {
             for number in (0..sampled.count()).step_by(self.step) {
@@ -250,6 +256,20 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             counts[telling.region][1] += 1.0;
         }
         counts.into_iter().map(|[wrong, all]| wrong / f64::max(all, 1.0)).collect()
+    }
+
+    /// What stretches of the contours that are off as a whole add to the covariance of a belief about a pose (`docs/math.md`, eq.
+    /// 17.9): what blurs a contour beyond its pixels does not average out along a side.
+    fn common(&self, state: &State, blur: f64) -> Matrix6<f64> {
+        let variance = blur * blur - FINEST * FINEST;
+        let mut pulls: BTreeMap<(usize, usize), Vector6<f64>> = BTreeMap::new();
+        for Telling { site, region, number } in &self.telling {
+            if let Some((stretch, outwards)) = self.regions[*region].stretch(&state.pose, *number) {
+                *pulls.entry((*region, stretch)).or_default() += site.slope * (site.precision * outwards);
+            }
+        }
+        let scatter: Matrix6<f64> = pulls.values().map(|pull| pull * pull.transpose()).sum();
+        state.belief.covariance * scatter * state.belief.covariance * variance
     }
 
     /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
@@ -348,9 +368,11 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
         blur *= STEP;
     }
     let (state, blur) = best?;
-    let State { pose, belief, log_evidence } = samples.settled(state, blur, LAST_ROUNDS, true)?;
+    let state = samples.settled(state, blur, LAST_ROUNDS, true)?;
+    let State { pose, belief, log_evidence } = state;
+    let covariance = belief.covariance + samples.common(&state, blur);
     let (wrong, telling) = (samples.wrong(&Belief { mean: Tangent::zeros(), ..belief }), samples.telling.len());
-    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling })
+    Some(Posterior { pose, covariance, log_evidence, blur, wrong, telling })
 }
 
 /// The step that leaves about as many samples of all regions as lead.

@@ -78,6 +78,15 @@ impl SampledRegion {
         self.reading(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }
 
+    /// The stretch of the contour that the sample of a number is nearest to at a pose, by number, and how the margin grows as that
+    /// stretch moves outwards; `None` behind the camera.
+    pub fn stretch(&self, pose: &Pose, number: usize) -> Option<(usize, f64)> {
+        let (sample, inside) = &self.samples[number];
+        let seen = self.rotation * pose.transform(sample);
+        let place = (seen.z >= BEHIND * seen.norm()).then(|| seen.xy() / seen.z)?;
+        Some((self.contour.stretch(&place), if *inside { 1.0 } else { -1.0 }))
+    }
+
     /// The reading of a sample that lies at `seen` along the chart's axes.
     fn reading(&self, seen: &Vector3<f64>, inside: bool, back: &Rotation3<f64>) -> Reading {
         if seen.z < BEHIND * seen.norm() {

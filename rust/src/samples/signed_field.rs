@@ -2,13 +2,23 @@
 
 use nalgebra::Vector2;
 
+use crate::contour::pieces::edges;
 use crate::geometry::edge_field::EdgeField;
+use crate::geometry::rings::signed_area;
+
+/// Length of a stretch that is not straight, as a share of the size of its ring: as far as disturbed parts reach.
+const STRETCH: f64 = 0.1;
+
+/// Turn, as a sine, up to which neighbouring edges go on as one straight side: that of the contours' runs.
+const STRAIGHT: f64 = 0.1;
 
 /// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
 #[derive(Debug, Clone)]
 pub struct SignedField {
     field: EdgeField,
     edges: Vec<Edge>,
+    /// The stretch of the boundary that each edge belongs to, by number.
+    stretches: Vec<usize>,
 }
 
 /// Where a point lies from the boundary.
@@ -39,7 +49,13 @@ impl SignedField {
     pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>]) -> Self {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges = rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
-        Self { field: EdgeField::new(rings), edges }
+        let stretches = rings.iter().flat_map(|ring| stretches(ring)).scan(0, numbered).collect();
+        Self { field: EdgeField::new(rings), edges, stretches }
+    }
+
+    /// The stretch of the boundary that a point is nearest to: a straight side, or a tenth of the size of its ring.
+    pub fn stretch(&self, point: &Vector2<f64>) -> usize {
+        self.stretches[self.field.nearest_edge(point)]
     }
 
     /// Signed distance of a point, and its gradient.
@@ -55,6 +71,28 @@ impl SignedField {
         let gradient = if length > 0.0 { from_end * (side / length) } else { edge.inward };
         Nearest { distance: side * length, gradient, marked: edge.marked }
     }
+}
+
+/// Whether each edge of a ring begins a stretch: where it turns, and the last stretch is long enough.
+fn stretches(ring: &[Vector2<f64>]) -> Vec<bool> {
+    let enough = STRETCH * signed_area(ring).abs().sqrt();
+    let mut before = Vector2::zeros();
+    let mut length = f64::INFINITY;
+    let mut begins = |(a, b): (Vector2<f64>, Vector2<f64>)| {
+        let step = b - a;
+        let goes_on = step.dot(&before) > 0.0 && step.perp(&before).abs() < STRAIGHT * step.norm() * before.norm();
+        let begins = !goes_on && length >= enough;
+        length = if begins { step.norm() } else { length + step.norm() };
+        before = step;
+        begins
+    };
+    edges(ring).map(&mut begins).collect()
+}
+
+/// The number of a stretch, one more than the last where it begins.
+fn numbered(last: &mut usize, begins: bool) -> Option<usize> {
+    *last += usize::from(begins);
+    Some(*last)
 }
 
 fn ring_edges<'a>(ring: &'a [Vector2<f64>], marks: &'a [bool]) -> impl Iterator<Item = Edge> + 'a {
