@@ -23,6 +23,9 @@ use crate::search::poses::{apart, distinct, sorted};
 /// Overlap error above which a solution does not count as solved (paper section 3).
 const POOR_OVERLAP: f64 = 0.05;
 
+/// Overlap error of a region of which a pose shows nothing: no trust bears more.
+const NOT_SHOWN: f64 = 1.0;
+
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
 
@@ -302,8 +305,8 @@ fn warnings(
     warnings
 }
 
-/// The warnings of regions that the pose projects elsewhere: those that do not belong to it while others do, and, unless the
-/// pose is trusted, those of which a part lies elsewhere.
+/// The warnings of regions that the pose projects elsewhere: those that do not belong to it while others do, those that fit no
+/// better than nothing and, unless the pose is trusted, those of which a part lies elsewhere.
 fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
@@ -325,7 +328,7 @@ fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warnin
                 let percent = 100.0 * shares[region];
                 warnings.push(Warning::OutlierRegion { region, percent, others: 100.0 * others });
             }
-            _ if trusted => {}
+            _ if trusted && error < NOT_SHOWN => {}
             _ => warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error }),
         }
     }
