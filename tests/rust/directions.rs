@@ -89,7 +89,7 @@ fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
     }
 }
 
-/// A turn that the directions hold to 15 degrees needs no other: the contours lead back from there.
+/// A turn that the directions hold to 10 degrees needs no other: the contours lead back from there.
 #[test]
 fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
     let mut random = Random::new(84);
@@ -99,7 +99,7 @@ fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
             let problem = problem(&scene);
             let centred = problem.centred(&scene.pose);
             let ray = scene.pose.transform(&scene.middle()).normalize();
-            let turn = Rotation3::new(ray * 15.0_f64.to_radians());
+            let turn = Rotation3::new(ray * 10.0_f64.to_radians());
             let start = Pose::new(turn * centred.rotation, turn * centred.translation);
             let fit = refined(problem.contours(), &start, ALL).unwrap();
             assert!(fit.pose.angle_to(&centred) < 1e-3, "{:.2e} rad", fit.pose.angle_to(&centred));

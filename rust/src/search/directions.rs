@@ -17,9 +17,9 @@ use crate::prior::{Prior, UP_SIGMA};
 use crate::problem::Problem;
 use crate::region::WorldRegion;
 
-/// Standard deviation of a turn, rad (15 degrees), above which directions leave it free: those of a single region, or
+/// Standard deviation of a turn, rad (10 degrees), above which directions leave it free: those of a single region, or
 /// of regions close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
-const FREE: f64 = std::f64::consts::PI / 12.0;
+const FREE: f64 = std::f64::consts::PI / 18.0;
 
 /// Turns about a free axis that are compared: 4 degrees apart, as of a plane in itself.
 const TURNS: usize = 90;

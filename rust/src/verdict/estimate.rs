@@ -293,7 +293,9 @@ fn warnings(
     if !others.is_empty() {
         warnings.push(Warning::Ambiguous { others });
     }
-    let trusted = evidence.probability() > TRUSTED;
+    // Samples that leave a contour blurred do not agree on a place.
+    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.blur >= LOOSE);
+    let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
     warnings.extend(poor_regions(best, &sampled, trusted));
     warnings.extend(best.posterior.iter().flat_map(|posterior| contradicting_regions(posterior, &sampled)));
