@@ -85,7 +85,7 @@ fn cut_rings(
     for (index, (ring, cut)) in rings.iter().zip(cuts).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
         let foreign = foreign.get(index).map_or(&[][..], Vec::as_slice);
-        let wanted = |part: usize| (number + part) % step == 0;
+        let wanted = |part: usize| (number + part).is_multiple_of(step);
         ring_pieces(ring, &numbers, foreign, cut, wanted, |piece| found(index, piece));
         number += cut.count;
     }

@@ -76,9 +76,9 @@ impl BoundaryCovariance {
         };
         let mut entries = [[0.0; MOST_EQUATIONS]; MOST_EQUATIONS];
         let mut packed = self.first.iter().zip(&self.second);
-        for a in 0..count {
+        for (a, bias) in self.bias[..count].iter().enumerate() {
             for (b, (first, second)) in packed.by_ref().take(a + 1).enumerate() {
-                let value = first + variance * (second + self.bias[a] * self.bias[b]);
+                let value = first + variance * (second + bias * self.bias[b]);
                 entries[a][b] = value;
                 entries[b][a] = value;
             }
@@ -275,7 +275,7 @@ struct Entry {
 }
 
 /// All entries by [`packed`] (`docs/math.md`, eq. 6.8).
-const PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
+static PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
 
 const fn plane_entries() -> [Entry; ENTRIES] {
     let mut entries = [Entry { values: [0; 2], slopes: [([0; 2], 0.0); 3] }; ENTRIES];
