@@ -16,6 +16,9 @@ const MARGIN: f64 = 0.25;
 /// Consecutive edges that are looked at together: of a contour of some hundred edges as many groups as edges in a group.
 const GROUP: usize = 16;
 
+/// Before any edge was looked at.
+const NONE: (f64, u32) = (f64::INFINITY, 0);
+
 /// Closed rings, and for every place about them the edges that may be nearest.
 #[derive(Debug, Clone)]
 pub struct EdgeField {
@@ -94,23 +97,21 @@ impl EdgeField {
         (group * GROUP) as u32..((group + 1) * GROUP).min(self.edges.len()) as u32
     }
 
-    /// The nearest of all edges, by its squared distance and number: those in the nearest box, then in all that may hold a nearer.
+    /// The nearest of some edges, by its squared distance and number, or the one before where none is nearer.
+    fn nearest_among(&self, point: &Vector2<f64>, edges: impl Iterator<Item = u32>, before: (f64, u32)) -> (f64, u32) {
+        edges
+            .map(|edge| (self.edges[edge as usize].square(point), edge))
+            .fold(before, |best, other| if other.0 < best.0 { other } else { best })
+    }
+
+    /// The nearest of all edges: of those in the nearest box, then of those in all boxes that may hold a nearer.
     fn nearest_of_all(&self, point: &Vector2<f64>) -> (f64, u32) {
-        let mut best = (f64::INFINITY, 0);
-        let look_at = |group: usize, best: &mut (f64, u32)| {
-            for edge in self.numbers_in(group) {
-                let square = self.edges[edge as usize].square(point);
-                if square < best.0 {
-                    *best = (square, edge);
-                }
-            }
-        };
         let square = |group: &usize| self.groups[*group].square(point);
         let first = (0..self.groups.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0);
-        look_at(first, &mut best);
+        let mut best = self.nearest_among(point, self.numbers_in(first), NONE);
         for group in (0..self.groups.len()).filter(|&group| group != first) {
             if square(&group) < best.0 {
-                look_at(group, &mut best);
+                best = self.nearest_among(point, self.numbers_in(group), best);
             }
         }
         best
@@ -118,21 +119,14 @@ impl EdgeField {
 
     /// The edge nearest to a point, by its number.
     pub fn nearest_edge(&self, point: &Vector2<f64>) -> usize {
-        let mut best = (f64::INFINITY, 0);
-        let mut look_at = |edge: u32| {
-            let square = self.edges[edge as usize].square(point);
-            if square < best.0 {
-                best = (square, edge);
-            }
-        };
-        match self.cell_of(point) {
+        let nearest = match self.cell_of(point) {
             Some(cell) => {
                 let candidates = self.candidates[cell].get_or_init(|| self.may_be_nearest(cell));
-                candidates.iter().for_each(|&edge| look_at(edge));
+                self.nearest_among(point, candidates.iter().copied(), NONE)
             }
-            None => return self.nearest_of_all(point).1 as usize,
-        }
-        best.1 as usize
+            None => self.nearest_of_all(point),
+        };
+        nearest.1 as usize
     }
 
     /// The cell that a point lies in; `None` outside the grid.

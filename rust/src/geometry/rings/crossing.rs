@@ -86,12 +86,10 @@ fn are_neighbours(first: &Edge, second: &Edge, count: usize) -> bool {
     (first.index + 1) % count == second.index || (second.index + 1) % count == first.index
 }
 
-/// Whether two edges of a ring follow each other round a corner: they then meet there alone.
+/// Whether two neighbours on a ring turn a corner: they then meet there alone.
 fn are_bent(first: &Edge, second: &Edge, count: usize) -> bool {
-    let [before, after] = if first.index < second.index { [first, second] } else { [second, first] };
-    let [before, after] = if before.index == 0 && after.index + 1 == count { [after, before] } else { [before, after] };
-    let follows = (before.index + 1) % count == after.index;
-    follows && turn(before.ends[0], before.ends[1], after.ends[1]).is_ne()
+    let [a, b] = first.ends;
+    are_neighbours(first, second, count) && second.ends.into_iter().any(|end| turn(a, b, end).is_ne())
 }
 
 /// Whether two rings that touch at a vertex change sides there, rather than only meet.
