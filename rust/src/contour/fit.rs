@@ -329,7 +329,7 @@ fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Po
 }
 
 /// Size of an increment: radians, or a share of the distance.
-fn size(increment: &Tangent, pose: &Pose) -> f64 {
+pub(crate) fn size(increment: &Tangent, pose: &Pose) -> f64 {
     let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
     increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
 }

@@ -96,13 +96,17 @@ pub fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
     (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]))
 }
 
+/// Whether an edge goes on straight from the one before it.
+pub fn goes_on(before: &Vector2<f64>, step: &Vector2<f64>) -> bool {
+    step.dot(before) > 0.0 && step.perp(before).abs() < STRAIGHT * step.norm() * before.norm()
+}
+
 /// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
 pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
     let mut before = Vector2::zeros();
     let mut number = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;
-        let goes_on = step.dot(&before) > 0.0 && step.perp(&before).abs() < STRAIGHT * step.norm() * before.norm();
-        *last += usize::from(!goes_on);
+        *last += usize::from(!goes_on(&before, &step));
         before = step;
         *last
     };

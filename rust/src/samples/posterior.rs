@@ -7,6 +7,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::belief::Belief;
 use super::propagation::{Label, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
+use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
@@ -183,8 +184,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                         }
                     }
                     Reading::Behind(right) => {
-                        let margin = if right { f64::INFINITY } else { f64::NEG_INFINITY };
-                        self.certain[region].add(&self.trust[region].label(margin, 0.0), !right);
+                        self.certain[region].add(&self.trust[region].label_behind(right), !right);
                     }
                     Reading::Unknown => self.unknown += 1,
                 }
@@ -389,9 +389,7 @@ fn anchor(start: &Pose, pose: &Pose) -> Gaussian {
 
 /// An increment no longer than the longest step.
 fn shortened(increment: &Tangent, pose: &Pose) -> Tangent {
-    let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
-    let size = increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance);
-    increment * (LONGEST / size).min(1.0)
+    increment * (LONGEST / size(increment, pose)).min(1.0)
 }
 
 /// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square, pixels.
@@ -413,9 +411,7 @@ pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: u
     let trust = Trust { blur, wide: FAR_BLURS * blur, ..Trust::unknown() };
     let label = |reading: Reading| match reading {
         Reading::Seen(margin, _) => trust.label(margin, 0.0).log_probability,
-        Reading::Behind(right) => {
-            trust.label(if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0).log_probability
-        }
+        Reading::Behind(right) => trust.label_behind(right).log_probability,
         Reading::Unknown => UNKNOWN,
     };
     readings(regions, pose, step).map(label).sum()
@@ -425,6 +421,11 @@ impl Trust {
     /// What is expected before anything is known.
     fn unknown() -> Self {
         Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabelled: MISLABELLED }
+    }
+
+    /// The label of a sample behind the camera, infinitely far on its right side or its wrong one.
+    fn label_behind(&self, right: bool) -> Label {
+        self.label(if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0)
     }
 }
 

@@ -2,15 +2,12 @@
 
 use nalgebra::Vector2;
 
-use crate::contour::pieces::edges;
+use crate::contour::pieces::{edges, goes_on};
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::signed_area;
 
 /// Length of a stretch that is not straight, as a share of the size of its ring: as far as disturbed parts reach.
 const STRETCH: f64 = 0.1;
-
-/// Turn, as a sine, up to which neighbouring edges go on as one straight side: that of the contours' runs.
-const STRAIGHT: f64 = 0.1;
 
 /// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
 #[derive(Debug, Clone)]
@@ -80,8 +77,7 @@ fn stretches(ring: &[Vector2<f64>]) -> Vec<bool> {
     let mut length = f64::INFINITY;
     let mut begins = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;
-        let goes_on = step.dot(&before) > 0.0 && step.perp(&before).abs() < STRAIGHT * step.norm() * before.norm();
-        let begins = !goes_on && length >= enough;
+        let begins = !goes_on(&before, &step) && length >= enough;
         length = if begins { step.norm() } else { length + step.norm() };
         before = step;
         begins

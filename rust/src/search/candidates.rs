@@ -160,7 +160,7 @@ pub(crate) enum Answers {
 impl Problem {
     /// The poses that may be the answer.
     pub fn search(&self, options: &Options) -> Search {
-        let mut looks = Looks::new(self, options.refinement);
+        let mut looks = Looks::new(self, options);
         let poses = match options.start {
             Start::Global => self.global_poses(options, &mut looks),
             Start::Paper => paper_poses(self, &options.prior),
@@ -173,14 +173,14 @@ impl Problem {
         let problem = self.whitened(noise, orders);
         let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
         let answers = match options.refinement {
-            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, looks.led),
+            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
         Search { problem, options: *options, answers, starts }
     }
 
     fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
-        let known = known_poses(self, &options.prior);
+        let known = looks.known.clone();
         let poses = moment_poses(self, &options.prior, &known, WantedTurns::Likely, |pose| looks.explains(pose));
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
@@ -210,16 +210,19 @@ struct Looks<'a> {
     step: usize,
     /// Whether poses may be led onto the contours: of several regions, whose contours tell a wrong one.
     leads: bool,
+    /// Poses that the prior gives.
+    known: Vec<Pose>,
     last: Option<ContourFit>,
     /// Starts that were led onto the contours, and where they came to.
     led: Vec<(Pose, ContourFit)>,
 }
 
 impl<'a> Looks<'a> {
-    fn new(problem: &'a Problem, refinement: Refinement) -> Self {
+    fn new(problem: &'a Problem, options: &Options) -> Self {
         let contours = problem.contours();
-        let leads = contours.len() > 1 && refinement == Refinement::Contour;
-        Self { contours, step: problem.few(), leads, last: None, led: Vec::new() }
+        let leads = contours.len() > 1 && options.refinement == Refinement::Contour;
+        let known = known_poses(problem, &options.prior);
+        Self { contours, step: problem.few(), leads, known, last: None, led: Vec::new() }
     }
 
     /// The fit at a pose that is not moved.
@@ -235,10 +238,18 @@ impl<'a> Looks<'a> {
         if self.at(pose).is_some_and(ContourFit::is_clean) {
             return true;
         }
-        let led = if self.leads { refined(self.contours, pose, self.step) } else { None };
+        let led = if self.leads { self.led_from(pose) } else { None };
         let explains = led.as_ref().is_some_and(|fit| is_found(fit, MOSTLY));
         self.led.extend(led.map(|fit| (*pose, fit)));
         explains
+    }
+
+    /// Where a start leads on the contours, looked up where it was led before.
+    fn led_from(&self, start: &Pose) -> Option<ContourFit> {
+        match self.led.iter().find(|(pose, _)| pose == start) {
+            Some((_, fit)) => Some(fit.clone()),
+            None => refined(self.contours, start, self.step),
+        }
     }
 }
 
@@ -319,9 +330,9 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 
 /// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are
 /// disturbed all over the moments are the better measure.
-fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pose, ContourFit)>) -> Answers {
+fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> Answers {
     let (contours, few) = (problem.contours(), problem.few());
-    let places = places(problem, poses, prior, led);
+    let places = places(problem, poses, prior, looks);
     if problem.hides_edges() {
         return Answers::Contours(places);
     }
@@ -342,21 +353,17 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led: Vec<(Pos
 }
 
 /// The likeliest poses on the contours: the candidates, further ones where none of these is found, and other turns of a
-/// plane, each refined on few pieces, then on all. `led_before` has starts that were led already.
-fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, led_before: Vec<(Pose, ContourFit)>) -> Vec<ContourFit> {
+/// plane, each refined on few pieces, then on all.
+fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = problem.few();
-    let fit = |start: &Pose| match led_before.iter().find(|(pose, _)| pose == start) {
-        Some((_, fit)) => Some(fit.clone()),
-        None => refined(contours, start, few),
-    };
-    let led = |poses: Vec<Pose>| poses.iter().filter_map(fit).collect::<Vec<_>>();
-    let known = known_poses(problem, prior);
+    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| looks.led_from(pose)).collect::<Vec<_>>();
+    let known = looks.known.iter().copied();
     let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
     if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
-        found.extend(led(further_poses(problem, few)));
+        found.extend(led(further_poses(problem)));
     }
     let mut all = sharpened(problem, found, few, prior);
     if let Some(best) = all.first() {
@@ -388,8 +395,8 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
 
 /// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie
 /// nearest to the contours of all.
-pub(crate) fn further_poses(problem: &Problem, few: usize) -> Vec<Pose> {
-    let contours = problem.contours();
+pub(crate) fn further_poses(problem: &Problem) -> Vec<Pose> {
+    let (contours, few) = (problem.contours(), problem.few());
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {
         let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();

@@ -56,7 +56,7 @@ impl Problem {
         let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
         let mut found = self.posteriors_near(starts, &others);
         if !found.iter().any(is_found) {
-            let further = further_poses(self, self.few());
+            let further = further_poses(self);
             found.extend(self.posteriors_near(&further, &others));
         }
         likeliest(found, f64::INFINITY, |posterior| posterior.log_evidence, Posterior::is_same_as)
