@@ -11,7 +11,7 @@ use crate::region::WorldRegion;
 const BEHIND: f64 = 0.05;
 
 /// The observed contour of a region and the samples of its world region.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct SampledRegion {
     /// Its place among the problem's regions.
     index: usize,

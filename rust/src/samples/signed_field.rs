@@ -10,7 +10,7 @@ use crate::geometry::rings::signed_area;
 const STRETCH: f64 = 0.1;
 
 /// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct SignedField {
     field: EdgeField,
     edges: Vec<Edge>,
