@@ -158,7 +158,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = moment_covariance(problem, &minimum.pose, problem.noise_variance(minimum.cost));
+            let covariance = moment_covariance(problem, &minimum.pose, problem.estimated_variance(minimum.cost));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
