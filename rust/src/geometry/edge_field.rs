@@ -37,9 +37,12 @@ pub struct EdgeField {
     cell: Vector2<f64>,
     /// Points that fell into each cell, up to [`FEW`].
     seen: [AtomicU8; CELLS * CELLS],
-    /// Numbers of the edges that may be nearest to a point of each cell, once more than a few fell into it.
-    candidates: OnceLock<Box<[OnceLock<Box<[u32]>>]>>,
+    /// Those of each cell, once more than a few points fell into one.
+    candidates: OnceLock<Box<[Candidates]>>,
 }
+
+/// Numbers of the edges that may be nearest to a point of a cell, once they are asked for.
+type Candidates = OnceLock<Box<[u32]>>;
 
 #[derive(Debug, Clone, Copy)]
 struct FieldEdge {

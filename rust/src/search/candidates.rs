@@ -5,24 +5,21 @@ use std::iter;
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::directions::direction_poses;
-use super::moments::{SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses, single_region_poses};
+use super::moments::{
+    CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
+    single_region_poses,
+};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
-use crate::equations::least_squares::{Minimum, Stopping, minimize};
+use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, Prior};
 use crate::problem::Problem;
-
-/// A candidate on the whitened scale, where it can be seen whether it fits.
-const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
-
-/// A final solution: the last step is far shorter than the 1e-7 within which both drivers end.
-const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 140 };
 
 /// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
 /// deviations.
@@ -43,18 +40,9 @@ const FOUND_ALONE: f64 = 0.9;
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
 
-/// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
-const MOST_SOLVED: usize = 32;
-
-/// Candidates that are led onto the contours, those of each kind that are likeliest.
-const MOST_REFINED: usize = 12;
-
 /// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
 /// over 120 pieces, odds of e to the 120.
 const HOPELESS: f64 = 1.0;
-
-/// Further poses of one kind that are led onto the contours.
-const MOST_FURTHER: usize = 16;
 
 /// Poses from corners that are compared on more than a few pieces.
 const FIRST_LOOK: usize = 250;
@@ -62,17 +50,14 @@ const FIRST_LOOK: usize = 250;
 /// Pairs of triples of corners at most, over all regions.
 const MOST_PAIRS: usize = 4000;
 
-/// How far poses from corners are apart at least that are led onto the contours, rad and share of the distance.
-const SAME_FURTHER: f64 = 0.05;
-
-/// Poses that are led from few pieces onto all at most.
+/// Poses of one kind that are led onto the contours at most, those that are likeliest.
 const MOST_LED: usize = 16;
 
 /// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
-const SAME_PLACE: f64 = 1e-3;
+pub const SAME_PLACE: f64 = 1e-3;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -289,8 +274,8 @@ fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
         return poses;
     }
     let few = problem.few();
-    let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
-    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE);
+    let poses = likeliest(problem.contours(), poses, few, MOST_CANDIDATES);
+    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, CANDIDATE);
     let minima: Vec<Minimum> = poses.into_iter().map(solved).collect();
     let least = minima.iter().map(|minimum| minimum.cost).fold(f64::INFINITY, f64::min);
     let limit = COARSE_AMBIGUITY * (least + (AMBIGUITY + problem.most_penalty(prior)) * problem.noise_variance(least));
@@ -337,7 +322,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks
         return Answers::Contours(places);
     }
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
-    let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, COARSE).pose;
+    let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, CANDIDATE).pose;
     let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
     let gain = |step: usize| {
         let fits =
@@ -359,7 +344,7 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> 
     let few = problem.few();
     let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| looks.led_from(pose)).collect::<Vec<_>>();
     let known = looks.known.iter().copied();
-    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
+    let starts = likeliest(contours, poses, few, MOST_LED).into_iter().chain(known).collect();
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
     if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
@@ -400,7 +385,7 @@ pub(crate) fn further_poses(problem: &Problem) -> Vec<Pose> {
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {
         let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
-        distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose)
+        distinct(scored, MOST_LED, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose)
     };
     let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
     let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };

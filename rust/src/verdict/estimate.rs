@@ -17,7 +17,7 @@ use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -28,9 +28,6 @@ const NOT_SHOWN: f64 = 1.0;
 
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
-
-/// Poses nearer than this, rad and share of the distance, are one minimum.
-const SAME_MINIMUM: f64 = 1e-4;
 
 /// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
@@ -177,10 +174,7 @@ impl Search {
             }
         });
         let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
-        distinct(scored, usize::MAX, SAME_MINIMUM, |place| &place.fit.pose)
-            .into_iter()
-            .map(|(_, place)| place)
-            .collect()
+        distinct(scored, usize::MAX, SAME_PLACE, |place| &place.fit.pose).into_iter().map(|(_, place)| place).collect()
     }
 }
 
