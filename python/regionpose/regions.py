@@ -308,9 +308,9 @@ class WorldRegion:
         `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,)
         that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no
         member, unless it joins members without a gap and the region `extends` there. Beams that ended before the plane
-        say nothing. Without `sensor_origin` the returns on the plane alone tell; where there are none beside the
-        region, it is that of `from_points`. Points that are not finite are left out. ValueError for indices that are no
-        members of the scan, and as of `from_points`.
+        say nothing. Without `sensor_origin` the returns on the plane alone tell; where they don't surround the region,
+        or nothing is known beside it, it is that of `from_points`. Points that are not finite are left out. ValueError
+        for indices that are no members of the scan, and as of `from_points`.
         """
         cloud = _cloud_array(points)
         numbers = _member_array(members, len(cloud))
@@ -319,7 +319,7 @@ class WorldRegion:
         region = cls._on_plane(plane.origin, plane.axes, rings)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
         if samples is None:
-            return region
+            return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
         inside, outside = (plane.origin + flat @ plane.axes[:2] for flat in samples)
         return cls(region.core.with_samples(inside, outside))
 

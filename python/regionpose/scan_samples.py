@@ -44,6 +44,11 @@ CELL_SAMPLES = 16
 """Samples of such a cell on average."""
 
 
+LEAST_SURROUNDED = 0.5
+"""Share of the outermost returns that need a neighbour on the plane where nothing else is known to be outside: with
+less the outline, which takes the rest for the region's end, knows more. A convention: most of them."""
+
+
 class ScanSamples(NamedTuple):
     """Places (n, 2) and (m, 2) in a plane's coordinates, inside a region and outside of it."""
 
@@ -63,7 +68,8 @@ def scan_samples(
 
     Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
     not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing
-    is known to be outside. Of many samples those next to the other kind are kept, and a few of the rest.
+    is known to be outside, or these don't surround the region. Of many samples those next to the other kind are kept,
+    and a few of the rest.
     """
     inside = plane.flat
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
@@ -81,7 +87,9 @@ def scan_samples(
     if extends and len(neighbours):
         neighbours = neighbours[~_joined(inside, neighbours)]
     outside = np.concatenate([*passed, neighbours])
-    return _telling(inside, outside, rings) if len(outside) else None
+    if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
+        return None
+    return _telling(inside, outside, rings)
 
 
 def _other_places(
@@ -123,6 +131,14 @@ def _joined(inside: Array, neighbours: Array) -> Mask:
     parts = connected_components(graph, directed=False)[1]
     joined: Mask = np.isin(parts, np.unique(parts[near]))
     return joined
+
+
+def _surrounded(inside: Array, outside: Array, rings: list[Array]) -> bool:
+    """Whether most of the outermost of the samples (n, 2) have one outside (m, 2) a gap away."""
+    rim = inside[_on_rim(inside, np.ones(len(inside), dtype=np.bool_), rings)]
+    reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
+    near = cKDTree(outside).query(rim, distance_upper_bound=reach)[0] <= reach
+    return bool(np.mean(near) >= LEAST_SURROUNDED)
 
 
 def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:

@@ -87,6 +87,8 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     )
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
+    typer.echo("3D regions known by")
+    say_rows([(region["name"], region["known_by"]) for region in result["regions"]])
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)

@@ -27,7 +27,7 @@ from regionpose.scene.sensors import (
     scene_image,
     sensor_origin,
 )
-from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
+from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
 
 Array = NDArray[np.float64]
@@ -116,7 +116,8 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
     with stages.stage("image regions"):
         image_regions = tuple(image_side(scene, index, image) for index in range(count))
     with stages.stage("world regions"):
-        world_sides = tuple(world_side(scene, index, cloud, origin, scanner) for index in range(count))
+        scan = Scan.of(cloud, origin, scanner)
+        world_sides = tuple(world_side(scene, index, scan) for index in range(count))
     return SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
 
 
