@@ -57,6 +57,9 @@ RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
 
 
+ROUNDING = 64.0
+"""Rounding errors of a coordinate that a distance from a plane may hold."""
+
 REGION_THICKNESS = 0.02
 """Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
 of a face stand out from it, and the image shows them as part of it."""
@@ -117,13 +120,15 @@ class Outline(NamedTuple):
 class PlaneSamples(NamedTuple):
     """A plane and the samples of a region on it.
 
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points
-    belong to it. `flat`: the samples (n, 2) in its coordinates, moved onto it along the normal or their beams.
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points of
+    the region belong to it; `noise`, up to which noise puts points of the plane. `flat`: the samples (n, 2) in its
+    coordinates, moved onto it along the normal or their beams.
     """
 
     origin: Array
     axes: Array
     thickness: float
+    noise: float
     flat: Array
 
 
@@ -291,7 +296,9 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
     heights = (points - origin) @ axes[2]
     sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
     extent = float(np.ptp(points, axis=0).max())
-    thickness = max(INLIER_SIGMAS * float(sigma), REGION_THICKNESS * extent)
+    rounding = ROUNDING * float(np.finfo(float).eps * np.abs(points).max())
+    noise = max(INLIER_SIGMAS * float(sigma), rounding)
+    thickness = max(noise, REGION_THICKNESS * extent)
     near = np.abs(heights) <= thickness
     moved = points[near] - origin
     if sensor_origin is not None:
@@ -303,7 +310,7 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
         approach = beams @ axes[2]
         steep = np.abs(approach) >= LEAST_APPROACH
         moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
-    return PlaneSamples(origin, axes, thickness, moved @ axes[:2].T)
+    return PlaneSamples(origin, axes, thickness, noise, moved @ axes[:2].T)
 
 
 def _sights(points: Array, sensor_origin: ArrayLike) -> Array:

@@ -50,10 +50,17 @@ less the outline, which takes the rest for the region's end, knows more. A conve
 
 
 class ScanSamples(NamedTuple):
-    """Places (n, 2) and (m, 2) in a plane's coordinates, inside a region and outside of it."""
+    """Places (n, 2), (m, 2) and (k, 2) in a plane's coordinates: inside a region, outside, and outside but enclosed."""
 
     inside: Array
     outside: Array
+    enclosed: Array
+
+    @classmethod
+    def of(cls, inside: Array, outside: Array) -> ScanSamples:
+        """Places inside (n, 2) and outside (m, 2), of which some are in holes or windows."""
+        within = enclosed(inside, outside)
+        return cls(inside, outside[~within], outside[within])
 
 
 def scan_samples(
@@ -89,7 +96,8 @@ def scan_samples(
     outside = np.concatenate([*passed, neighbours])
     if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
         return None
-    return _telling(inside, outside, rings)
+    samples = _telling(inside, outside, rings)
+    return samples if len(samples.outside) else None
 
 
 def _other_places(
@@ -99,19 +107,20 @@ def _other_places(
     normal = plane.axes[2]
     heights = points @ normal - plane.origin @ normal
     if sensor is None:
-        near = points[np.abs(heights) <= plane.thickness]
+        near = points[np.abs(heights) <= plane.noise]
         return np.empty((0, 2)), _within((near - plane.origin) @ plane.axes[:2].T, window)
     depth = float((plane.origin - sensor) @ normal)
     # Beyond the plane as the sensor sees it, before it negative.
     beyond = heights * np.sign(depth)
-    reached = np.flatnonzero(beyond >= -plane.thickness)
+    reached = np.flatnonzero(beyond >= -plane.noise)
     beams = points[reached] - sensor
     toward = beams @ normal
     steep = np.abs(toward) >= LEAST_APPROACH * np.linalg.norm(beams, axis=1)
     reached, beams, toward = reached[steep], beams[steep], toward[steep]
     flat = (sensor - plane.origin + beams * (depth / toward)[:, None]) @ plane.axes[:2].T
     through = beyond[reached] > CLEARLY * plane.thickness
-    on_plane = np.abs(heights[reached]) <= plane.thickness
+    # What stands out or back by more, such as a frame, may be the region's or not.
+    on_plane = np.abs(heights[reached]) <= plane.noise
     return _within(flat[through], window), _within(flat[on_plane], window)
 
 
@@ -152,7 +161,26 @@ def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     chosen = [_some(np.flatnonzero(edge), EDGE_SAMPLES), _some(np.flatnonzero(~edge), OTHER_SAMPLES)]
     # In no order: every so many of them are then as even as all.
     order = np.random.default_rng(0).permutation(np.concatenate(chosen))
-    return ScanSamples(places[order[is_inside[order]]], places[order[~is_inside[order]]])
+    return ScanSamples.of(places[order[is_inside[order]]], places[order[~is_inside[order]]])
+
+
+def enclosed(inside: Array, outside: Array) -> Mask:
+    """Whether each of the places (m, 2) outside a region is surrounded by those (n, 2) inside: in a hole, or a window.
+
+    Natural neighbours among those outside lead from it to none of the outermost places.
+    """
+    places, count = np.concatenate([inside, outside]), len(inside)
+    try:
+        mesh = Delaunay(places - places.mean(axis=0))
+    except QhullError:
+        return np.zeros(len(outside), dtype=np.bool_)
+    edges = mesh.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    first, second = edges[(edges >= count).all(axis=1)].T - count
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(len(outside), len(outside)))
+    parts = connected_components(graph, directed=False)[1]
+    rim = mesh.convex_hull[mesh.convex_hull >= count] - count
+    surrounded: Mask = ~np.isin(parts, parts[rim])
+    return surrounded
 
 
 def _some(items: NDArray[Kind], most: int) -> NDArray[Kind]:

@@ -127,6 +127,26 @@ def test_many_samples_leave_those_at_the_edges() -> None:
     assert near.sum() > 100
 
 
+def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
+    x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.05), np.arange(-1.5, 1.5, 0.05))
+    wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
+    window = (np.abs(wall[:, :2] / [0.31, 0.41]).max(axis=1) < 1.0) & in_middle(wall)
+    wall[window] *= 1.2
+    samples = rp.WorldRegion.from_scan(wall, np.flatnonzero(in_middle(wall) & ~window), sensor_origin=[0, 0, 0]).samples
+    camera = rp.PinholeCamera(800.0, 800.0, 500.0, 400.0)
+    outline = np.array([[-1.0, -0.75, 5.0], [1.0, -0.75, 5.0], [1.0, 0.75, 5.0], [-1.0, 0.75, 5.0]])
+    assert samples is not None
+    region = rp.WorldRegion.from_samples(*samples)
+    assert region.core.samples is not None
+    inside, outside, enclosed = region.core.samples
+    assert in_middle(enclosed).all() and not in_middle(outside).any()
+    assert len(enclosed) > 20 and len(samples[0]) == len(inside)
+    without = rp.WorldRegion.from_samples(inside, outside)
+    image = rp.ImageRegion.from_polygon(camera.project(outline))
+    poses = [rp.estimate_pose(camera, [image], [each]).pose for each in (region, without)]
+    np.testing.assert_allclose(poses[0].translation, poses[1].translation, atol=1e-5)
+
+
 def test_samples_survive_pickling_and_viewpoints() -> None:
     region = board_region(board_scan(), sensor_origin=[0, 0, 0]).seen_from([0, 0, 0])
     again = pickle.loads(pickle.dumps(region))

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
+from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion
+from regionpose.sample_fit import SampleFit, sample_fit
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import (
@@ -96,6 +97,13 @@ class SceneEstimate:
         """The initial pose that the scene gives, for points about the local origin; None when it gives none."""
         given = given_pose(self.sides.scene)
         return None if given is None else _moved(given, -self.sides.origin)
+
+    @property
+    def sample_fits(self) -> tuple[SampleFit | None, ...]:
+        """On which sides of its contour each region's samples are seen at the estimate; None where it has none."""
+        sides = self.sides
+        pairs = zip(sides.image_regions, sides.world_sides, strict=True)
+        return tuple(sample_fit(sides.camera, self.local_pose, image, world.region) for image, world in pairs)
 
     @property
     def errors_before(self) -> Array:

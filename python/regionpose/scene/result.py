@@ -99,17 +99,20 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
-    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, and its sizes."""
-    errors, before = run.estimate.region_overlap_errors, run.errors_before
+    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the share of its
+    samples that are seen on their side of its contour, and its sizes.
+    """
+    errors, before, fits = run.estimate.region_overlap_errors, run.errors_before, run.sample_fits
     given = run.local_initial is not None
     return [
         {
             "name": size.pop("name"),
             "overlap_error": float(error),
             **({"overlap_error_before": float(first)} if given else {}),
+            "samples_on_their_side": None if fit is None else fit.share,
             **size,
         }
-        for size, error, first in zip(region_sizes(run.sides), errors, before, strict=True)
+        for size, error, first, fit in zip(region_sizes(run.sides), errors, before, fits, strict=True)
     ]
 
 
