@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from regionpose.cameras import Camera
 from regionpose.image_region import ImageRegion
@@ -47,7 +48,7 @@ def sample_fit(camera: Camera, pose: Pose, image: ImageRegion, world: WorldRegio
     inside, outside, enclosed = (camera.project(pose.transform(places)) for places in known)
     if any(signed_area(ring) < 0.0 for ring in image.rings):
         outside = np.concatenate([outside, enclosed])
-    region = shapely.Polygon()
+    region: BaseGeometry = shapely.Polygon()
     for ring in image.rings:
         region = shapely.symmetric_difference(region, shapely.Polygon(ring))
     own, foreign = _edges(camera, image)
