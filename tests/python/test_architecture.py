@@ -34,7 +34,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("cameras", "clouds", "pose"),
-    ("calibration", "fusion", "pens", "prior", "ring_arrays", "scan_lines"),
+    ("calibration", "fusion", "pens", "plane_fit", "prior", "ring_arrays"),
     ("mask", "outline", "pixel_edges"),
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
