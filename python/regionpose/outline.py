@@ -45,9 +45,9 @@ LINE_STEPS = 0.25
 """Root mean square distance from a parabola, in steps along it, below which samples are one scan line: two lines with a
 tenth of the samples on one of them, two steps apart, are 0.6."""
 
-MOST_SAMPLES = 50_000
-"""Samples from which a plane and an outline are taken: 200 or more across the patch tell its area to a ten-thousandth,
-and more change the plane by less than a hundredth of the noise."""
+MOST_SAMPLES = 20_000
+"""Samples from which a plane and an outline are taken: 140 across the patch tell its area to a thousandth, and more
+change the plane by less than a hundredth of the noise."""
 
 EVEN_ROUNDS = 4
 """Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
@@ -133,7 +133,7 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     They are taken where the samples are equally far apart in all directions: along the lines of a scan and across them.
     A SparseSamplingWarning tells that few rows of samples cross the patch, or that the outline misses a part of it.
     """
-    points = _thinned(points)
+    count, points = len(points), _thinned(points)
     squared = _spacing_squared(points)
     even = points @ squared
     if radius is None:
@@ -143,7 +143,8 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     spacing = _spacing(even, rings)
     if correct_sampling and spacing is not None:
         _warn_of_few_rows(even, spacing / float(np.linalg.norm(squared, -2)), spacing)
-        rings = _grown(rings, 0.5 * spacing)
+        # Of samples that were thinned all tell how far the next one is.
+        rings = _grown(rings, 0.5 * spacing * float(np.sqrt(len(points) / count)))
     if radius is None:
         _warn_of_lost_samples(even, rings)
     return [ring @ np.linalg.inv(squared) for ring in rings]
@@ -204,23 +205,19 @@ def _spacing_squared(points: Array) -> Array:
     return matrix
 
 
-def _gabriel_edges(points: Array) -> NDArray[np.int32]:
+def _gabriel_edges(points: Array) -> NDArray[np.intp]:
     """Pairs (m, 2) of points (n, 2) with no other in or on the circle about both (Gabriel, Sokal 1969).
 
     Of a lattice they are its rows and columns without diagonals.
     """
     triangles = _triangles(points)
-    edges, wide = [], []
-    for corner in range(3):
-        first, second, third = (triangles[:, (corner + k) % 3] for k in range(3))
-        one, other = points[first] - points[third], points[second] - points[third]
-        edges.append(np.sort(np.column_stack([first, second]), axis=1))
-        wide.append(
-            np.sum(one * other, axis=1) <= RIGHT_ANGLE * np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-        )
-    pairs, which = np.unique(np.concatenate(edges), axis=0, return_inverse=True)
-    kept: NDArray[np.int32] = pairs[np.bincount(which.ravel(), weights=np.concatenate(wide)) == 0]
-    return kept
+    ends, apex = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), triangles[:, [2, 0, 1]].ravel()
+    one, other = points[ends[:, 0]] - points[apex], points[ends[:, 1]] - points[apex]
+    squares = np.sum(one**2, axis=1) * np.sum(other**2, axis=1)
+    wide = np.sum(one * other, axis=1) <= RIGHT_ANGLE * np.sqrt(squares)
+    keys, which = np.unique(_edge_keys(ends, len(points)), return_inverse=True)
+    kept = keys[np.bincount(which, weights=wide) == 0]
+    return np.column_stack(np.divmod(kept, len(points)))
 
 
 def _warn_of_few_rows(even: Array, gap: float, spacing: float) -> None:
@@ -265,13 +262,21 @@ def _refuse_one_line(points: Array) -> None:
         raise ValueError(f"{len(points)} points lie on one scan line; needed points on lines across the patch")
 
 
-def _delaunay_edges(points: Array) -> NDArray[np.int32]:
-    return np.unique(np.sort(_triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+def _delaunay_edges(points: Array) -> NDArray[np.intp]:
+    """Pairs (m, 2) of points (n, 2) that are natural neighbours."""
+    ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
 
 
-def _triangles(points: Array) -> NDArray[np.int32]:
+def _edge_keys(ends: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """One number for each edge (m, 2) between so many points, whichever end comes first."""
+    keys: NDArray[np.intp] = ends.min(axis=1).astype(np.intp) * count + ends.max(axis=1)
+    return keys
+
+
+def _triangles(points: Array) -> NDArray[np.intp]:
     try:
-        found: NDArray[np.int32] = Delaunay(points - points.mean(axis=0)).simplices
+        found: NDArray[np.intp] = Delaunay(points - points.mean(axis=0)).simplices.astype(np.intp)
     except QhullError as error:
         raise ValueError(
             f"{len(points)} points are identical or on one line; needed points that span a plane"

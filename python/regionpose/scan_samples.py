@@ -82,22 +82,46 @@ def scan_samples(
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    is_member = np.zeros(len(points), dtype=np.bool_)
-    is_member[members] = True
-    passed, beside_members = [], []
-    for first in range(0, len(points), CHUNK):
-        others = points[first : first + CHUNK][~is_member[first : first + CHUNK]]
-        through, on_plane = _other_places(others, plane, window, sensor)
-        passed.append(through)
-        beside_members.append(on_plane)
-    neighbours = np.concatenate(beside_members)
+    passed, neighbours = _other_places(_others_around(points, members, plane, window, sensor), plane, window, sensor)
     if extends and len(neighbours):
         neighbours = neighbours[~_joined(inside, neighbours)]
-    outside = np.concatenate([*passed, neighbours])
+    outside = np.concatenate([passed, neighbours])
     if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
         return None
     samples = _telling(inside, outside, rings)
     return samples if len(samples.outside) else None
+
+
+def _others_around(
+    points: Array, members: NDArray[np.intp], plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
+) -> Array:
+    """Points (k, 3) that are no members and in the direction of a window of the plane, or near it without a sensor."""
+    corners = (
+        plane.origin
+        + np.array([[u, v] for u in np.array(window)[:, 0] for v in np.array(window)[:, 1]]) @ (plane.axes[:2])
+    )
+    middle = corners.mean(axis=0)
+    eye = middle if sensor is None else sensor
+    ways = corners - eye
+    ahead = (middle - eye) / max(float(np.linalg.norm(middle - eye)), np.finfo(float).tiny)
+    least = float((ways @ ahead / np.linalg.norm(ways, axis=1)).min())
+    around = []
+    for first in range(0, len(points), CHUNK):
+        offsets = points[first : first + CHUNK] - eye
+        squares = np.einsum("ij,ij->i", offsets, offsets)
+        if sensor is None:
+            near = squares <= np.max(np.sum(ways**2, axis=1))
+        elif least > 0.0:
+            depth = offsets @ ahead
+            near = (depth > 0.0) & (depth * depth >= (least * least) * squares)
+        else:
+            near = np.isfinite(squares)
+        around.append(first + np.flatnonzero(near))
+    is_member = np.zeros(len(points), dtype=np.bool_)
+    is_member[members] = True
+    indices = np.concatenate(around)
+    others: Array = points[indices[~is_member[indices]]]
+    return others
 
 
 def _other_places(
