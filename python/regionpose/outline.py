@@ -22,7 +22,8 @@ CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
 
 RADIUS_FACTOR = 1.5
-"""Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
+"""Radius of the alpha shape over the gap that has to be bridged: half of it would just touch; at 1.2 a third of lost
+returns leaves holes."""
 
 
 ROUNDING = 64.0
@@ -51,6 +52,9 @@ change the plane by less than a hundredth of the noise."""
 
 EVEN_ROUNDS = 4
 """Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
+
+GROWTH_STEPS = 4
+"""Steps of Newton's method in which an outline grows; its area is all but quadratic, so that three settle it."""
 
 RIGHT_ANGLE = 1e-6
 """Cosine up to which an angle counts as a right one, for lattices that are rounded."""
@@ -133,18 +137,17 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     They are taken where the samples are equally far apart in all directions: along the lines of a scan and across them.
     A SparseSamplingWarning tells that few rows of samples cross the patch, or that the outline misses a part of it.
     """
-    count, points = len(points), _thinned(points)
+    points = _thinned(points)
     squared = _spacing_squared(points)
     even = points @ squared
     if radius is None:
         rings = _main_part(_joined(even))
     else:
         rings = [ring @ squared for ring in _main_part(_core.alpha_shape(points, radius))]
-    spacing = _spacing(even, rings)
-    if correct_sampling and spacing is not None:
-        _warn_of_few_rows(even, spacing / float(np.linalg.norm(squared, -2)), spacing)
-        # Of samples that were thinned all tell how far the next one is.
-        rings = _grown(rings, 0.5 * spacing * float(np.sqrt(len(points) / count)))
+    area = _area(even, rings)
+    if correct_sampling and area is not None:
+        _warn_of_few_rows(even, np.sqrt(area / len(even)), float(np.linalg.norm(squared, -2)))
+        rings = _grown(rings, area)
     if radius is None:
         _warn_of_lost_samples(even, rings)
     return [ring @ np.linalg.inv(squared) for ring in rings]
@@ -159,11 +162,11 @@ def _joined(even: Array) -> list[Array]:
         return _core.alpha_shape(even, np.inf)
 
 
-def _spacing(even: Array, rings: list[Array]) -> float | None:
-    """The distance between evenly spaced samples (n, 2), of which a patch ends half a one beyond its last.
+def _area(even: Array, rings: list[Array]) -> float | None:
+    """The area that evenly spaced samples (n, 2) stand for, one cell each.
 
-    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899). None where the
-    samples are the outline itself rather than in it.
+    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many
+    as samples. None where the samples are the outline itself rather than in it.
     """
     polygon = shapely.Polygon(rings[0], rings[1:])
     rounded = polygon.buffer(np.sqrt(np.finfo(float).eps * polygon.area))
@@ -171,13 +174,16 @@ def _spacing(even: Array, rings: list[Array]) -> float | None:
     boundary = sum(map(len, rings))
     if held - boundary < INNER_SHARE * held:
         return None
-    return float(np.sqrt(polygon.area / (held - 0.5 * boundary - 1.0 + len(rings) - 1)))
+    return held * float(polygon.area) / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
 
 
-def _grown(rings: list[Array], distance: float) -> list[Array]:
-    """The rings (m, 2) moved outwards; of what falls apart the largest part."""
-    polygon = shapely.Polygon(rings[0], rings[1:])
-    grown = polygon.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
+def _grown(rings: list[Array], area: float) -> list[Array]:
+    """The rings (m, 2) moved outwards to hold an area (Newton's method); of what falls apart the largest part."""
+    polygon, distance = shapely.Polygon(rings[0], rings[1:]), 0.0
+    grown = polygon
+    for _ in range(GROWTH_STEPS):
+        distance += (area - grown.area) / grown.length
+        grown = polygon.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
     largest = max(shapely.get_parts(grown), key=lambda part: part.area)
     turned = shapely.geometry.polygon.orient(largest)
     return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
@@ -220,15 +226,15 @@ def _gabriel_edges(points: Array) -> NDArray[np.intp]:
     return np.column_stack(np.divmod(kept, len(points)))
 
 
-def _warn_of_few_rows(even: Array, gap: float, spacing: float) -> None:
+def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
     """The patch's two ends lie anywhere in the gap beyond its outer rows: each has a variance of gap^2 / 12."""
     width = np.linalg.svd(even - even.mean(axis=0), full_matrices=False)[2]
     rows = round(float(np.ptp((even - even.mean(axis=0)) @ width.T, axis=0).min()) / spacing) + 1
     deviation = 1.0 / (np.sqrt(6.0) * rows)
     if deviation > SPARSE_SHARE:
         warnings.warn(
-            f"about {rows} rows of samples, {gap:.2g} m apart, cross the patch: its area is known to"
-            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * gap:.2g} m may be missing",
+            f"about {rows} rows of samples, {spacing / shrunk:.2g} m apart, cross the patch: its area is known to"
+            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing",
             SparseSamplingWarning,
             stacklevel=3,
         )
