@@ -82,7 +82,7 @@ def scan_samples(
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    passed, neighbours = _other_places(_others_around(points, members, plane, window, sensor), plane, window, sensor)
+    passed, neighbours = _other_places(points, members, _Sight(plane, window, sensor))
     if extends and len(neighbours):
         neighbours = neighbours[~_joined(inside, neighbours)]
     outside = np.concatenate([passed, neighbours])
@@ -92,60 +92,71 @@ def scan_samples(
     return samples if len(samples.outside) else None
 
 
-def _others_around(
-    points: Array, members: NDArray[np.intp], plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
-) -> Array:
-    """Points (k, 3) that are no members and in the direction of a window of the plane, or near it without a sensor."""
-    corners = (
-        plane.origin
-        + np.array([[u, v] for u in np.array(window)[:, 0] for v in np.array(window)[:, 1]]) @ (plane.axes[:2])
-    )
-    middle = corners.mean(axis=0)
-    eye = middle if sensor is None else sensor
-    ways = corners - eye
-    ahead = (middle - eye) / max(float(np.linalg.norm(middle - eye)), np.finfo(float).tiny)
-    least = float((ways @ ahead / np.linalg.norm(ways, axis=1)).min())
-    around = []
-    for first in range(0, len(points), CHUNK):
-        offsets = points[first : first + CHUNK] - eye
-        squares = np.einsum("ij,ij->i", offsets, offsets)
-        if sensor is None:
-            near = squares <= np.max(np.sum(ways**2, axis=1))
-        elif least > 0.0:
-            depth = offsets @ ahead
-            near = (depth > 0.0) & (depth * depth >= (least * least) * squares)
-        else:
-            near = np.isfinite(squares)
-        around.append(first + np.flatnonzero(near))
+class _Sight(NamedTuple):
+    """What may tell of a window of a plane: from the sensor, or of points on the plane alone where that isn't known."""
+
+    plane: PlaneSamples
+    window: tuple[Array, Array]
+    sensor: Array | None
+
+    def reaches(self, points: Array) -> Mask:
+        """Whether each of the points (k, 3) is on the plane, or beyond it as the sensor sees it."""
+        normal, limit = self.plane.axes[2], self.plane.noise
+        heights = points @ normal - self.plane.origin @ normal
+        if self.sensor is None:
+            near: Mask = np.abs(heights) <= limit
+            return near
+        ahead = (self.plane.origin - self.sensor) @ normal > 0.0
+        reached: Mask = heights >= -limit if ahead else heights <= limit
+        return reached
+
+    def holds(self, points: Array) -> Mask:
+        """Whether each of the points (k, 3) lies in a cone around the window from the sensor, or in a ball about it."""
+        flat = np.array([(u, v) for u in self._sides(0) for v in self._sides(1)])
+        corners = self.plane.origin + flat @ self.plane.axes[:2]
+        middle = corners.mean(axis=0)
+        if self.sensor is None:
+            inside: Mask = np.sum((points - middle) ** 2, axis=1) <= np.max(np.sum((corners - middle) ** 2, axis=1))
+            return inside
+        ways, axis, offsets = corners - self.sensor, middle - self.sensor, points - self.sensor
+        least = float((ways @ axis / np.linalg.norm(ways, axis=1)).min())
+        seen: Mask = offsets @ axis >= least * np.linalg.norm(offsets, axis=1)
+        return seen
+
+    def _sides(self, axis: int) -> tuple[float, float]:
+        return float(self.window[0][axis]), float(self.window[1][axis])
+
+
+def _other_places(points: Array, members: NDArray[np.intp], sight: _Sight) -> tuple[Array, Array]:
+    """Places (n, 2) that the beams of points (k, 3) other than the members passed, and (m, 2) at which they ended."""
     is_member = np.zeros(len(points), dtype=np.bool_)
     is_member[members] = True
-    indices = np.concatenate(around)
-    others: Array = points[indices[~is_member[indices]]]
-    return others
+    passed, ended = [], []
+    for first in range(0, len(points), CHUNK):
+        part = slice(first, first + CHUNK)
+        others = points[part][sight.reaches(points[part]) & ~is_member[part]]
+        through, on_plane = _places(others[sight.holds(others)], sight)
+        passed.append(through)
+        ended.append(on_plane)
+    return np.concatenate(passed), np.concatenate(ended)
 
 
-def _other_places(
-    points: Array, plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
-) -> tuple[Array, Array]:
-    """Places (n, 2) of a plane, in a window, that the beams of points (k, 3) passed, and (m, 2) at which they ended."""
-    normal = plane.axes[2]
-    heights = points @ normal - plane.origin @ normal
+def _places(points: Array, sight: _Sight) -> tuple[Array, Array]:
+    """Places in the window that the beams of points (k, 3) passed, and at which they ended on the plane."""
+    plane, window, sensor = sight
     if sensor is None:
-        near = points[np.abs(heights) <= plane.noise]
-        return np.empty((0, 2)), _within((near - plane.origin) @ plane.axes[:2].T, window)
+        return np.empty((0, 2)), _within((points - plane.origin) @ plane.axes[:2].T, window)
+    normal = plane.axes[2]
     depth = float((plane.origin - sensor) @ normal)
-    # Beyond the plane as the sensor sees it, before it negative.
-    beyond = heights * np.sign(depth)
-    reached = np.flatnonzero(beyond >= -plane.noise)
-    beams = points[reached] - sensor
+    beams = points - sensor
     toward = beams @ normal
     steep = np.abs(toward) >= LEAST_APPROACH * np.linalg.norm(beams, axis=1)
-    reached, beams, toward = reached[steep], beams[steep], toward[steep]
+    beams, toward = beams[steep], toward[steep]
     flat = (sensor - plane.origin + beams * (depth / toward)[:, None]) @ plane.axes[:2].T
-    through = beyond[reached] > CLEARLY * plane.thickness
-    # What stands out or back by more, such as a frame, may be the region's or not.
-    on_plane = np.abs(heights[reached]) <= plane.noise
-    return _within(flat[through], window), _within(flat[on_plane], window)
+    beyond = (toward - depth) * np.sign(depth)
+    # What stands out or back by more than noise, such as a frame, may be the region's or not.
+    on_plane = np.abs(beyond) <= plane.noise
+    return _within(flat[beyond > CLEARLY * plane.thickness], window), _within(flat[on_plane], window)
 
 
 def _within(flat: Array, window: tuple[Array, Array]) -> Array:

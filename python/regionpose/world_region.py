@@ -240,7 +240,9 @@ def _member_array(members: ArrayLike, count: int) -> NDArray[np.intp]:
     wrong = np.flatnonzero((numbers < 0) | (numbers >= count))
     if len(wrong):
         raise ValueError(f"member {wrong[0]} is {numbers[wrong[0]]}; needed an index from 0 to {count - 1}")
-    return np.unique(numbers.astype(np.intp))
+    is_member = np.zeros(count, dtype=np.bool_)
+    is_member[numbers] = True
+    return np.flatnonzero(is_member)
 
 
 def _polygon_list(polygons: object) -> list[list[Array]]:
