@@ -54,6 +54,9 @@ LIDARS = ("kitti", NATURAL, RIG)
 LEVEL = ("kitti", NATURAL)
 """Those whose scanner and camera are upright: on a car; the boards' camera looks down by 8 deg."""
 
+MOST_SIGMAS = 3.0
+"""Error over its standard deviation beyond which that is too small."""
+
 WRONG_DEG = 5.0
 """Error beyond which a pose is another one, as in `PoseEstimate.confidence`."""
 
@@ -285,20 +288,24 @@ def rigs_of(scenes: Sequence[RealScene], most: int) -> Iterator[RealScene]:
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
-    """Lines of a Markdown table: medians and worst cases of the first answers by kind, way and prior."""
-    yield "| scenes | regions | known | rotation (worst) | centre (worst) | beyond 3 sigma | wrong | wrong, trusted |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for group in dict.fromkeys(row[:3] for row in rows):
-        held = [row for row in rows if row[:3] == group]
-        turn, centre = (np.array([getattr(row.first, name) for row in held]) for name in ("rotation", "centre"))
-        beyond = sum(max(row.first.rotation_sigmas, row.first.centre_sigmas) > 3.0 for row in held)
-        wrong = [row for row in held if row.first.rotation > WRONG_DEG]
-        trusted = sum(not row.codes for row in wrong)
-        kind, way, prior = group
-        yield (
-            f"| {kind}, {len(held)} | {way} | {prior} | {np.median(turn):.2f} deg ({turn.max():.2f}) | "
-            f"{np.median(centre):.2f} m ({centre.max():.2f}) | {beyond} | {len(wrong)} | {trusted} |"
-        )
+    """Lines of a Markdown table, by kind of scene, way and prior: medians and worst cases of the first answers."""
+    heads = ["scenes", "number", "regions", "known", "deg", "worst", "m", "worst", "nearest answer, deg"]
+    heads += ["beyond 3 sigma", "and trusted", "beyond 5 deg", "and trusted"]
+    yield f"| {' | '.join(heads)} |"
+    yield "|" + "---|" * len(heads)
+    for group in dict.fromkeys((row.kind, row.way, row.prior) for row in rows):
+        yield f"| {' | '.join(cells_of(group, [row for row in rows if (row.kind, row.way, row.prior) == group]))} |"
+
+
+def cells_of(group: tuple[str, str, str], rows: Sequence[Row]) -> list[str]:
+    """The cells of a group of rows."""
+    turns, centres = (np.array([getattr(row.first, name) for row in rows]) for name in ("rotation", "centre"))
+    beyond = [row for row in rows if max(row.first.rotation_sigmas, row.first.centre_sigmas) > MOST_SIGMAS]
+    wrong = [row for row in rows if row.first.rotation > WRONG_DEG]
+    errors = [f"{value:.2f}" for held in (turns, centres) for value in (np.median(held), held.max())]
+    nearest = f"{np.median([row.nearest.rotation for row in rows]):.2f}"
+    counts = [str(count) for held in (beyond, wrong) for count in (len(held), sum(not row.codes for row in held))]
+    return [group[0], str(len(rows)), *group[1:], *errors, nearest, *counts]
 
 
 def write_bundle(folder: Path, out: Path) -> None:
