@@ -1,18 +1,24 @@
-"""Errors on real scenes with ground truth, by scene files: a line for each scene and way of naming its regions.
+"""Errors on real scenes with ground truth: outlines against samples, and what is known of the camera.
 
-The scenes are folders with calib.json, regions.json and points.npy or points.bin; where there are none this says so
-and ends. Of each a scene file is written and run, as `regionpose estimate` does, without a prior:
+The scenes are folders with calib.json, regions.json, image.png and points.npy or points.bin; where there are none this
+says so and ends. Of each a scene file is written and read, as `regionpose estimate` does. Its regions in the image are
+polygons, with the hidden edges that regions.json marks. In the world they are
 
-    known    the region in the image is its polygon; in the world the known rectangle, else the labelled points
-    points   the same with the labelled points, where there are such
-    seeds    the same with points grown from a click on the region: the labelled point nearest to their median. The
+    known    the known rectangles, where there are such
+    outline  the polygon around the labelled points (`WorldRegion.from_points`)
+    samples  what the scan knows of them (`WorldRegion.from_scan`)
+    clicks   the same of points grown from a click on the region: the labelled point nearest to their median. The
              lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width: 0.3`
 
-`--clicks N` grows from N labelled points at random besides and prints the median and the worst error of each scene.
-Boards of the folder acfr_fisheye are one rigid problem and are solved together as well. A single rectangle fits from
-several poses, so the nearest answer to the truth counts, and the line says which one it was.
+and of the camera nothing is known, that it is within 1 m of the scanner ("near"), or also that it is upright to 2 deg
+("near, up"; where the scanner is level and the camera is). Frames of one rig, the boards of acfr_fisheye and the
+natural scenes, are solved together as well: two, four and all at once.
 
-    python benchmarks/real_scenes.py [--data ../shared/data] [--out FOLDER] [--clicks N]
+A line each: errors of rotation and of the camera's centre, and in brackets over their standard deviation in that
+direction; of the answer that comes first, and of the nearest where that is another; whether it is trusted (no warning).
+Then a table of medians and worst cases over the scenes of a kind. A pose is wrong beyond 5 deg.
+
+    python benchmarks/real_scenes.py [--data ../shared/data] [--only natural kitti] [--out FOLDER] [--rigs 10]
 """
 
 from __future__ import annotations
@@ -20,7 +26,10 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,26 +38,67 @@ import regionpose as rp
 import yaml
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
-from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene
+from regionpose.outline import SparseSamplingWarning
+from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
-from regionpose.scene.estimate import SceneEstimate
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
+Priors = Mapping[str, rp.Prior | None]
 DEFAULT_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-WAYS = ("known", "points", "seeds")
-RIG = "acfr_fisheye"
+WAYS = ("known", "outline", "samples", "clicks")
+RIG, NATURAL = "acfr_fisheye", "natural"
+LIDARS = ("kitti", NATURAL, RIG)
+"""Kinds of scenes whose clouds are one turn of a lidar, about its own origin unless calib.json names another."""
+
+LEVEL = ("kitti", NATURAL)
+"""Those whose scanner and camera are upright: on a car; the boards' camera looks down by 8 deg."""
+
+MOST_SIGMAS = 3.0
+"""Error over its standard deviation beyond which that is too small."""
+
+WRONG_DEG = 5.0
+"""Error beyond which a pose is another one, as in `PoseEstimate.confidence`."""
+
+
+@dataclass(frozen=True, eq=False)
+class RealScene:
+    """A scene's camera, image regions, world regions by way, true pose, and what may be known of the camera."""
+
+    name: str
+    camera: Camera
+    images: list[rp.ImageRegion]
+    worlds: dict[str, list[rp.WorldRegion]]
+    truth: rp.Pose
+    priors: Priors
+
+    @property
+    def kind(self) -> str:
+        """The folder of scenes that it is in."""
+        return self.name.split("/")[0]
 
 
 class Errors(NamedTuple):
-    """Of the answer nearest to the truth: degrees, metres at the regions and of `t`, its place and their number."""
+    """Of an answer: degrees, metres of the camera's centre, each also over its standard deviation in that direction."""
 
     rotation: float
-    at_regions: float
-    translation: float
+    centre: float
+    rotation_sigmas: float
+    centre_sigmas: float
+
+
+class Row(NamedTuple):
+    """One estimate: its kind of scenes, way and prior, errors of the first and the nearest answer, and its warnings."""
+
+    kind: str
+    way: str
+    prior: str
+    first: Errors
+    nearest: Errors
     place: int
     answers: int
+    confidence: float
+    codes: tuple[str, ...]
 
 
 def camera_item(calibration: Plain) -> Plain:
@@ -82,20 +132,32 @@ def cloud_of(folder: Path) -> Array:
     return rp.clouds.read_cloud(cloud_file(folder)).points
 
 
-def world_item(region: Plain, folder: Path, way: str, click: int | None) -> Plain | None:
-    """The world side of a region, None where the scene doesn't have it that way; `click` chooses another seed."""
-    if way == "known" and region.get("rectangle3d"):
-        return {"polygon": region["rectangle3d"]}
+def scanner_of(folder: Path, calibration: Plain) -> list[float] | None:
+    """Where the scanner stood; None where the cloud isn't a lidar's."""
+    return calibration.get("sensor_origin", [0.0, 0.0, 0.0]) if folder.parent.name in LIDARS else None
+
+
+def priors_of(kind: str, scanner: list[float] | None, calibration: Plain) -> Priors:
+    """What may be known of the camera, by name."""
+    if scanner is None:
+        return {"none": None}
+    near = rp.Prior(camera_near=scanner, camera_near_sigma_m=1.0)
+    up = calibration.get("scanner_up", [0.0, 0.0, 1.0])
+    level = {"near, up": replace(near, up=up, up_sigma_deg=2.0)} if kind in LEVEL else {}
+    return {"none": None, "near": near, **level}
+
+
+def world_item(region: Plain, folder: Path, way: str, cloud: Array) -> Plain | None:
+    """The world side of a region, None where the scene doesn't have it that way."""
+    if way == "known":
+        return {"polygon": region["rectangle3d"]} if region.get("rectangle3d") else None
     if not region.get("point_indices"):
         return None
     file = folder / region["point_indices"]
-    if way != "seeds":
+    if way != "clicks":
         return {"points": str(file)}
-    labelled = cloud_of(folder)[np.load(file)]
-    if click is None:
-        chosen = labelled[np.argmin(np.linalg.norm(labelled - np.median(labelled, axis=0), axis=1))]
-    else:
-        chosen = labelled[np.random.default_rng(click).integers(len(labelled))]
+    labelled = cloud[np.load(file)]
+    chosen = labelled[np.argmin(np.linalg.norm(labelled - np.median(labelled, axis=0), axis=1))]
     return {"seed": [float(value) for value in chosen], **region_options(region["name"])}
 
 
@@ -104,142 +166,184 @@ def region_options(name: str) -> Plain:
     return {"min_width": 0.3} if name == "truck_tailgate" else {}
 
 
-def scene_file(folder: Path, out: Path, way: str, click: int | None = None) -> Path | None:
+def scene_file(folder: Path, out: Path, way: str) -> Path | None:
     """Write the scene file of a folder; None where a region can't be named that way."""
-    regions = []
+    regions, cloud = [], cloud_of(folder)
     for region in json.loads((folder / "regions.json").read_text()):
-        world = world_item(region, folder, way, click)
+        world = world_item(region, folder, way, cloud)
         if world is None:
             return None
-        regions.append({"name": region["name"], "image": {"polygon": region["image_polygon"]}, "world": world})
+        image = {"polygon": region["image_polygon"], "hidden_edges": region.get("hidden_edges", [])}
+        regions.append({"name": region["name"], "image": image, "world": world})
     calibration = json.loads((folder / "calib.json").read_text())
     scene = {"camera": camera_item(calibration), "image": str(folder / "image.png")}
-    scene |= {"cloud": str(cloud_file(folder)), "regions": regions, "prior": {"camera_near": None}}
-    path = out / f"{folder.parent.name}-{folder.name}-{way}{'' if click is None else click}.yaml"
+    scene |= {"cloud": str(cloud_file(folder)), "sensor_origin": scanner_of(folder, calibration)}
+    scene |= {"regions": regions, "prior": {"camera_near": None}}
+    path = out / f"{folder.parent.name}-{folder.name}-{way}.yaml"
     path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
     return path
 
 
-def errors_of(poses: Sequence[rp.Pose], calibration: Plain, worlds: Sequence[rp.WorldRegion]) -> Errors:
-    """How far the nearest of the answers is from the truth."""
-    rotation, translation = np.array(calibration["R"]), np.array(calibration["t"])
-    middle = np.mean([ring.mean(axis=0) for world in worlds for ring in world.rings], axis=0)
-    found = []
-    for place, pose in enumerate(poses):
-        turn = np.degrees(Rotation.from_matrix(pose.rotation.as_matrix() @ rotation.T).magnitude())
-        at_regions = np.linalg.norm(pose.transform(middle) - (rotation @ middle + translation))
-        shift = np.linalg.norm(pose.translation - translation)
-        found.append((float(turn), float(at_regions), float(shift), place + 1, len(poses)))
-    return Errors(*min(found))
-
-
-def line(name: str, way: str, errors: Errors, estimate: rp.PoseEstimate) -> str:
-    """A scene's errors, what the estimate says of itself, and its warnings."""
-    turn, shift = np.linalg.norm(estimate.rotation_sigma_deg), 1e3 * np.linalg.norm(estimate.translation_sigma)
-    codes = " ".join(dict.fromkeys(warning.code for warning in estimate.warnings))
-    return (
-        f"{name:30} {way:7} {errors.rotation:7.3f} deg {1e3 * errors.at_regions:8.2f} mm at the regions "
-        f"{1e3 * errors.translation:8.2f} mm  said {turn:6.3f} deg {shift:7.2f} mm  answer {errors.place} of "
-        f"{errors.answers}  delta {100 * estimate.overlap_error:5.1f} %  {codes}"
-    )
-
-
-def run_scene(folder: Path, out: Path, way: str, click: int | None = None) -> SceneEstimate | None:
-    """The estimate of a folder's scene."""
-    path = scene_file(folder, out, way, click)
-    return None if path is None else estimate_scene(load_scene(path))
-
-
-def write_bundle(run: SceneEstimate, out: Path) -> None:
-    """Write result, report and pictures of a run beside its scene file."""
-    folder = out / run.sides.scene.path.stem
-    folder.mkdir(exist_ok=True)
-    for name, write in bundle(run, Stages()).writers.items():
-        write(folder / name)
-
-
-def report_scene(folder: Path, name: str, out: Path, *, pictures: bool, clicks: int) -> dict[str, SceneSides]:
-    """Print the lines of a scene; its sides by the way in which the regions were named."""
+def scene_of(folder: Path, out: Path) -> RealScene:
+    """A folder's scene, its regions named in every way that it has."""
+    worlds: dict[str, list[rp.WorldRegion]] = {}
     calibration = json.loads((folder / "calib.json").read_text())
-    sides = {}
-    for way in WAYS:
-        run = run_scene(folder, out, way)
-        if run is None or (way == "points" and same_regions(sides["known"], run.sides)):
+    for way in ("known", "samples", "clicks"):
+        path = scene_file(folder, out, way)
+        if path is None:
             continue
-        sides[way] = run.sides
-        answers = (run.estimate.pose, *run.estimate.alternatives)
-        worlds = [side.region for side in run.sides.world_sides]
-        print(line(name, way, errors_of(answers, calibration, worlds), run.estimate), flush=True)
-        if pictures:
-            write_bundle(run, out)
-    if clicks and "seeds" in sides:
-        print_clicks(folder, name, out, calibration, clicks)
-    return sides
-
-
-def same_regions(first: SceneSides, second: SceneSides) -> bool:
-    """Whether two scenes have the same world regions: the known side is the labelled points."""
-    return all(
-        (one.indices is None) == (other.indices is None)
-        for one, other in zip(first.world_sides, second.world_sides, strict=True)
+        sides = scene_sides(load_scene(path))
+        worlds[way] = [side.region for side in sides.world_sides]
+        if way == "samples":
+            worlds["outline"] = outlines_of(sides)
+    return RealScene(
+        name=f"{folder.parent.name}/{folder.name}",
+        camera=sides.camera,
+        images=list(sides.image_regions),
+        worlds={way: worlds[way] for way in WAYS if way in worlds},
+        truth=rp.Pose.from_parts(calibration["R"], calibration["t"]),
+        priors=priors_of(folder.parent.name, scanner_of(folder, calibration), calibration),
     )
 
 
-def print_clicks(folder: Path, name: str, out: Path, calibration: Plain, clicks: int) -> None:
-    """Print the errors over clicks at random."""
-    found, refused = [], 0
-    for click in range(clicks):
-        try:
-            run = run_scene(folder, out, "seeds", click)
-        except ValueError:
-            refused += 1
-            continue
-        assert run is not None
-        worlds = [side.region for side in run.sides.world_sides]
-        found.append(errors_of((run.estimate.pose, *run.estimate.alternatives), calibration, worlds)[:2])
-    turn, shift = np.array(found).T if found else np.full((2, 1), np.nan)
-    print(
-        f"{name:30} clicks  {np.median(turn):7.3f} deg {1e3 * np.median(shift):8.2f} mm at the regions; the worst of "
-        f"{clicks}: {turn.max():.3f} deg, {1e3 * shift.max():.2f} mm; {refused} refused",
-        flush=True,
+def outlines_of(sides: SceneSides) -> list[rp.WorldRegion]:
+    """The polygons around the labelled points of a scene."""
+    assert sides.cloud is not None
+    scanner = None if sides.sensor_origin is None else sides.sensor_origin.place - sides.origin
+    points = [sides.cloud.points[side.indices] for side in sides.world_sides]
+    return [rp.WorldRegion.from_points(part, sensor_origin=scanner) for part in points]
+
+
+def joined(scenes: Sequence[RealScene], name: str) -> RealScene:
+    """Frames of one rig as one scene, in the ways that all of them have."""
+    ways = [way for way in WAYS if all(way in scene.worlds for scene in scenes)]
+    images = [region for scene in scenes for region in scene.images]
+    worlds = {way: [region for scene in scenes for region in scene.worlds[way]] for way in ways}
+    return replace(scenes[0], name=name, images=images, worlds=worlds)
+
+
+def errors_of(pose: rp.Pose, covariance: Array, truth: rp.Pose) -> Errors:
+    """How far an answer is from the truth, its covariance that of the left increment, (6, 6)."""
+    turn = (pose.rotation * truth.rotation.inv()).as_rotvec()
+    # The centre's error along the camera's axes, in which the covariance's last rows are.
+    shift = pose.rotation.apply(truth.camera_center - pose.camera_center)
+    sigmas = (_sigmas(turn, covariance[:3, :3]), _sigmas(shift, covariance[3:, 3:]))
+    return Errors(float(np.degrees(np.linalg.norm(turn))), float(np.linalg.norm(shift)), *sigmas)
+
+
+def _sigmas(error: Array, covariance: Array) -> float:
+    """An error (3,) over its standard deviation in its direction."""
+    squared = float(error @ error)
+    variance = float(error @ covariance @ error)
+    return squared / np.sqrt(variance) if variance > 0.0 else float("inf")
+
+
+def row_of(scene: RealScene, way: str, prior: str) -> Row:
+    """A scene's estimate and its errors."""
+    estimate = rp.estimate_pose(scene.camera, scene.images, scene.worlds[way], prior=scene.priors[prior])
+    answers: list[rp.PoseEstimate | rp.Alternative] = [estimate, *estimate.alternatives]
+    errors = [errors_of(answer.pose, answer.covariance, scene.truth) for answer in answers]
+    place = int(np.argmin([each.rotation for each in errors]))
+    codes = tuple(dict.fromkeys(warning.code for warning in estimate.warnings))
+    return Row(scene.kind, way, prior, errors[0], errors[place], place + 1, len(errors), estimate.confidence, codes)
+
+
+def line(name: str, row: Row) -> str:
+    """A row as text."""
+    nearest = "" if row.place == 1 else f"  answer {row.place} of {row.answers}: {written(row.nearest)}"
+    trust = "trusted" if not row.codes else " ".join(row.codes)
+    return f"{name:28} {row.way:8} {row.prior:9} {written(row.first)}  {row.confidence:5.2f} {trust}{nearest}"
+
+
+def written(errors: Errors) -> str:
+    """Errors as text."""
+    return (
+        f"{errors.rotation:7.3f} deg ({errors.rotation_sigmas:4.1f}) {errors.centre:7.3f} m"
+        f" ({errors.centre_sigmas:4.1f})"
     )
 
 
-def report_rig(boards: list[dict[str, SceneSides]], calibration: Plain) -> None:
-    """Print the lines of several boards solved as one rigid problem."""
-    for way in WAYS:
-        sides = [board[way] for board in boards if way in board]
-        if len(sides) < len(boards):
-            continue
-        worlds = [world.region for side in sides for world in side.world_sides]
-        estimate = rp.estimate_pose(sides[0].camera, [r for side in sides for r in side.image_regions], worlds)
-        answers = (estimate.pose, *estimate.alternatives)
-        print(line(f"{len(boards)} boards at once", way, errors_of(answers, calibration, worlds), estimate), flush=True)
+def rows_of(scene: RealScene) -> Iterator[Row]:
+    """The rows of a scene, each printed; one that has no pose is printed alone."""
+    for way in scene.worlds:
+        for prior in scene.priors:
+            try:
+                row = row_of(scene, way, prior)
+            except rp.PoseError as error:
+                print(f"{scene.name:28} {way:8} {prior:9} {error}", flush=True)
+                continue
+            print(line(scene.name, row), flush=True)
+            yield row
+
+
+def rigs_of(scenes: Sequence[RealScene], most: int) -> Iterator[RealScene]:
+    """Two, four and all frames of a rig at once; of two and four at most so many, at random."""
+    for count in (2, 4):
+        choices = list(combinations(scenes, count)) if count < len(scenes) else []
+        order = np.random.default_rng(0).permutation(len(choices))[:most]
+        for number in sorted(order):
+            frames = "+".join(scene.name[-4:] for scene in choices[number])
+            yield joined(choices[number], f"{scenes[0].kind} by {count}/{frames}")
+    yield joined(scenes, f"{scenes[0].kind} by {len(scenes)}/all")
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """Lines of a Markdown table, by kind of scene, way and prior: medians and worst cases of the first answers."""
+    heads = ["scenes", "number", "regions", "known", "deg", "worst", "m", "worst", "nearest answer, deg"]
+    heads += ["beyond 3 sigma", "and trusted", "beyond 5 deg", "and trusted"]
+    yield f"| {' | '.join(heads)} |"
+    yield "|" + "---|" * len(heads)
+    for group in dict.fromkeys((row.kind, row.way, row.prior) for row in rows):
+        yield f"| {' | '.join(cells_of(group, [row for row in rows if (row.kind, row.way, row.prior) == group]))} |"
+
+
+def cells_of(group: tuple[str, str, str], rows: Sequence[Row]) -> list[str]:
+    """The cells of a group of rows."""
+    turns, centres = (np.array([getattr(row.first, name) for row in rows]) for name in ("rotation", "centre"))
+    beyond = [row for row in rows if max(row.first.rotation_sigmas, row.first.centre_sigmas) > MOST_SIGMAS]
+    wrong = [row for row in rows if row.first.rotation > WRONG_DEG]
+    errors = [f"{value:.2f}" for held in (turns, centres) for value in (np.median(held), held.max())]
+    nearest = f"{np.median([row.nearest.rotation for row in rows]):.2f}"
+    counts = [str(count) for held in (beyond, wrong) for count in (len(held), sum(not row.codes for row in held))]
+    return [group[0], str(len(rows)), *group[1:], *errors, nearest, *counts]
+
+
+def write_bundle(folder: Path, out: Path) -> None:
+    """Write result, report and pictures of a scene beside its scene file, as the command does."""
+    path = scene_file(folder, out, "samples") or scene_file(folder, out, "known")
+    if path is None:
+        return
+    kept = out / path.stem
+    kept.mkdir(exist_ok=True)
+    for name, write in bundle(estimate_scene(load_scene(path)), Stages()).writers.items():
+        write(kept / name)
 
 
 def main() -> None:
-    """Print the lines of each scene, then the boards as one problem."""
+    """Print the lines of each scene and each rig, then the table."""
+    warnings.simplefilter("ignore", SparseSamplingWarning)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--only", nargs="+", help="folders of scenes, all when left out")
     parser.add_argument("--out", type=Path, help="keep scene files here, with result, report and pictures of each")
-    parser.add_argument("--clicks", type=int, default=0, help="clicks at random on each region")
+    parser.add_argument("--rigs", type=int, default=10, help="rigs of two and of four frames")
     arguments = parser.parse_args()
     folders = sorted(path.parent.resolve() for path in arguments.data.glob("*/*/regions.json"))
+    folders = [path for path in folders if arguments.only is None or path.parent.name in arguments.only]
     if not folders:
         print(f"no scenes below {arguments.data}: nothing to measure")
         return
-    boards: list[dict[str, SceneSides]] = []
     with tempfile.TemporaryDirectory() as temporary:
         out = arguments.out or Path(temporary)
         out.mkdir(parents=True, exist_ok=True)
-        for folder in folders:
-            name = f"{folder.parent.name}/{folder.name}"
-            sides = report_scene(folder, name, out, pictures=arguments.out is not None, clicks=arguments.clicks)
-            if folder.parent.name == RIG:
-                boards.append(sides)
-                calibration = json.loads((folder / "calib.json").read_text())
-    if boards:
-        report_rig(boards, calibration)
+        scenes = [scene_of(folder, out) for folder in folders]
+        for folder in folders if arguments.out is not None else ():
+            write_bundle(folder, out)
+    rows = [row for scene in scenes for row in rows_of(scene)]
+    for kind in (RIG, NATURAL):
+        frames = [scene for scene in scenes if scene.kind == kind]
+        rows += [row for rig in (rigs_of(frames, arguments.rigs) if frames else ()) for row in rows_of(rig)]
+    print("", *table(rows), sep="\n")
 
 
 if __name__ == "__main__":

@@ -10,14 +10,13 @@ frames of two) with binary masks, and refines the true camera and one whose foca
 off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
 each, one frame's world is moved by 3 cm: how many times that frame alone is named.
 
-    python benchmarks/rig.py [--data ../shared/data] [--ways known points seeds]
+    python benchmarks/rig.py [--data ../shared/data] [--ways known outline samples clicks]
     python benchmarks/rig.py --synthetic 20
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -27,25 +26,12 @@ from typing import NamedTuple
 
 import numpy as np
 import regionpose as rp
-from real_scenes import DEFAULT_DATA, RIG, WAYS, errors_of, run_scene
+from real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
 from regionpose.cameras import Camera
 from regionpose.evaluation import Scene, fisheye_scene, perspective_scene
 
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
 REFINEMENTS = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
-
-
-def rig_of(folders: list[Path], way: str) -> tuple[Camera, list[rp.Frame]] | None:
-    """The camera and a frame for each folder; None where a region can't be named that way."""
-    frames = []
-    with tempfile.TemporaryDirectory() as temporary:
-        for folder in folders:
-            run = run_scene(folder, Path(temporary), way)
-            if run is None:
-                return None
-            worlds = [side.region for side in run.sides.world_sides]
-            frames.append(rp.Frame(list(run.sides.image_regions), worlds, folder.name))
-    return run.sides.camera, frames
 
 
 def print_frames(rig: rp.RigEstimate) -> None:
@@ -66,23 +52,18 @@ def print_refinement(refinement: rp.CameraRefinement) -> None:
     print(f"  {refinement.outcome}: contours {before:.2f} -> {after:.2f} px; {values}")
 
 
-def report(folders: list[Path], way: str) -> None:
+def report(scenes: list[RealScene], way: str) -> None:
     """Print the rig's errors with each set of refined parameters, and the frames of the plain estimate."""
-    named = rig_of(folders, way)
-    if named is None:
+    if not all(way in scene.worlds for scene in scenes):
         return
-    camera, frames = named
-    calibration = json.loads((folders[0] / "calib.json").read_text())
-    worlds = [region for frame in frames for region in frame.world_regions]
+    frames = [rp.Frame(scene.images, scene.worlds[way], scene.name.split("/")[1]) for scene in scenes]
     for parts in REFINEMENTS:
-        rig = rp.estimate_rig(camera, frames, refine_camera=parts)
-        errors = errors_of((rig.pose,), calibration, worlds)
-        turn, shift = np.linalg.norm(rig.estimate.rotation_sigma_deg), np.linalg.norm(rig.estimate.translation_sigma)
+        rig = rp.estimate_rig(scenes[0].camera, frames, refine_camera=parts)
+        errors = errors_of(rig.pose, rig.estimate.covariance, scenes[0].truth)
         print(
-            f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg "
-            f"{1e3 * errors.at_regions:6.2f} mm at the regions {1e3 * errors.translation:6.2f} mm  "
-            f"said {turn:6.3f} deg {1e3 * shift:6.2f} mm  delta {100 * rig.estimate.overlap_error:5.2f} %  "
-            f"{' '.join(warning.code for warning in rig.warnings)}"
+            f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg"
+            f" ({errors.rotation_sigmas:.1f} sigma) {1e3 * errors.centre:6.2f} mm ({errors.centre_sigmas:.1f} sigma)"
+            f"  delta {100 * rig.estimate.overlap_error:5.2f} %  {' '.join(warning.code for warning in rig.warnings)}"
         )
         if rig.refinement is None:
             print_frames(rig)
@@ -171,8 +152,10 @@ def main() -> None:
     if not folders:
         print(f"no {RIG} below {arguments.data}: nothing to measure")
         return
+    with tempfile.TemporaryDirectory() as temporary:
+        scenes = [scene_of(folder, Path(temporary)) for folder in folders]
     for way in arguments.ways:
-        report(folders, way)
+        report(scenes, way)
 
 
 if __name__ == "__main__":

@@ -157,13 +157,24 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         points = held.cloud().points
         return points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE]
 
-    camera, pose = held.camera, held.pose
+    def on_patch(seed: Array, sensor_origin: Array | None) -> Callable[[], Callable[[], object]]:
+        def grown() -> Callable[[], object]:
+            points = held.cloud().points
+            return partial(rp.WorldRegion.from_scan, points, rp.grow_plane(points, seed), sensor_origin=sensor_origin)
+
+        return grown
+
+    camera, pose, beside = held.camera, held.pose, np.array([1.0, 8.0, 1.5])
     return {
         "read_cloud (PLY)": lambda: held.cloud,
         "read image (PNG)": lambda: held.image,
         "grow_image_region": lambda: partial(rp.grow_image_region, held.image(), held.pixel),
         "grow_plane": on_points(lambda points: rp.grow_plane(points, held.seed)),
         "find_planes": on_points(rp.find_planes),
+        "WorldRegion.from_scan (a panel)": on_patch(held.seed, CENTER),
+        "WorldRegion.from_scan (no scanner)": on_patch(held.seed, None),
+        "grow_plane (a wall)": on_points(lambda points: rp.grow_plane(points, beside)),
+        "WorldRegion.from_scan (a wall)": on_patch(beside, CENTER),
         "WorldRegion.from_points (a wall)": lambda: partial(rp.WorldRegion.from_points, wall()),
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
         "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),

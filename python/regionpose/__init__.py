@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
     from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.fusion import blend_colors, colorize
+    from regionpose.image_region import ImageRegion
     from regionpose.intrinsics import CameraRefinement
     from regionpose.mask import MaskWindow
     from regionpose.matching import RegionMatches, match_regions
     from regionpose.pose import Pose
     from regionpose.prior import Prior
-    from regionpose.regions import ImageRegion, WorldRegion
     from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
     from regionpose.segmentation.cloud import grow_plane
     from regionpose.segmentation.image import grow_image_region
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         estimate_pose,
         estimate_poses,
     )
+    from regionpose.world_region import WorldRegion
 
 __all__ = [
     "Alternative",
@@ -90,12 +91,12 @@ _MODULES = {
     "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
     "drawing": ("overlay_depth", "overlay_regions"),
     "fusion": ("blend_colors", "colorize"),
+    "image_region": ("ImageRegion",),
     "intrinsics": ("CameraRefinement",),
     "mask": ("MaskWindow",),
     "matching": ("RegionMatches", "match_regions"),
     "pose": ("Pose",),
     "prior": ("Prior",),
-    "regions": ("ImageRegion", "WorldRegion"),
     "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),
     "segmentation.cloud": ("grow_plane",),
     "segmentation.image": ("grow_image_region",),
@@ -108,6 +109,7 @@ _MODULES = {
     ),
     "segmentation.planes": ("find_planes",),
     "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
+    "world_region": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

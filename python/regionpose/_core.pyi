@@ -133,12 +133,12 @@ class WorldRegion:
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region of which a viewpoint (3,) lies on the side that the camera sees."""
 
-    def with_samples(self, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
-        """The same region with places (n, 3) inside and (m, 3) outside of it."""
+    def with_samples(self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike) -> WorldRegion:
+        """The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses."""
 
     @property
-    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Places (n, 3) inside and (m, 3) outside of the region, or None."""
+    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """Places (n, 3) inside, (m, 3) outside of the region, and (k, 3) outside that it encloses, or None."""
 
     @property
     def viewpoint(self) -> NDArray[np.float64] | None:

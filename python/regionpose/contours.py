@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

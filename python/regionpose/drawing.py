@@ -9,40 +9,46 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from skimage.color import lab2rgb, rgb2lab
 
 from regionpose.cameras import Camera
 from regionpose.clouds.whole_file import whole_file
 from regionpose.fusion import checked_image, project_points
+from regionpose.image_region import ImageRegion
+from regionpose.pens import (
+    CASING,
+    STRIP_ROWS,
+    Box,
+    Bytes,
+    Colour,
+    Font,
+    Text,
+    draw_dots,
+    draw_lines,
+    draw_panel,
+    font_for,
+    text_size,
+    written,
+)
 from regionpose.pose import Pose
-from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.sample_fit import sample_fit
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
-Colour = tuple[int, int, int]
-Box = tuple[int, int, int, int]
-"""Left, top, right, bottom in pixels; the last two are excluded."""
-
-Text = tuple[tuple[int, int], str, Colour]
-Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 OBSERVED: Colour = (64, 176, 255)
 PROJECTED: Colour = (255, 140, 0)
-"""A blue and an orange: told apart with every common colour blindness (after Okabe and Ito 2008)."""
+OUTSIDE: Colour = (255, 255, 255)
+"""A blue, an orange and white: told apart with every common colour blindness (after Okabe and Ito 2008)."""
 
-CASING: Colour = (16, 16, 20)
 PAPER: Colour = (255, 255, 255)
-PANEL_OPACITY = 0.72
 
-LINE_SHARE, TEXT_SHARE, DOT_SHARE = 1 / 700, 1 / 75, 1 / 1300
-"""Width of a line, height of a letter and radius of a dot over the image's diagonal."""
+LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
+"""Width of a line and radius of a dot over the image's diagonal."""
 
-THINNEST_LINE, SMALLEST_TEXT = 1.5, 13
-"""Pixels; what is thinner or smaller can't be seen or read."""
-
-SUPERSAMPLING, STRIP_ROWS = 4, 512
-"""Lines are drawn four times as large and averaged, in strips, so that a large image needs little memory."""
+THINNEST_LINE = 1.5
+"""Pixels; what is thinner can't be seen."""
 
 ARC_STEP = np.radians(0.2)
 """Radians between neighbouring points on a projected edge: distortion bends it by far less than a pixel in between."""
@@ -77,8 +83,10 @@ def overlay_regions(
 ) -> Bytes:
     """The image (h, w, 3) with the projected regions' contours over the observed ones.
 
-    Each region has its label (its number without `labels`) beside it. Edges are followed through the camera's
-    distortion; parts that it doesn't see are left out. ValueError when the numbers of regions and labels differ.
+    Of regions with samples those are drawn as well that lie on the wrong side of the observed contour: orange ones
+    belong within it, white ones beyond. Each region has its label (its number without `labels`) beside it. Edges
+    are followed through the camera's distortion; parts that it doesn't see are left out. ValueError when the numbers of
+    regions and labels differ.
     """
     picture = checked_image(image).copy()
     observed = _checked_pairs(image_regions, world_regions, labels)
@@ -86,11 +94,17 @@ def overlay_regions(
     projected = [[_projected_ring(ring, camera, pose) for ring in region.rings] for region in world_regions]
     lines = [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings]
     arcs = [piece for region in projected for ring in region for piece in _visible_pieces(ring)]
-    _draw_lines(picture, [*lines, *arcs], 2.8 * width, CASING, 0.55)
-    _draw_lines(picture, lines, 2.0 * width, OBSERVED)
-    _draw_lines(picture, arcs, width, PROJECTED)
+    draw_lines(picture, [*lines, *arcs], 2.8 * width, CASING, 0.55)
+    draw_lines(picture, lines, 2.0 * width, OBSERVED)
+    draw_lines(picture, arcs, width, PROJECTED)
+    pairs = zip(observed, world_regions, strict=False)
+    fits = [fit for pair in pairs if (fit := sample_fit(camera, pose, *pair)) is not None]
+    for wrong, colour in (([fit.beyond for fit in fits], PROJECTED), ([fit.within for fit in fits], OUTSIDE)):
+        places = np.concatenate([np.empty((0, 2)), *wrong])
+        draw_dots(picture, places, 2.0 * width, CASING)
+        draw_dots(picture, places, 1.4 * width, colour)
     names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
-    return _annotated(picture, names, projected, lines, width)
+    return _annotated(picture, names, projected, lines, width, sampled=bool(fits))
 
 
 def _checked_pairs(
@@ -193,80 +207,32 @@ def _visible_pieces(ring: Array) -> list[Array]:
     return [piece for piece in np.split(ring, cuts) if len(piece) >= 2 and np.isfinite(piece[0]).all()]
 
 
-def _draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Colour, opacity: float = 1.0) -> None:
-    """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, strip by strip."""
-    height, across = picture.shape[:2]
-    for top in range(0, height, STRIP_ROWS):
-        rows = min(STRIP_ROWS, height - top)
-        touching = [
-            line for line in lines if line[:, 1].max() >= top - width - 1 and line[:, 1].min() <= top + rows + width
-        ]
-        if not touching:
-            continue
-        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
-        pen = ImageDraw.Draw(ink)
-        thickness = max(1, round(width * SUPERSAMPLING))
-        for line in touching:
-            places = (line + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
-            pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
-        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, opacity)
-
-
-def _blend(area: Bytes, ink: Bytes, colour: Colour, opacity: float) -> None:
-    rows, columns = np.nonzero(ink)
-    share = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
-    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(colour, dtype=np.float32) * share)
-
-
-def _font(picture: Bytes) -> Font:
-    size = max(SMALLEST_TEXT, round(TEXT_SHARE * float(np.hypot(*picture.shape[:2]))))
-    try:
-        return ImageFont.load_default(size=size)
-    except TypeError:  # Pillow 10.0 has one size only
-        return ImageFont.load_default()
-
-
-def _text_size(font: Font, text: str) -> tuple[int, int]:
-    """Width of a text and height of a line, in pixels."""
-    left, _, right, _ = font.getbbox(text)
-    _, top, _, bottom = font.getbbox("Ag|")
-    return int(np.ceil(right - left)), int(np.ceil(bottom - top))
-
-
-def _panel(picture: Bytes, box: Box) -> None:
-    """Darken the rectangle (left, top, right, bottom) so that text on it can be read."""
-    left, top, right, bottom = box
-    area = picture[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
-    area[:] = np.round(area * (1.0 - PANEL_OPACITY) + np.array(CASING) * PANEL_OPACITY)
-
-
-def _write(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
-    """The picture with texts; each place is the upper left corner of its line."""
-    page = Image.fromarray(picture)
-    pen = ImageDraw.Draw(page)
-    for place, text, colour in items:
-        left, top, _, _ = font.getbbox("Ag|")
-        pen.text((place[0] - left, place[1] - top), text, fill=colour, font=font)
-    return np.array(page)
-
-
 def _annotated(
-    picture: Bytes, labels: Sequence[str], projected: Sequence[Sequence[Array]], observed: Sequence[Array], width: float
+    picture: Bytes,
+    labels: Sequence[str],
+    projected: Sequence[Sequence[Array]],
+    observed: Sequence[Array],
+    width: float,
+    *,
+    sampled: bool,
 ) -> Bytes:
     """The picture with a label at each region and a legend in the corner that covers the fewest contours."""
-    font = _font(picture)
+    font = font_for(picture)
     pad = round(4 * width)
     lines = _inside(_dense([*observed, *(ring for region in projected for ring in region)]), picture)
-    texts, legend = _legend(picture, font, pad, width, lines, bool(observed))
+    entries = [("observed", OBSERVED)] if observed else []
+    entries += [("projected, samples beyond", PROJECTED), ("samples within", OUTSIDE)] if sampled else []
+    entries += [] if sampled else [("projected", PROJECTED)]
+    texts, legend = _legend(picture, font, pad, width, lines, entries)
     taken = [legend]
     for label, region in zip(labels, projected, strict=True):
-        across, line = _text_size(font, label)
+        across, line = text_size(font, label)
         box = _label_box(region, (across + 2 * pad, line + 2 * pad), picture, lines, taken)
         if label and box is not None:
-            _panel(picture, box)
+            draw_panel(picture, box)
             taken.append(box)
             texts.append(((box[0] + pad, box[1] + pad), label, PAPER))
-    return _write(picture, texts, font)
+    return written(picture, texts, font)
 
 
 def _dense(lines: Sequence[Array]) -> Array:
@@ -287,22 +253,23 @@ def _inside(points: Array, picture: Bytes) -> Array:
     return np.asarray(points[((points >= 0.0) & (points < (picture.shape[1], picture.shape[0]))).all(axis=1)])
 
 
-def _legend(picture: Bytes, font: Font, pad: int, width: float, lines: Array, compared: bool) -> tuple[list[Text], Box]:
+def _legend(
+    picture: Bytes, font: Font, pad: int, width: float, lines: Array, entries: Sequence[tuple[str, Colour]]
+) -> tuple[list[Text], Box]:
     """Draw the legend's panel and line samples; its texts, and the box it takes."""
-    entries = [("observed", OBSERVED), ("projected", PROJECTED)][0 if compared else 1 :]
-    line = _text_size(font, "Ag|")[1] + pad
+    line = text_size(font, "Ag|")[1] + pad
     sample = 2 * line
-    across = max(_text_size(font, note)[0] for note, _ in entries) + sample + 3 * pad
+    across = max(text_size(font, note)[0] for note, _ in entries) + sample + 3 * pad
     size = across, len(entries) * line + pad
     low, high = (pad, pad), (picture.shape[1] - size[0] - pad, picture.shape[0] - size[1] - pad)
     corners = [_box_within((x, y), size, picture) for y in (high[1], low[1]) for x in (low[0], high[0])]
     box = min(corners, key=lambda corner: _covered(corner, lines, []))
-    _panel(picture, box)
+    draw_panel(picture, box)
     texts: list[Text] = []
     for index, (note, colour) in enumerate(entries):
         left, top = box[0] + pad, box[1] + pad + index * line
         y = top + 0.5 * (line - pad)
-        _draw_lines(picture, [np.array([(left, y), (left + sample - pad, y)])], 1.5 * width, colour)
+        draw_lines(picture, [np.array([(left, y), (left + sample - pad, y)])], 1.5 * width, colour)
         texts.append(((left + sample, top), note, PAPER))
     return texts, box
 
@@ -378,13 +345,13 @@ def _depth_image(
 
 def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
     """The picture with the colour bar at its right side, near below."""
-    font = _font(picture)
+    font = font_for(picture)
     height, width = picture.shape[:2]
-    line = _text_size(font, "0")[1]
+    line = text_size(font, "0")[1]
     ticks = _ticks(near, far, most=max(2, int(0.6 * height / (2.5 * line))))
-    text_width = max(_text_size(font, f"{tick:g} m")[0] for tick in ticks)
+    text_width = max(text_size(font, f"{tick:g} m")[0] for tick in ticks)
     left, top, length, thick = width - text_width - 3 * line - line // 2, int(0.18 * height), int(0.64 * height), line
-    _panel(picture, (left - line, top - line, width - line // 2, top + length + line))
+    draw_panel(picture, (left - line, top - line, width - line // 2, top + length + line))
     shades = np.linspace(0, TABLE_SIZE - 1, length).astype(np.uint8)
     bar = picture[top : top + length, left : left + thick]
     bar[:] = depth_colours()[shades][: bar.shape[0], None]
@@ -393,7 +360,7 @@ def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
         y = top + int(np.log(far / tick) / np.log(far / near) * (length - 1))
         picture[max(y - line // 16, 0) : y + line // 16 + 1, left + thick : left + thick + line // 2] = PAPER
         texts.append(((left + thick + line - line // 4, y - line // 2), f"{tick:g} m", PAPER))
-    return _write(picture, texts, font)
+    return written(picture, texts, font)
 
 
 def _ticks(near: float, far: float, most: int) -> list[float]:

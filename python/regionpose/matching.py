@@ -11,8 +11,8 @@ from scipy.optimize import linear_sum_assignment
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.solver import (
     PoseError,
     PoseEstimate,
@@ -24,6 +24,7 @@ from regionpose.solver import (
     estimate_pose,
     observed_regions,
 )
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]

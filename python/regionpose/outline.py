@@ -8,54 +8,26 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
-from shapely.geometry.base import BaseGeometry
 
 from regionpose import _core
-from regionpose.scan_lines import ScanLines, scan_lines
+from regionpose.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
+from regionpose.ring_arrays import signed_area
 
 Array = NDArray[np.float64]
-
-PLANE_POINTS = 100_000
-"""Points to which the plane of an outline is fitted; more change it by less than a hundredth of the noise."""
-
-PLANE_TRIALS = 200
-"""Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""
-
-MEDIAN_POINTS = 2000
-"""Points from which a trial plane's median distance is taken; more change it by under 3 %."""
-
-MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
-
-INLIER_SIGMAS = 3.0
-"""Points farther from the plane than this many standard deviations have no part in it."""
-
-REFITS = 10
-"""Least squares fits to the inliers at the most; they settle in two or three."""
-
-LINE_WIDTH_SHARE = 0.15
-"""Width over length below which the points on a plane may be one scan line, which its beams' plane holds without any
-error; range noise widens a short one to this much."""
-
-WIDER = 1.3
-"""Width over length of all points in that of such a line from which they show another plane."""
-
-LINE_NOISES = 3.0
-"""Noise of the plane of all points over the width of such a line at the most; outliers make it larger."""
-
-LEAST_NOISE_SHARE = 0.02
-"""Least width over length of a line that is compared with the noise, for range noise that leaves it in its plane."""
 
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""
 
 RADIUS_FACTOR = 1.5
-"""Radius of the alpha shape over the gap that has to be bridged: half of it would just touch."""
+"""Radius of the alpha shape over the gap that has to be bridged: half of it would just touch; at 1.2 a third of lost
+returns leaves holes."""
 
+
+ROUNDING = 64.0
+"""Rounding errors of a coordinate that a distance from a plane may hold."""
 
 REGION_THICKNESS = 0.02
 """Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
@@ -70,36 +42,25 @@ INNER_SHARE = 0.2
 MITRE_LIMIT = 2.0
 """Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
 
-MOST_GROWTH = 2.0
-"""Bound of the growth in spacings; half a spacing is expected."""
-
-
-GROWTH_PRECISION = 1e-6
-"""Precision of the growth in spacings; the spacing itself is known far less well."""
-
-LONG_EDGE = 4.0
-"""Triangulation edges longer than this many medians cross bays and holes, not the space between neighbours."""
-
-
-LINE_SAMPLES = 5
-"""Samples below which a parabola through them tells nothing."""
-
 LINE_STEPS = 0.25
 """Root mean square distance from a parabola, in steps along it, below which samples are one scan line: two lines with a
 tenth of the samples on one of them, two steps apart, are 0.6."""
 
-RADIUS_MARGIN = 1e-6
-"""Share by which a radius exceeds the circumradius of a triangle that it has to keep: far above rounding."""
+MOST_SAMPLES = 20_000
+"""Samples from which a plane and an outline are taken: 140 across the patch tell its area to a thousandth, and more
+change the plane by less than a hundredth of the noise."""
 
-MOST_SAMPLES = 50_000
-"""Samples from which an outline is taken: 200 or more across the patch tell its area to a ten-thousandth."""
+EVEN_ROUNDS = 4
+"""Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
 
-SPARSE_AREA = 0.05
-"""Standard deviation of the area, as a share, above which too few scan lines cross a patch to tell its outline."""
+GROWTH_STEPS = 4
+"""Steps of Newton's method in which an outline grows; its area is all but quadratic, so that three settle it."""
 
-LOST_SHARE = 0.05
-"""Share of the samples beyond the outline above which parts of the patch are missing: limbs narrower than two gaps
-between scan lines fall apart."""
+RIGHT_ANGLE = 1e-6
+"""Cosine up to which an angle counts as a right one, for lattices that are rounded."""
+
+SPARSE_SHARE = 0.05
+"""Share of the patch that samples may miss, or its area be unsure of, before that is said. A convention."""
 
 
 class SparseSamplingWarning(UserWarning):
@@ -117,13 +78,15 @@ class Outline(NamedTuple):
 class PlaneSamples(NamedTuple):
     """A plane and the samples of a region on it.
 
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points
-    belong to it. `flat`: the samples (n, 2) in its coordinates, moved onto it along the normal or their beams.
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points of
+    the region belong to it; `noise`, up to which noise puts points of the plane. `flat`: the samples (n, 2) in its
+    coordinates, moved onto it along the normal or their beams.
     """
 
     origin: Array
     axes: Array
     thickness: float
+    noise: float
     flat: Array
 
 
@@ -136,15 +99,13 @@ def outline_of_points(
 ) -> Outline:
     """The robust plane of points (n, 3) and the outline of the patch of it that they sample, holes kept.
 
-    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline there: on
-    the scan lines of a lidar half a step beyond the last return and half a gap beyond the last line (`scan_lines`), for
-    other samples as far out as gives each sample the area of one (`grown_rings`). Without it the outline runs through
-    the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius passes stay
-    open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the samples are
-    moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning tells that
-    the samples are too sparse to show the outline. ValueError for values that are not
-    finite, fewer than 3 points, points that are identical, on one line or on a single scan line, or a radius that is
-    not positive.
+    The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline halfway:
+    half a step beyond the last return of a lidar's line and half a gap beyond its last line. Without it the outline
+    runs through the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius
+    passes stay open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the
+    samples are moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning
+    tells that the samples are too sparse to show the outline. ValueError for values that are not finite, fewer than 3
+    points, points that are identical, on one line or on a single scan line, or a radius that is not positive.
     """
     checked = None if radius is None else checked_radius(radius)
     plane = plane_samples(points, sensor_origin)
@@ -155,7 +116,7 @@ def outline_of_points(
 def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> PlaneSamples:
     """The robust plane of points (n, 3) and those near it moved onto it; ValueError as of `outline_of_points`."""
     given = _checked_points(points)
-    origin, axes, _ = robust_plane(given[:: max(1, len(given) // PLANE_POINTS)])
+    origin, axes, _ = robust_plane(given[:: max(1, len(given) // MOST_SAMPLES)])
     samples = _flat_samples(given, origin, axes, sensor_origin)
     _refuse_one_line(_thinned(samples.flat if sensor_origin is None else _sights(given, sensor_origin)))
     return samples
@@ -173,28 +134,168 @@ def checked_radius(radius: object) -> float:
 def flat_outline(points: Array, *, radius: float | None = None, correct_sampling: bool = True) -> list[Array]:
     """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes.
 
-    A SparseSamplingWarning tells that few scan lines cross the patch, or that the outline misses a part of it.
+    They are taken where the samples are equally far apart in all directions: along the lines of a scan and across them.
+    A SparseSamplingWarning tells that few rows of samples cross the patch, or that the outline misses a part of it.
     """
     points = _thinned(points)
-    lines = scan_lines(points, radius) if correct_sampling else None
-    if lines is not None:
-        rings = lines.rings()
-        _warn_of_few_lines(lines)
-    else:
-        rings = _main_part(_core.alpha_shape(points, _automatic_radius(points) if radius is None else radius))
-        rings = grown_rings(points, rings) if correct_sampling else rings
-    rings = _simple_rings(rings)
+    squared = _spacing_squared(points)
+    even = points @ squared
     if radius is None:
-        _warn_of_lost_samples(points, rings)
-    return rings
+        rings = _main_part(_joined(even))
+    else:
+        rings = [ring @ squared for ring in _main_part(_core.alpha_shape(points, radius))]
+    area = _area(even, rings)
+    if correct_sampling and area is not None:
+        _warn_of_few_rows(even, np.sqrt(area / len(even)), float(np.linalg.norm(squared, -2)))
+        rings = _grown(rings, area)
+    if radius is None:
+        _warn_of_lost_samples(even, rings)
+    return [ring @ np.linalg.inv(squared) for ring in rings]
 
 
-def _simple_rings(rings: list[Array]) -> list[Array]:
-    """The rings, or where bending them onto the plane made them cross the largest part that they bound."""
+def _joined(even: Array) -> list[Array]:
+    """Rings of the alpha shape that holds evenly spaced samples (n, 2) together."""
+    try:
+        return _core.alpha_shape(even, bridging_radius(even))
+    except ValueError:
+        # They span flat triangles alone, of which none is that small: their hull.
+        return _core.alpha_shape(even, np.inf)
+
+
+def _area(even: Array, rings: list[Array]) -> float | None:
+    """The area that evenly spaced samples (n, 2) stand for, one cell each.
+
+    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many
+    as samples. None where the samples are the outline itself rather than in it.
+    """
     polygon = shapely.Polygon(rings[0], rings[1:])
-    if polygon.is_valid:
-        return rings
-    return oriented_rings(shapely.make_valid(polygon, method="structure", keep_collapsed=False))
+    rounded = polygon.buffer(np.sqrt(np.finfo(float).eps * polygon.area))
+    held = int(shapely.intersects_xy(rounded, even[:, 0], even[:, 1]).sum())
+    boundary = sum(map(len, rings))
+    if held - boundary < INNER_SHARE * held:
+        return None
+    return held * float(polygon.area) / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
+
+
+def _grown(rings: list[Array], area: float) -> list[Array]:
+    """The rings (m, 2) moved outwards to hold an area (Newton's method); of what falls apart the largest part."""
+    polygon, distance = shapely.Polygon(rings[0], rings[1:]), 0.0
+    grown = polygon
+    for _ in range(GROWTH_STEPS):
+        distance += (area - grown.area) / grown.length
+        grown = polygon.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    largest = max(shapely.get_parts(grown), key=lambda part: part.area)
+    turned = shapely.geometry.polygon.orient(largest)
+    return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
+
+
+def _spacing_squared(points: Array) -> Array:
+    """A matrix (2, 2) of determinant 1, such that samples (n, 2) are equally far apart in all directions in
+    `points @ matrix`.
+
+    The mean length of the steps to neighbours, each counted along its own direction, is then the same along all axes.
+    Where it isn't, the ratio is that of the spacings. Neighbours are found anew after each round.
+    """
+    matrix: Array = np.eye(2)
+    for _ in range(EVEN_ROUNDS):
+        even = points @ matrix
+        edges = _gabriel_edges(even)
+        steps = even[edges[:, 0]] - even[edges[:, 1]]
+        ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+        counts, axes = np.linalg.eigh(ways.T @ ways)
+        if not counts[0] > 0.0:
+            break
+        root = (axes / np.sqrt(counts)) @ axes.T
+        spread, directions = np.linalg.eigh(root @ steps.T @ ways @ root)
+        matrix = matrix @ (directions * np.sqrt(spread[::-1] / spread)) @ directions.T
+    return matrix
+
+
+def _gabriel_edges(points: Array) -> NDArray[np.intp]:
+    """Pairs (m, 2) of points (n, 2) with no other in or on the circle about both (Gabriel, Sokal 1969).
+
+    Of a lattice they are its rows and columns without diagonals.
+    """
+    triangles = _triangles(points)
+    ends, apex = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), triangles[:, [2, 0, 1]].ravel()
+    one, other = points[ends[:, 0]] - points[apex], points[ends[:, 1]] - points[apex]
+    squares = np.sum(one**2, axis=1) * np.sum(other**2, axis=1)
+    wide = np.sum(one * other, axis=1) <= RIGHT_ANGLE * np.sqrt(squares)
+    keys, which = np.unique(_edge_keys(ends, len(points)), return_inverse=True)
+    kept = keys[np.bincount(which, weights=wide) == 0]
+    return np.column_stack(np.divmod(kept, len(points)))
+
+
+def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
+    """The patch's two ends lie anywhere in the gap beyond its outer rows: each has a variance of gap^2 / 12."""
+    width = np.linalg.svd(even - even.mean(axis=0), full_matrices=False)[2]
+    rows = round(float(np.ptp((even - even.mean(axis=0)) @ width.T, axis=0).min()) / spacing) + 1
+    deviation = 1.0 / (np.sqrt(6.0) * rows)
+    if deviation > SPARSE_SHARE:
+        warnings.warn(
+            f"about {rows} rows of samples, {spacing / shrunk:.2g} m apart, cross the patch: its area is known to"
+            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing",
+            SparseSamplingWarning,
+            stacklevel=3,
+        )
+
+
+def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
+    region = shapely.Polygon(rings[0], rings[1:])
+    around = region.buffer(np.sqrt(region.area / len(even)))
+    shapely.prepare(around)
+    lost = 1.0 - float(shapely.intersects_xy(around, even[:, 0], even[:, 1]).mean())
+    if lost > SPARSE_SHARE:
+        warnings.warn(
+            f"{100.0 * lost:.0f} % of {len(even)} points lie outside the outline: the patch falls into parts where it"
+            " is narrower than two gaps between samples",
+            SparseSamplingWarning,
+            stacklevel=3,
+        )
+
+
+def _refuse_one_line(points: Array) -> None:
+    """Refuse points (n, 2) on one scan line, which is a conic in the plane and over a patch a parabola, or less."""
+    freedom = len(points) - 3
+    if freedom < 1:
+        return
+    centred = points - points.mean(axis=0)
+    along, across = (centred @ np.linalg.svd(centred, full_matrices=False)[2].T).T
+    parabola = np.vander(along / np.abs(along).max(), 3)
+    off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
+    step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
+    if np.sqrt(np.sum(off**2) / freedom) < LINE_STEPS * step:
+        raise ValueError(f"{len(points)} points lie on one scan line; needed points on lines across the patch")
+
+
+def _delaunay_edges(points: Array) -> NDArray[np.intp]:
+    """Pairs (m, 2) of points (n, 2) that are natural neighbours."""
+    ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
+
+
+def _edge_keys(ends: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """One number for each edge (m, 2) between so many points, whichever end comes first."""
+    keys: NDArray[np.intp] = ends.min(axis=1).astype(np.intp) * count + ends.max(axis=1)
+    return keys
+
+
+def _triangles(points: Array) -> NDArray[np.intp]:
+    try:
+        found: NDArray[np.intp] = Delaunay(points - points.mean(axis=0)).simplices.astype(np.intp)
+    except QhullError as error:
+        raise ValueError(
+            f"{len(points)} points are identical or on one line; needed points that span a plane"
+        ) from error
+    return found
+
+
+def _main_part(rings: list[Array]) -> list[Array]:
+    """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
+    outer = max(rings, key=signed_area)
+    low, high = outer.min(axis=0), outer.max(axis=0)
+    inside = [ring for ring in rings if signed_area(ring) < 0.0 and (ring >= low).all() and (ring <= high).all()]
+    return [outer, *inside]
 
 
 def _thinned(points: Array) -> Array:
@@ -207,91 +308,14 @@ def _thinned(points: Array) -> Array:
     return points[np.unique(cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1], return_index=True)[1]]
 
 
-def _warn_of_few_lines(lines: ScanLines) -> None:
-    """The patch's two ends lie anywhere in the gap beyond its outer lines: each has a variance of gap^2 / 12."""
-    count = len(lines.levels)
-    deviation = 1.0 / (np.sqrt(6.0) * count)
-    if deviation > SPARSE_AREA:
-        warnings.warn(
-            f"{count} scan lines, {lines.gap:.2g} m apart, cross the patch: its area is known to"
-            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * lines.gap:.2g} m may be missing",
-            SparseSamplingWarning,
-            stacklevel=2,
-        )
-
-
-def _warn_of_lost_samples(points: Array, rings: list[Array]) -> None:
-    region = shapely.Polygon(rings[0], rings[1:])
-    around = region.buffer(np.sqrt(region.area / len(points)))
-    shapely.prepare(around)
-    lost = 1.0 - float(shapely.intersects_xy(around, points[:, 0], points[:, 1]).mean())
-    if lost > LOST_SHARE:
-        warnings.warn(
-            f"{100.0 * lost:.0f} % of {len(points)} points lie outside the outline: the patch falls into parts where it"
-            " is narrower than two gaps between samples",
-            SparseSamplingWarning,
-            stacklevel=2,
-        )
-
-
-def grown_rings(points: Array, rings: list[Array]) -> list[Array]:
-    """The rings moved outwards until they hold the area that the samples (n, 2) stand for.
-
-    A polygon through samples of a lattice holds `inner + boundary / 2 - 1 + holes` cells (Pick 1899), the patch as many
-    as samples, whatever the lattice's spacing in either direction. The growth is even where the spacing is.
-    """
-    polygon = shapely.Polygon(rings[0], rings[1:])
-    held = int(shapely.intersects_xy(polygon.buffer(1e-9 * np.sqrt(polygon.area)), points[:, 0], points[:, 1]).sum())
-    boundary = sum(map(len, rings))
-    if held - boundary < INNER_SHARE * held:
-        return rings
-    cell = polygon.area / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
-    squared = _spacing_squared(points)
-    even = shapely.Polygon(rings[0] @ squared, [ring @ squared for ring in rings[1:]])
-    spacing = np.sqrt(cell)
-
-    def grown(distance: float) -> BaseGeometry:
-        return even.buffer(distance, join_style="mitre", mitre_limit=MITRE_LIMIT)
-
-    # The area that is missing at the largest growth would be that of a polygon thinner than a sample.
-    if grown(MOST_GROWTH * spacing).area <= held * cell:
-        return rings
-    distance = brentq(
-        lambda d: grown(d).area - held * cell, 0.0, MOST_GROWTH * spacing, xtol=GROWTH_PRECISION * spacing
-    )
-    return [ring @ np.linalg.inv(squared) for ring in oriented_rings(grown(distance))]
-
-
-def oriented_rings(region: BaseGeometry) -> list[Array]:
-    """The largest polygon's rings (n, 2): the outer one counter-clockwise, then its holes the other way."""
-    largest = max(shapely.get_parts(region), key=lambda part: part.area)
-    turned = shapely.geometry.polygon.orient(largest)
-    return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
-
-
-def _spacing_squared(points: Array) -> Array:
-    """A symmetric matrix (2, 2) of determinant 1 after which samples are equally far apart in all directions, on
-    average.
-    """
-    edges = _delaunay_edges(points)
-    steps = points[edges[:, 0]] - points[edges[:, 1]]
-    lengths = np.linalg.norm(steps, axis=1)
-    # Along the hull edges are longer than any spacing.
-    steps = steps[lengths <= LONG_EDGE * np.median(lengths)]
-    spread, directions = np.linalg.eigh(steps.T @ steps / len(steps))
-    if spread[0] <= 0.0:
-        return np.eye(2)
-    stretch = (spread[0] * spread[1]) ** 0.25 / np.sqrt(spread)
-    matrix: Array = (directions * stretch) @ directions.T
-    return matrix
-
-
 def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> PlaneSamples:
     """The samples of the region near the plane, moved onto it along the normal or the beams."""
     heights = (points - origin) @ axes[2]
     sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
     extent = float(np.ptp(points, axis=0).max())
-    thickness = max(INLIER_SIGMAS * float(sigma), REGION_THICKNESS * extent)
+    rounding = ROUNDING * float(np.finfo(float).eps * np.abs(points).max())
+    noise = max(INLIER_SIGMAS * float(sigma), rounding)
+    thickness = max(noise, REGION_THICKNESS * extent)
     near = np.abs(heights) <= thickness
     moved = points[near] - origin
     if sensor_origin is not None:
@@ -303,7 +327,7 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
         approach = beams @ axes[2]
         steep = np.abs(approach) >= LEAST_APPROACH
         moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
-    return PlaneSamples(origin, axes, thickness, moved @ axes[:2].T)
+    return PlaneSamples(origin, axes, thickness, noise, moved @ axes[:2].T)
 
 
 def _sights(points: Array, sensor_origin: ArrayLike) -> Array:
@@ -311,75 +335,10 @@ def _sights(points: Array, sensor_origin: ArrayLike) -> Array:
     beams = points - np.asarray(sensor_origin, dtype=np.float64)
     beams = beams[np.linalg.norm(beams, axis=1) > 0.0]
     ahead = np.sum(beams / np.linalg.norm(beams, axis=1, keepdims=True), axis=0)
-    axes = _axes_of(ahead / np.linalg.norm(ahead))
+    axes = axes_of(ahead / np.linalg.norm(ahead))
     depth = np.maximum(beams @ axes[2], LEAST_APPROACH * np.linalg.norm(beams, axis=1))
     sights: Array = beams @ axes[:2].T / depth[:, None]
     return sights
-
-
-def _refuse_one_line(points: Array) -> None:
-    """Refuse points (n, 2) on one scan line, which is a conic in the plane and over a patch a parabola, or less."""
-    if len(points) < LINE_SAMPLES:
-        return
-    centred = points - points.mean(axis=0)
-    along, across = (centred @ np.linalg.svd(centred, full_matrices=False)[2].T).T
-    parabola = np.vander(along / np.abs(along).max(), 3)
-    off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
-    step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
-    if np.sqrt(np.mean(off**2)) < LINE_STEPS * step:
-        raise ValueError(f"{len(points)} points lie on one scan line; needed points on lines across the patch")
-
-
-def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
-
-    Least squares over the points within three standard deviations until they stay the same, from two starts: all
-    points, and the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with
-    outliers, but may lie askew along a single scan line; the better fit is the one under which the points are likelier,
-    outliers being anywhere.
-    """
-    everything = _refitted(points, *_least_squares_plane(points))
-    majority = _refitted(points, *_least_median_plane(points))
-    if _is_line_of(points[majority[2]], points[everything[2]], everything):
-        return everything
-    return min(everything, majority, key=lambda fit: _code_length(points, *fit))
-
-
-def _is_line_of(line: Array, points: Array, plane: tuple[Array, Array, NDArray[np.intp]]) -> bool:
-    """Whether some points are a scan line of a plane that more show: narrow, no wider than its noise makes them."""
-    (length, width), (whole_length, whole_width) = _extents(line), _extents(points)
-    noise = float(np.std((points - plane[0]) @ plane[1][2]))
-    narrow = width < LINE_WIDTH_SHARE * length and noise < LINE_NOISES * max(width, LEAST_NOISE_SHARE * length)
-    return narrow and len(points) > len(line) and whole_width * length > WIDER * width * whole_length
-
-
-def _extents(points: Array) -> tuple[float, float]:
-    """Standard deviations of the points along their first two directions."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
-    return float(spread[0]), float(spread[1])
-
-
-def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    inliers = np.arange(len(points))
-    extent = float(np.ptp(points, axis=0).max())
-    for _ in range(REFITS):
-        distances = np.abs((points - origin) @ axes[2])
-        sigma = MAD_TO_SIGMA * np.median(distances)
-        kept = np.flatnonzero(distances <= max(INLIER_SIGMAS * sigma, np.finfo(float).eps * extent * 64))
-        if len(kept) < 3:
-            break
-        origin, axes = _least_squares_plane(points[kept])
-        if np.array_equal(kept, inliers):
-            break
-        inliers = kept
-    return origin, axes, inliers
-
-
-def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp]) -> float:
-    """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
-    extent = float(np.ptp(points, axis=0).max())
-    sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
-    return len(inliers) * (0.5 + float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi))))
 
 
 def bridging_radius(points: Array) -> float:
@@ -387,46 +346,11 @@ def bridging_radius(points: Array) -> float:
 
     Scan lines far apart count as much as the spacing within a line: the tree has to cross from each to the next.
     """
-    try:
-        edges = _delaunay_edges(points)
-    except QhullError as error:
-        raise ValueError(
-            f"{len(points)} points are identical or on one line; needed points that span a plane"
-        ) from error
+    edges = _delaunay_edges(points)
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
     tree = minimum_spanning_tree(graph).tocoo()
     return RADIUS_FACTOR * _bridging_gap(len(points), tree.row, tree.col, tree.data)
-
-
-def _automatic_radius(points: Array) -> float:
-    """The bridging radius; where no triangle of the points (n, 2) is that small, the one that holds 98 % of them.
-
-    A SparseSamplingWarning says so: such triangles are flat, as the samples are sparse in one direction.
-    """
-    radius = bridging_radius(points)
-    triangles = Delaunay(points - points.mean(axis=0)).simplices
-    circumradii = _circumradii(points[triangles])
-    if circumradii.min() <= radius:
-        return radius
-    least = np.full(len(points), np.inf)
-    np.minimum.at(least, triangles.ravel(), np.repeat(circumradii, 3))
-    wider = (1.0 + RADIUS_MARGIN) * float(np.quantile(least, CONNECTED_SHARE, method="higher"))
-    warnings.warn(
-        f"{len(points)} points, most of them within {radius / RADIUS_FACTOR:.2g} m of the next, span flat triangles"
-        f" alone: the outline joins points up to {2.0 * wider:.2g} m apart",
-        SparseSamplingWarning,
-        stacklevel=2,
-    )
-    return wider
-
-
-def _circumradii(triangles: Array) -> Array:
-    """Circumradii (k,) of triangles (k, 3, 2): the product of the sides over four times the area."""
-    sides = np.roll(triangles, -1, axis=1) - triangles
-    doubled = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    radii: Array = np.linalg.norm(sides, axis=2).prod(axis=1) / (2.0 * np.maximum(doubled, np.finfo(float).tiny))
-    return radii
 
 
 def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:
@@ -448,28 +372,6 @@ def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32
     return float(lengths.max())
 
 
-def _delaunay_edges(points: Array) -> NDArray[np.int32]:
-    triangles = Delaunay(points - points.mean(axis=0)).simplices
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return np.unique(edges, axis=0)
-
-
-def _main_part(rings: list[Array]) -> list[Array]:
-    """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
-    areas = [
-        0.5 * float(np.sum(ring[:, 0] * np.roll(ring[:, 1], -1) - ring[:, 1] * np.roll(ring[:, 0], -1)))
-        for ring in rings
-    ]
-    outer = int(np.argmax(areas))
-    low, high = rings[outer].min(axis=0), rings[outer].max(axis=0)
-    holes = [ring for ring, area in zip(rings, areas, strict=True) if area < 0 and _within(ring, low, high)]
-    return [rings[outer], *holes]
-
-
-def _within(ring: Array, low: Array, high: Array) -> bool:
-    return bool((ring >= low).all() and (ring <= high).all())
-
-
 def _checked_points(points: ArrayLike) -> Array:
     given = np.asarray(points)
     if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
@@ -484,36 +386,3 @@ def _checked_points(points: ArrayLike) -> Array:
     if len(others) < 2 or (others == others[0]).all():
         raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
     return given
-
-
-def _least_median_plane(points: Array) -> tuple[Array, Array]:
-    """The plane with the least median distance among those through three random points and least squares over all."""
-    generator = np.random.default_rng(0)
-    triples = points[generator.integers(len(points), size=(PLANE_TRIALS, 3))]
-    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
-    norms = np.linalg.norm(normals, axis=1)
-    proper = norms > np.finfo(float).tiny
-    anchors, normals = triples[proper, 0], normals[proper] / norms[proper, None]
-    best = _least_squares_plane(points)
-    judges = points if len(points) <= MEDIAN_POINTS else points[generator.integers(len(points), size=MEDIAN_POINTS)]
-    least = np.median(np.abs((judges - best[0]) @ best[1][2]))
-    medians = np.median(np.abs(judges @ normals.T - np.sum(anchors * normals, axis=1)), axis=0)
-    if len(medians) and medians.min() < least:
-        chosen = int(np.argmin(medians))
-        return anchors[chosen], _axes_of(normals[chosen])
-    return best
-
-
-def _least_squares_plane(points: Array) -> tuple[Array, Array]:
-    origin = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - origin, full_matrices=False)
-    if spread[1] <= 1e-9 * spread[0]:
-        raise ValueError(f"{len(points)} points are identical or on one line; needed points that span a plane")
-    return origin, np.array([axes[0], axes[1], np.cross(axes[0], axes[1])])
-
-
-def _axes_of(normal: Array) -> Array:
-    """Right-handed axes u, v, normal as rows."""
-    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    u /= np.linalg.norm(u)
-    return np.array([u, np.cross(normal, u), normal])

@@ -175,11 +175,16 @@ def _regions(regions: Sequence[Mapping[str, Any]]) -> str:
             f"{region['image_area_px']:,.0f}",
             f"{region['world_area_m2']:.4g}",
             "" if region["cloud_points"] is None else f"{region['cloud_points']:,}",
+            escape(region["known_by"]),
+            "" if region["samples_on_their_side"] is None else _percent(region["samples_on_their_side"]),
         ]
         for region in regions
     ]
     errors = ["overlap error before", "overlap error after"] if compared else ["overlap error"]
-    return _table(["region", *errors, "image area (px)", "world area (m²)", "cloud points"], rows)
+    return _table(
+        ["region", *errors, "image area (px)", "world area (m²)", "cloud points", "known by", "samples on their side"],
+        rows,
+    )
 
 
 def _truth(errors: Mapping[str, Any] | None) -> str:

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.contours import Contours, contours_of, distances_of, robust_sigma
+from regionpose.image_region import ImageRegion
 from regionpose.intrinsics import CameraPart, CameraRefinement, ContourProblem, parameter_names, refined_camera
 from regionpose.pose import Pose
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 

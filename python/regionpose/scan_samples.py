@@ -44,11 +44,23 @@ CELL_SAMPLES = 16
 """Samples of such a cell on average."""
 
 
+LEAST_SURROUNDED = 0.5
+"""Share of the outermost returns that need a neighbour on the plane where nothing else is known to be outside: with
+less the outline, which takes the rest for the region's end, knows more. A convention: most of them."""
+
+
 class ScanSamples(NamedTuple):
-    """Places (n, 2) and (m, 2) in a plane's coordinates, inside a region and outside of it."""
+    """Places (n, 2), (m, 2) and (k, 2) in a plane's coordinates: inside a region, outside, and outside but enclosed."""
 
     inside: Array
     outside: Array
+    enclosed: Array
+
+    @classmethod
+    def of(cls, inside: Array, outside: Array) -> ScanSamples:
+        """Places inside (n, 2) and outside (m, 2), of which some are in holes or windows."""
+        within = enclosed(inside, outside)
+        return cls(inside, outside[~within], outside[within])
 
 
 def scan_samples(
@@ -63,48 +75,88 @@ def scan_samples(
 
     Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
     not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing
-    is known to be outside. Of many samples those next to the other kind are kept, and a few of the rest.
+    is known to be outside, or these don't surround the region. Of many samples those next to the other kind are kept,
+    and a few of the rest.
     """
     inside = plane.flat
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    is_member = np.zeros(len(points), dtype=np.bool_)
-    is_member[members] = True
-    passed, beside_members = [], []
-    for first in range(0, len(points), CHUNK):
-        others = points[first : first + CHUNK][~is_member[first : first + CHUNK]]
-        through, on_plane = _other_places(others, plane, window, sensor)
-        passed.append(through)
-        beside_members.append(on_plane)
-    neighbours = np.concatenate(beside_members)
+    passed, neighbours = _other_places(points, members, _Sight(plane, window, sensor))
     if extends and len(neighbours):
         neighbours = neighbours[~_joined(inside, neighbours)]
-    outside = np.concatenate([*passed, neighbours])
-    return _telling(inside, outside, rings) if len(outside) else None
+    outside = np.concatenate([passed, neighbours])
+    if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
+        return None
+    samples = _telling(inside, outside, rings)
+    return samples if len(samples.outside) else None
 
 
-def _other_places(
-    points: Array, plane: PlaneSamples, window: tuple[Array, Array], sensor: Array | None
-) -> tuple[Array, Array]:
-    """Places (n, 2) of a plane, in a window, that the beams of points (k, 3) passed, and (m, 2) at which they ended."""
-    normal = plane.axes[2]
-    heights = points @ normal - plane.origin @ normal
+class _Sight(NamedTuple):
+    """What may tell of a window of a plane: from the sensor, or of points on the plane alone where that isn't known."""
+
+    plane: PlaneSamples
+    window: tuple[Array, Array]
+    sensor: Array | None
+
+    def reaches(self, points: Array) -> Mask:
+        """Whether each of the points (k, 3) is on the plane, or beyond it as the sensor sees it."""
+        normal, limit = self.plane.axes[2], self.plane.noise
+        heights = points @ normal - self.plane.origin @ normal
+        if self.sensor is None:
+            near: Mask = np.abs(heights) <= limit
+            return near
+        ahead = (self.plane.origin - self.sensor) @ normal > 0.0
+        reached: Mask = heights >= -limit if ahead else heights <= limit
+        return reached
+
+    def holds(self, points: Array) -> Mask:
+        """Whether each of the points (k, 3) lies in a cone around the window from the sensor, or in a ball about it."""
+        flat = np.array([(u, v) for u in self._sides(0) for v in self._sides(1)])
+        corners = self.plane.origin + flat @ self.plane.axes[:2]
+        middle = corners.mean(axis=0)
+        if self.sensor is None:
+            inside: Mask = np.sum((points - middle) ** 2, axis=1) <= np.max(np.sum((corners - middle) ** 2, axis=1))
+            return inside
+        ways, axis, offsets = corners - self.sensor, middle - self.sensor, points - self.sensor
+        least = float((ways @ axis / np.linalg.norm(ways, axis=1)).min())
+        seen: Mask = offsets @ axis >= least * np.linalg.norm(offsets, axis=1)
+        return seen
+
+    def _sides(self, axis: int) -> tuple[float, float]:
+        return float(self.window[0][axis]), float(self.window[1][axis])
+
+
+def _other_places(points: Array, members: NDArray[np.intp], sight: _Sight) -> tuple[Array, Array]:
+    """Places (n, 2) that the beams of points (k, 3) other than the members passed, and (m, 2) at which they ended."""
+    is_member = np.zeros(len(points), dtype=np.bool_)
+    is_member[members] = True
+    passed, ended = [], []
+    for first in range(0, len(points), CHUNK):
+        part = slice(first, first + CHUNK)
+        others = points[part][sight.reaches(points[part]) & ~is_member[part]]
+        through, on_plane = _places(others[sight.holds(others)], sight)
+        passed.append(through)
+        ended.append(on_plane)
+    return np.concatenate(passed), np.concatenate(ended)
+
+
+def _places(points: Array, sight: _Sight) -> tuple[Array, Array]:
+    """Places in the window that the beams of points (k, 3) passed, and at which they ended on the plane."""
+    plane, window, sensor = sight
     if sensor is None:
-        near = points[np.abs(heights) <= plane.thickness]
-        return np.empty((0, 2)), _within((near - plane.origin) @ plane.axes[:2].T, window)
+        return np.empty((0, 2)), _within((points - plane.origin) @ plane.axes[:2].T, window)
+    normal = plane.axes[2]
     depth = float((plane.origin - sensor) @ normal)
-    # Beyond the plane as the sensor sees it, before it negative.
-    beyond = heights * np.sign(depth)
-    reached = np.flatnonzero(beyond >= -plane.thickness)
-    beams = points[reached] - sensor
+    beams = points - sensor
     toward = beams @ normal
     steep = np.abs(toward) >= LEAST_APPROACH * np.linalg.norm(beams, axis=1)
-    reached, beams, toward = reached[steep], beams[steep], toward[steep]
+    beams, toward = beams[steep], toward[steep]
     flat = (sensor - plane.origin + beams * (depth / toward)[:, None]) @ plane.axes[:2].T
-    through = beyond[reached] > CLEARLY * plane.thickness
-    on_plane = np.abs(heights[reached]) <= plane.thickness
-    return _within(flat[through], window), _within(flat[on_plane], window)
+    beyond = (toward - depth) * np.sign(depth)
+    # What stands out or back by more than noise, such as a frame, may be the region's or not.
+    on_plane = np.abs(beyond) <= plane.noise
+    return _within(flat[beyond > CLEARLY * plane.thickness], window), _within(flat[on_plane], window)
 
 
 def _within(flat: Array, window: tuple[Array, Array]) -> Array:
@@ -125,6 +177,14 @@ def _joined(inside: Array, neighbours: Array) -> Mask:
     return joined
 
 
+def _surrounded(inside: Array, outside: Array, rings: list[Array]) -> bool:
+    """Whether most of the outermost of the samples (n, 2) have one outside (m, 2) a gap away."""
+    rim = inside[_on_rim(inside, np.ones(len(inside), dtype=np.bool_), rings)]
+    reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
+    near = cKDTree(outside).query(rim, distance_upper_bound=reach)[0] <= reach
+    return bool(np.mean(near) >= LEAST_SURROUNDED)
+
+
 def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     """The samples next to one of the other kind or to the outline, not too many, and a few others."""
     places = np.concatenate([inside, outside])
@@ -136,7 +196,26 @@ def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     chosen = [_some(np.flatnonzero(edge), EDGE_SAMPLES), _some(np.flatnonzero(~edge), OTHER_SAMPLES)]
     # In no order: every so many of them are then as even as all.
     order = np.random.default_rng(0).permutation(np.concatenate(chosen))
-    return ScanSamples(places[order[is_inside[order]]], places[order[~is_inside[order]]])
+    return ScanSamples.of(places[order[is_inside[order]]], places[order[~is_inside[order]]])
+
+
+def enclosed(inside: Array, outside: Array) -> Mask:
+    """Whether each of the places (m, 2) outside a region is surrounded by those (n, 2) inside: in a hole, or a window.
+
+    Natural neighbours among those outside lead from it to none of the outermost places.
+    """
+    places, count = np.concatenate([inside, outside]), len(inside)
+    try:
+        mesh = Delaunay(places - places.mean(axis=0))
+    except QhullError:
+        return np.zeros(len(outside), dtype=np.bool_)
+    edges = mesh.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    first, second = edges[(edges >= count).all(axis=1)].T - count
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(len(outside), len(outside)))
+    parts = connected_components(graph, directed=False)[1]
+    rim = mesh.convex_hull[mesh.convex_hull >= count] - count
+    surrounded: Mask = ~np.isin(parts, parts[rim])
+    return surrounded
 
 
 def _some(items: NDArray[Kind], most: int) -> NDArray[Kind]:

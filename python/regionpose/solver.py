@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
 from regionpose.pixel_edges import straight_bearings
 from regionpose.pose import Pose
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 System = Literal["plane", "sphere"]

@@ -271,6 +271,20 @@ impl WorldRegion {
         Ok(Self { samples: Some(samples), ..self })
     }
 
+    /// The same region with samples also at places outside that it encloses: they count where its image has a hole.
+    ///
+    /// # Errors
+    /// What [`Samples::with_enclosed`] refuses, and a region without samples.
+    pub fn with_enclosed(self, enclosed: &[Vector3<f64>]) -> Result<Self> {
+        let samples = self.samples.ok_or_else(|| Error::OutOfRange {
+            item: "the region with enclosed samples",
+            found: "a region without others".into(),
+            needed: "samples inside and outside".into(),
+        })?;
+        let samples = samples.with_enclosed(&self.frame, enclosed)?;
+        Ok(Self { samples: Some(samples), ..self })
+    }
+
     /// What a sensor knows of places on the plane.
     pub fn samples(&self) -> Option<&Samples> {
         self.samples.as_ref()

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.regions import ImageRegion
+from regionpose.image_region import ImageRegion
 from regionpose.segmentation.masks import (
     mask_from_file,
     masks_from_file,

@@ -14,7 +14,8 @@ from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import draw_problem
 from regionpose.evaluation.templates import all_templates
-from regionpose.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points, robust_plane
+from regionpose.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points
+from regionpose.plane_fit import robust_plane
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -86,15 +87,14 @@ def test_lines_far_apart_extend_half_a_step_and_half_a_gap() -> None:
     assert overlap(rings, rectangle) > 0.9999
 
 
-def test_sides_meet_in_the_corner_beyond_the_last_line() -> None:
-    # A square on its tip, 1 m from tip to tip: no line passes through the tips, the sides point to them.
+def test_tips_beyond_the_last_line_are_cut_off() -> None:
+    # A square on its tip, 1 m from tip to tip: no line passes through the tips.
     points = grid(200, 14, (0.01, 0.075)) - [1.0, 0.525]
     points = points[np.abs(points).sum(axis=1) < 0.5]
     diamond = [np.array([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]])]
     rings = flat_outline(points)
-    assert overlap(rings, diamond) > 0.96
-    tip = max(rings[0], key=lambda vertex: vertex[1])
-    assert tip == pytest.approx([0.0, 0.5], abs=0.03)
+    assert overlap(rings, diamond) > 0.93
+    assert area(rings) == pytest.approx(0.5, rel=0.06)
 
 
 @settings(max_examples=15, deadline=None)
@@ -203,8 +203,8 @@ def test_correction_has_no_bias_over_where_the_rings_fall(distance: float) -> No
     assert np.ptp(biases) > 0.05
 
 
-def test_few_scan_lines_are_warned_of() -> None:
-    with pytest.warns(SparseSamplingWarning, match=r"4 scan lines, 0\.2 m apart.* known to 10 %"):
+def test_few_rows_of_samples_are_warned_of() -> None:
+    with pytest.warns(SparseSamplingWarning, match=r"about 4 rows of samples, 0\.2 m apart.* known to 10 %"):
         flat_outline(grid(100, 4, (0.01, 0.2)))
 
 
@@ -223,13 +223,12 @@ def test_many_samples_give_the_outline_of_their_even_part() -> None:
     door = (np.abs(samples[:, 0] - 1.5) < 0.4) & (np.abs(samples[:, 1] - 1.0) < 0.8)
     rings = flat_outline(samples[~door])
     assert len(rings) == 2
-    assert area(rings) == pytest.approx(6.0 - 1.28, rel=5e-3)
+    assert area(rings) == pytest.approx(6.0 - 1.28, rel=1e-2)
 
 
 @pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
 @pytest.mark.parametrize(("seed", "beams", "noise"), [(22, 16, 0.03), (66, 16, 0.03), (70, 16, 0.01), (75, 32, 0.0)])
-def test_lines_that_fan_out_unlike_beams_are_not_taken_for_scan_lines(seed: int, beams: int, noise: float) -> None:
-    # Few samples of narrow shapes fall into lines by chance, along which the outline would cross itself.
+def test_outlines_of_few_samples_never_cross_themselves(seed: int, beams: int, noise: float) -> None:
     setup = perspective_setup()
     problem = draw_problem(setup, Condition(planes=1, lidar_beams=beams, range_noise_m=noise), seed)
     (ring, *_) = problem.world_regions[0].rings
@@ -254,11 +253,10 @@ def test_single_scan_line_of_a_patch_shows_without_the_sensor() -> None:
         outline_of_points(points)
 
 
-def test_radius_grows_where_the_points_span_flat_triangles_alone() -> None:
+def test_points_that_span_flat_triangles_alone_have_their_hull() -> None:
     # Sides of 1.04 m and 2 m: the circle through the corners is wider than 1.5 of the gaps that join them.
     corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.3, 0.0]])
-    with pytest.warns(SparseSamplingWarning, match="3 points.*flat triangles alone"):
-        assert area(outline_of_points(corners).rings) == pytest.approx(0.3)
+    assert area(outline_of_points(corners).rings) == pytest.approx(0.3)
 
 
 def test_four_corners_are_their_own_outline() -> None:

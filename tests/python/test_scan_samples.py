@@ -70,29 +70,44 @@ def test_a_beam_that_ended_before_the_plane_says_nothing() -> None:
 
 
 def wall_scan() -> tuple[Array, NDArray[np.intp]]:
-    """A wall of 4 x 3 m in steps of 5 cm, of which the left half are the members."""
+    """A wall of 4 x 3 m in steps of 5 cm, of which 2 x 1.5 m in the middle are the members."""
     x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.05), np.arange(-1.5, 1.5, 0.05))
     points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
-    return points, np.flatnonzero(points[:, 0] < -0.01)
+    return points, np.flatnonzero(in_middle(points))
+
+
+def in_middle(places: Array) -> NDArray[np.bool_]:
+    middle: NDArray[np.bool_] = np.abs(places[:, :2] / [1.01, 0.76]).max(axis=1) < 1.0
+    return middle
 
 
 def test_returns_on_the_plane_are_outside_unless_the_region_extends() -> None:
     points, members = wall_scan()
     samples = rp.WorldRegion.from_scan(points, members).samples
     assert samples is not None
-    assert (samples[0][:, 0] < -0.01).all()
-    assert (samples[1][:, 0] > -0.01).all()
+    assert in_middle(samples[0]).all()
+    assert not in_middle(samples[1]).any()
     assert rp.WorldRegion.from_scan(points, members, extends=True).samples is None
+
+
+def test_without_the_scanner_an_outline_knows_more_than_neighbours_on_one_side() -> None:
+    points, members = wall_scan()
+    beside = in_middle(points) | (points[:, 0] > 0.5)
+    kept = points[beside]
+    region = rp.WorldRegion.from_scan(kept, np.flatnonzero(in_middle(kept)))
+    assert region.samples is None
+    assert region.area == pytest.approx(rp.WorldRegion.from_points(points[members]).area)
 
 
 def test_a_gap_ends_what_extends() -> None:
     points, members = wall_scan()
-    gap = (points[:, 0] > -0.01) & (points[:, 0] < 0.5)
-    apart, kept = points[~gap], np.flatnonzero(points[~gap, 0] < -0.01)
-    samples = rp.WorldRegion.from_scan(apart, kept, extends=True).samples
+    gap = (points[:, 0] > 1.01) & (points[:, 0] < 1.5)
+    apart = points[~gap & (np.abs(points[:, 1]) < 0.76)]
+    kept = np.flatnonzero(in_middle(apart))
+    samples = rp.WorldRegion.from_scan(apart, kept, sensor_origin=[0, 0, 0], extends=True).samples
     assert len(members) == len(kept)
     assert samples is not None
-    assert (samples[1][:, 0] >= 0.49).all()
+    assert (samples[1][:, 0] >= 1.49).all()
 
 
 def test_a_patch_alone_is_its_outline() -> None:
@@ -110,6 +125,26 @@ def test_many_samples_leave_those_at_the_edges() -> None:
     assert len(np.concatenate(samples)) <= 1000
     near = np.abs(np.concatenate(samples)[:, 0]) < 0.01
     assert near.sum() > 100
+
+
+def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
+    x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.05), np.arange(-1.5, 1.5, 0.05))
+    wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
+    window = (np.abs(wall[:, :2] / [0.31, 0.41]).max(axis=1) < 1.0) & in_middle(wall)
+    wall[window] *= 1.2
+    samples = rp.WorldRegion.from_scan(wall, np.flatnonzero(in_middle(wall) & ~window), sensor_origin=[0, 0, 0]).samples
+    camera = rp.PinholeCamera(800.0, 800.0, 500.0, 400.0)
+    outline = np.array([[-1.0, -0.75, 5.0], [1.0, -0.75, 5.0], [1.0, 0.75, 5.0], [-1.0, 0.75, 5.0]])
+    assert samples is not None
+    region = rp.WorldRegion.from_samples(*samples)
+    assert region.core.samples is not None
+    inside, outside, enclosed = region.core.samples
+    assert in_middle(enclosed).all() and not in_middle(outside).any()
+    assert len(enclosed) > 20 and len(samples[0]) == len(inside)
+    without = rp.WorldRegion.from_samples(inside, outside)
+    image = rp.ImageRegion.from_polygon(camera.project(outline))
+    poses = [rp.estimate_pose(camera, [image], [each]).pose for each in (region, without)]
+    np.testing.assert_allclose(poses[0].translation, poses[1].translation, atol=1e-5)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:

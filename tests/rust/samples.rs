@@ -258,6 +258,24 @@ fn samples_make_up_for_a_wrong_outline() {
 }
 
 /// Three regions with four times as many samples: what stays possible falls with their number, not with its root.
+/// What a drawn outline without holes encloses is not compared, so that windows, which a scan looks through, change nothing.
+#[test]
+fn windows_count_where_the_image_has_a_hole() {
+    let mut random = Random::new(9);
+    let scene = Scene::random(&mut random, layout(2));
+    let worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
+    let windowed: Vec<_> = worlds.iter().map(|world| world.clone().with_enclosed(&inner(world)).unwrap()).collect();
+    let [plain, other] = [&worlds, &windowed].map(|worlds| estimated(&scene, worlds, Prior::default()).best.pose);
+    assert_eq!(plain.translation, other.translation);
+    assert_eq!(windowed[0].samples().unwrap().enclosed().len(), 5);
+    assert!(scene.worlds[0].clone().with_enclosed(&[]).unwrap_err().to_string().contains("a region without others"));
+}
+
+/// Some places inside a region with samples.
+fn inner(world: &WorldRegion) -> Vec<Vector3<f64>> {
+    world.samples().unwrap().inside().iter().take(5).map(|p| world.frame().lifted(p)).collect()
+}
+
 #[test]
 fn the_uncertainty_falls_with_the_number_of_samples() {
     let deviations = |gap: f64| {

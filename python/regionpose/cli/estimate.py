@@ -87,6 +87,8 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     )
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
+    typer.echo("3D regions known by")
+    say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)
@@ -103,6 +105,12 @@ def _errors(region: dict[str, Any]) -> str:
         return after
     before = region["overlap_error_before"]
     return f"{after}, before: " + ("unknown" if before is None else f"{100.0 * before:.2f} %")
+
+
+def _known_by(region: dict[str, Any]) -> str:
+    """What a region's 3D side is known by, and how its samples fit."""
+    share = region["samples_on_their_side"]
+    return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
 
 
 def _say_known(result: dict[str, Any]) -> None:

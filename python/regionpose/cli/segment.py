@@ -157,17 +157,24 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
         observed, world = sides.image_regions[index], sides.world_sides[index]
         if observed.mask is not None:
             picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
-            region["image"] = {"mask": _mask_name(index, region["name"])}
+            region["image"] = _kept(region["image"], "unknown", "unknown_label")
+            region["image"]["mask"] = _mask_name(index, region["name"])
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
         if world.indices is not None:
-            region["world"] = {"points": _points_name(index, region["name"])}
+            region["world"] = _kept(region["world"], "seen_from", "radius", "extends")
+            region["world"]["points"] = _points_name(index, region["name"])
             writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
     text = yaml.safe_dump(held, sort_keys=False, allow_unicode=True, default_flow_style=None)
     writers[SCENE_FILE] = text_writer(text)
     return writers
 
 
-FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "points", "mesh"}
+def _kept(side: dict[str, Any], *keys: str) -> dict[str, Any]:
+    """Those keys of a region's side that hold however it was found."""
+    return {key: side[key] for key in keys if key in side}
+
+
+FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "unknown", "points", "mesh"}
 """Keys of a scene file under which text is a path."""
 
 
@@ -206,4 +213,4 @@ NAMES = (_mask_name, _points_name)
 
 def _size(region: dict[str, Any]) -> str:
     points = "" if region["cloud_points"] is None else f", {region['cloud_points']} points"
-    return f"{region['image_area_px']:.0f} px, {region['world_area_m2']:.3f} m2{points}"
+    return f"{region['image_area_px']:.0f} px, {region['world_area_m2']:.3f} m2{points}, {region['known_by']}"

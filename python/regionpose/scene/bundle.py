@@ -100,23 +100,36 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     if run.local_initial is not None:
         before = overlay_of(run, run.local_initial, run.errors_before)
         made[BEFORE] = Figure(before, "Before: the 3D regions (orange) projected with the scene's initial pose.")
-    after = overlay_of(run, run.local_pose, run.estimate.region_overlap_errors)
+    shares = [float("nan") if fit is None else fit.share for fit in run.sample_fits]
+    after = overlay_of(run, run.local_pose, run.estimate.region_overlap_errors, shares)
     word = "After: each" if made else "Each"
     caption = f"{word} region's outline in the image (blue) and its 3D region projected with the pose (orange)."
-    made[OVERLAY] = Figure(after, f"{caption} Beside the names: the overlap error.")
+    caption += " Beside the names: the overlap error."
+    if np.isfinite(shares).any():
+        caption += (
+            " Of regions known by samples: the share of these on their side of the outline; dots are the others, orange"
+            " ones belong within, white ones beyond."
+        )
+    made[OVERLAY] = Figure(after, caption)
     if sides.cloud is not None:
         depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
     return made
 
 
-def overlay_of(run: SceneEstimate, pose: Pose, errors: Sequence[float] | NDArray[np.float64]) -> Colours:
-    """The image with both sides of each region at a pose, and their overlap errors."""
+def overlay_of(
+    run: SceneEstimate,
+    pose: Pose,
+    errors: Sequence[float] | NDArray[np.float64],
+    shares: Sequence[float] = (),
+) -> Colours:
+    """The image with both sides of each region at a pose, and their overlap errors, or shares of samples instead."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
+    shown = np.where(np.isfinite(shares), shares, errors) if len(shares) else np.asarray(errors)
     labels = [
-        f"{name}  {100.0 * error:.1f} %" if np.isfinite(error) else name
-        for name, error in zip(sides.names, errors, strict=True)
+        f"{name}  {100.0 * value:.1f} %" if np.isfinite(value) else name
+        for name, value in zip(sides.names, shown, strict=True)
     ]
     return overlay_regions(sides.image, sides.camera, pose, sides.image_regions, regions, labels)
 

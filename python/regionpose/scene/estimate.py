@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
+from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion
+from regionpose.sample_fit import SampleFit, sample_fit
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import (
@@ -27,7 +28,7 @@ from regionpose.scene.sensors import (
     scene_image,
     sensor_origin,
 )
-from regionpose.scene.sides import WorldSide, image_side, scene_origin, world_side
+from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
 
 Array = NDArray[np.float64]
@@ -98,6 +99,13 @@ class SceneEstimate:
         return None if given is None else _moved(given, -self.sides.origin)
 
     @property
+    def sample_fits(self) -> tuple[SampleFit | None, ...]:
+        """On which sides of its contour each region's samples are seen at the estimate; None where it has none."""
+        sides = self.sides
+        pairs = zip(sides.image_regions, sides.world_sides, strict=True)
+        return tuple(sample_fit(sides.camera, self.local_pose, image, world.region) for image, world in pairs)
+
+    @property
     def errors_before(self) -> Array:
         """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
         pose = self.local_initial
@@ -116,7 +124,8 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
     with stages.stage("image regions"):
         image_regions = tuple(image_side(scene, index, image) for index in range(count))
     with stages.stage("world regions"):
-        world_sides = tuple(world_side(scene, index, cloud, origin, scanner) for index in range(count))
+        scan = Scan.of(cloud, origin, scanner)
+        world_sides = tuple(world_side(scene, index, scan) for index in range(count))
     return SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
 
 

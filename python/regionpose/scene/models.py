@@ -254,6 +254,16 @@ class _WorldItem(Item):
     ] = None
 
 
+Radius = Annotated[
+    Positive | None,
+    Field(description="metres: the region is the outline of its points by an alpha shape of this radius, not samples"),
+]
+Extends = Annotated[
+    bool,
+    Field(description="points on its plane that join it without a gap may be the region's, too, and say nothing"),
+]
+
+
 class WorldSeed(_WorldItem):
     """A point on the region's plane, which is grown from there in the cloud."""
 
@@ -265,9 +275,8 @@ class WorldSeed(_WorldItem):
     min_width: Positive | None = Field(
         None, description="metres; parts of the patch narrower than this, such as posts in its plane, are left out"
     )
-    radius: Positive | None = Field(
-        None, description="metres, of the outline's alpha shape; chosen from the spacing when left out"
-    )
+    radius: Radius = None
+    extends: Extends = False
 
 
 Indices = Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3)]
@@ -281,7 +290,8 @@ class WorldPoints(_WorldItem):
         _choice(lambda value: {str: "<file>", list: "<indices>"}.get(type(value)), "a file or a list of indices"),
     ]
     label: int | None = Field(None, description="which label, where the file holds one for each point of the cloud")
-    radius: Positive | None = Field(None, description="metres, of the outline's alpha shape")
+    radius: Radius = None
+    extends: Extends = False
 
 
 class WorldPolygonSide(_WorldItem):

@@ -16,6 +16,7 @@ from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, SceneSides
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
+from regionpose.scene.sides import WorldSide
 
 FORMAT = "regionpose result 1"
 
@@ -98,17 +99,20 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
-    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, and its sizes."""
-    errors, before = run.estimate.region_overlap_errors, run.errors_before
+    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the share of its
+    samples that are seen on their side of its contour, and its sizes.
+    """
+    errors, before, fits = run.estimate.region_overlap_errors, run.errors_before, run.sample_fits
     given = run.local_initial is not None
     return [
         {
             "name": size.pop("name"),
             "overlap_error": float(error),
             **({"overlap_error_before": float(first)} if given else {}),
+            "samples_on_their_side": None if fit is None else fit.share,
             **size,
         }
-        for size, error, first in zip(region_sizes(run.sides), errors, before, strict=True)
+        for size, error, first, fit in zip(region_sizes(run.sides), errors, before, fits, strict=True)
     ]
 
 
@@ -177,16 +181,25 @@ def versions() -> dict[str, str]:
 
 
 def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
-    """Each region's name, areas (pixels, square metres) and cloud points."""
+    """Each region's name, areas (pixels, square metres) and cloud points, and what its 3D side is known by."""
     return [
         {
             "name": name,
             "image_area_px": observed.area,
             "world_area_m2": world.region.area,
             "cloud_points": None if world.indices is None else len(world.indices),
+            "known_by": known_by(world),
         }
         for name, observed, world in zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
     ]
+
+
+def known_by(side: WorldSide) -> str:
+    """How many samples tell where a region ends; or that its outline does, and why."""
+    samples = side.region.samples
+    if samples is None:
+        return f"outline: {side.outline_because}"
+    return f"samples: {len(samples[0])} inside, {len(samples[1])} outside"
 
 
 def plain(value: Any) -> Any:

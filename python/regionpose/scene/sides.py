@@ -6,17 +6,20 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.image_region import ImageRegion
 from regionpose.outline import SparseSamplingWarning
-from regionpose.regions import ImageRegion, WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, SensorOrigin, named
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -27,10 +30,25 @@ FAR = 10_000.0
 ORIGIN_STEP = 100.0
 """A local origin is a multiple of this (metres), so that taking it off rounds nothing."""
 
+SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
+"""Distance over their largest coordinate up to which two points are one: four roundings to the numbers of a file."""
 
 SEED_NEIGHBOURS = 9
 """Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
 it."""
+
+
+class Scan(NamedTuple):
+    """What the world sides are cut from: the cloud, about `origin` (3,), and where its scanner stood about the same."""
+
+    cloud: Cloud | None
+    origin: Array
+    scanner: Array | None
+
+    @classmethod
+    def of(cls, cloud: Cloud | None, origin: Array, scanner: SensorOrigin | None) -> Scan:
+        """The scan of a cloud whose scanner is given in the scene's world."""
+        return cls(cloud, origin, None if scanner is None else scanner.place - origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +56,13 @@ class WorldSide:
     """A region's world side and the cloud points it was made from.
 
     `region` is about the scene's local origin. `indices`: into the cloud, None where the region is not made of its
-    points. `remarks`: what its outline was warned of.
+    points. `outline_because`: why the region is an outline, None where its scan's samples are known. `remarks`: what
+    its outline was warned of.
     """
 
     region: WorldRegion
     indices: Indices | None = None
+    outline_because: str | None = None
     remarks: tuple[str, ...] = ()
 
 
@@ -69,12 +89,11 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
     return named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
 
 
-def world_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array, scanner: SensorOrigin | None) -> WorldSide:
-    """The world side of region `index` about `origin`; SceneError that names its line when it gives no region."""
-    place = None if scanner is None else scanner.place - origin
+def world_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
+    """The world side of region `index` about the origin; SceneError that names its line when it gives no region."""
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always", SparseSamplingWarning)
-        side = _sided(scene, index, _unremarked_side(scene, index, cloud, origin, place), origin)
+        side = _sided(scene, index, _unremarked_side(scene, index, scan), scan.origin)
     return replace(side, remarks=tuple(str(warning.message) for warning in raised))
 
 
@@ -91,16 +110,16 @@ def _sided(scene: Scene, index: int, side: WorldSide, origin: Array) -> WorldSid
     )
 
 
-def _unremarked_side(scene: Scene, index: int, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
+def _unremarked_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
     item = scene.model.regions[index].world
     place: Place = ("regions", index, "world")
     if isinstance(item, WorldPolygonSide):
-        return named(scene, (*place, "polygon"), lambda: WorldSide(_polygon(item, origin)))
+        return named(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
     if isinstance(item, WorldMesh):
-        return named(scene, (*place, "mesh"), lambda: WorldSide(_mesh(scene.file(item.mesh), origin)))
+        return named(scene, (*place, "mesh"), lambda: _mesh(scene.file(item.mesh), scan.origin))
     if isinstance(item, WorldSeed):
-        return named(scene, (*place, "seed"), lambda: _grown_plane(item, cloud, origin, scanner))
-    return named(scene, (*place, "points"), lambda: _points(scene, item, cloud, origin, scanner))
+        return named(scene, (*place, "seed"), lambda: _grown_plane(item, scan))
+    return named(scene, (*place, "points"), lambda: _points(scene, item, scan))
 
 
 def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
@@ -131,38 +150,51 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     )
 
 
-def _polygon(item: WorldPolygonSide, origin: Array) -> WorldRegion:
+def _polygon(item: WorldPolygonSide, origin: Array) -> WorldSide:
     nested = isinstance(item.polygon[0][0], list)
     rings = item.polygon if nested else [item.polygon]
-    return WorldRegion.from_polygon([np.asarray(ring, dtype=np.float64) - origin for ring in rings])
+    region = WorldRegion.from_polygon([np.asarray(ring, dtype=np.float64) - origin for ring in rings])
+    return WorldSide(region, outline_because="it is given as a polygon")
 
 
-def _mesh(path: Path, origin: Array) -> WorldRegion:
+def _mesh(path: Path, origin: Array) -> WorldSide:
     cloud = read_cloud(path)
     if cloud.triangles is None:
         raise ValueError(f"{path}: found points without triangles; needed a mesh")
-    return WorldRegion.from_mesh(
-        SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles)
-    )
+    surface = SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles)
+    return WorldSide(WorldRegion.from_mesh(surface), outline_because="it is given as a mesh")
 
 
-def _grown_plane(item: WorldSeed, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
+def _grown_plane(item: WorldSeed, scan: Scan) -> WorldSide:
     from regionpose.segmentation.cloud import grow_plane
 
-    if cloud is None:
+    if scan.cloud is None:
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
-    seed = np.asarray(item.seed) - origin
+    points, seed = scan.cloud.points, np.asarray(item.seed) - scan.origin
     if item.intensity_tolerance is None:
-        indices = grow_plane(cloud.points, seed, min_width=item.min_width)
+        indices = grow_plane(points, seed, min_width=item.min_width)
     else:
-        alike = _alike(cloud, seed, item.intensity_tolerance)
-        indices = alike[grow_plane(cloud.points[alike], seed, min_width=item.min_width)]
-    return WorldSide(_outlined(cloud.points[indices], item, scanner), indices)
+        alike = _alike(scan.cloud, seed, item.intensity_tolerance)
+        indices = alike[grow_plane(points[alike], seed, min_width=item.min_width)]
+    return _scanned(points, indices, item, scan)
 
 
-def _outlined(points: Array, item: WorldSeed | WorldPoints, scanner: Array | None) -> WorldRegion:
-    """The region of points (n, 3), scanned from `scanner` (3,) where that is known, both about the local origin."""
-    return WorldRegion.from_points(points, radius=item.radius, sensor_origin=scanner)
+def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, scan: Scan) -> WorldSide:
+    """The side of the returns `indices` of a scan's points (n, 3): its samples, or the outline and why."""
+    if item.radius is not None:
+        return replace(_outlined(points[indices], item, scan, "its radius is given"), indices=indices)
+    region = WorldRegion.from_scan(points, indices, sensor_origin=scan.scanner, extends=item.extends)
+    if region.samples is not None:
+        return WorldSide(region, indices)
+    if scan.scanner is None:
+        return WorldSide(region, indices, "sensor_origin isn't known, and no points on its plane surround it")
+    return WorldSide(region, indices, "no beam passed its plane beside it")
+
+
+def _outlined(points: Array, item: WorldSeed | WorldPoints, scan: Scan, because: str) -> WorldSide:
+    """The side of points (n, 3) by their outline."""
+    region = WorldRegion.from_points(points, radius=item.radius, sensor_origin=scan.scanner)
+    return WorldSide(region, outline_because=because)
 
 
 def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
@@ -177,17 +209,39 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
     return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
 
 
-def _points(scene: Scene, item: WorldPoints, cloud: Cloud | None, origin: Array, scanner: Array | None) -> WorldSide:
+def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     if isinstance(item.points, list):
-        return _indexed(np.asarray(item.points), item, cloud, scanner)
+        return _indexed(np.asarray(item.points), item, scan)
     path = scene.file(item.points)
     if path.suffix.lower() not in {".npy", ".npz"}:
         other = read_cloud(path)
-        return WorldSide(_outlined(other.points + (other.origin - origin), item, scanner))
+        return _placed(other.points + (other.origin - scan.origin), item, scan)
     values = _array(path)
     if values.ndim == 2:
-        return WorldSide(_outlined(values.astype(np.float64) - origin, item, scanner))
-    return _indexed(_chosen(path, values, item, cloud), item, cloud, scanner)
+        return _placed(values.astype(np.float64) - scan.origin, item, scan)
+    return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
+
+
+def _placed(points: Array, item: WorldPoints, scan: Scan) -> WorldSide:
+    """The side of points (n, 3) about the origin, which may be some of the cloud's."""
+    indices = None if scan.cloud is None else _found_in(scan.cloud.points, points)
+    if scan.cloud is None or indices is None:
+        return _outlined(points, item, scan, "its points aren't the cloud's")
+    return _scanned(scan.cloud.points, indices, item, scan)
+
+
+def _found_in(cloud: Array, points: Array) -> Indices | None:
+    """Indices, ascending, of the points (n, 3) in a cloud (m, 3); None where one isn't there."""
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all() or not len(points):
+        return None
+    low, high = points.min(axis=0), points.max(axis=0)
+    same = SAME_PLACE * float(np.abs([low, high]).max())
+    around = np.flatnonzero(((cloud >= low - same) & (cloud <= high + same)).all(axis=1))
+    if not len(around):
+        return None
+    distances, nearest = cKDTree(cloud[around]).query(points)
+    found: Indices = np.unique(around[nearest])
+    return found if float(np.max(distances)) <= same else None
 
 
 def _array(path: Path) -> NDArray[np.generic]:
@@ -218,7 +272,8 @@ def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: C
     return chosen
 
 
-def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None, scanner: Array | None) -> WorldSide:
+def _indexed(indices: Indices, item: WorldPoints, scan: Scan) -> WorldSide:
+    cloud = scan.cloud
     if cloud is None:
         raise ValueError("found indices without a cloud; needed the key cloud in the scene")
     if cloud.dropped:
@@ -228,4 +283,4 @@ def _indexed(indices: Indices, item: WorldPoints, cloud: Cloud | None, scanner: 
     if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
         found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
         raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
-    return WorldSide(_outlined(cloud.points[indices], item, scanner), indices)
+    return _scanned(cloud.points, indices, item, scan)

@@ -57,7 +57,7 @@ def verdict(run: SceneEstimate) -> Verdict:
     remarks = tuple(
         (with_names(warning.message, run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
     )
-    fit = f"The projected regions differ from the observed ones by {100.0 * estimate.overlap_error:.2f} % of their area"
+    fit = _fit(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma))
     sigma = f"{turn:.3f} deg and {shift:.1f} mm"
     if not codes:
@@ -65,6 +65,17 @@ def verdict(run: SceneEstimate) -> Verdict:
     if codes & DOUBTS:
         return Verdict(DOUBTFUL, f"{fit}, but this may not be the true pose.", remarks)
     return Verdict(CHECK, f"{fit}; the pose is known to about {sigma} (1 sigma). Check what is said below.", remarks)
+
+
+def _fit(run: SceneEstimate) -> str:
+    """How the projected regions fit the observed ones: by their samples where all have such, else by their areas."""
+    fits = [fit for fit in run.sample_fits if fit is not None]
+    told = sum(fit.count for fit in fits)
+    if len(fits) < len(run.sides.names) or not told:
+        share = 100.0 * run.estimate.overlap_error
+        return f"The projected regions differ from the observed ones by {share:.2f} % of their area"
+    wrong = sum(len(fit.beyond) + len(fit.within) for fit in fits)
+    return f"Of the scan's samples {100.0 * (1.0 - wrong / told):.1f} % lie on their side of the observed outlines"
 
 
 def with_names(message: str, names: tuple[str, ...]) -> str:

@@ -21,7 +21,7 @@ from shapely.geometry.polygon import orient
 from skimage.draw import polygon2mask
 
 from regionpose import _core
-from regionpose.regions import ImageRegion
+from regionpose.image_region import ImageRegion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

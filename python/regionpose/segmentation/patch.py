@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from regionpose.outline import bridging_radius, robust_plane
+from regionpose.outline import ROUNDING, bridging_radius
+from regionpose.plane_fit import robust_plane
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -57,9 +58,6 @@ LEAST_DISTANCE_SHARE = 0.02
 
 SPACING_POINTS = 384
 """Members nearest to the seed from which the gap between scan lines is taken; it holds for the surroundings alone."""
-
-ROUNDING = 64.0
-"""Rounding errors of a coordinate that a distance from a plane may hold."""
 
 CELL_DISTANCES = 2.0
 """Least cell size in those distances: in narrower cells noise turns the normal."""

@@ -11,7 +11,7 @@ use regionpose::region::{self, Pixels, PlaneFrame};
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
 use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};
 
-type SampleArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+type SampleArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// A region as the camera sees it: rings of bearings, and its area in pixels.
 #[pyclass(frozen, module = "regionpose._core")]
@@ -93,18 +93,28 @@ impl WorldRegion {
         self.0.clone().seen_from(viewpoint).map(Self).map_err(value_error)
     }
 
-    /// The same region with places (n, 3) inside and (m, 3) outside of it.
-    fn with_samples(&self, py: Python<'_>, inside: &Bound<'_, PyAny>, outside: &Bound<'_, PyAny>) -> PyResult<Self> {
+    /// The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses.
+    fn with_samples(
+        &self,
+        py: Python<'_>,
+        inside: &Bound<'_, PyAny>,
+        outside: &Bound<'_, PyAny>,
+        enclosed: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
         let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
-        py.detach(|| self.0.clone().with_samples(&inside, &outside)).map(Self).map_err(value_error)
+        let enclosed = points::<3>("enclosed", enclosed)?;
+        let sampled = || self.0.clone().with_samples(&inside, &outside)?.with_enclosed(&enclosed);
+        py.detach(sampled).map(Self).map_err(value_error)
     }
 
-    /// Places (n, 3) inside and (m, 3) outside of the region, or None.
+    /// Places (n, 3) inside, (m, 3) outside of the region, and (k, 3) outside that it encloses, or None.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Option<SampleArrays<'py>>> {
         let frame = self.0.frame();
         let lifted = |flat: &[Vector2<f64>]| array(py, &flat.iter().map(|p| frame.lifted(p)).collect::<Vec<_>>());
-        let arrays = |samples: &Samples| Ok((lifted(samples.inside())?, lifted(samples.outside())?));
+        let arrays = |samples: &Samples| {
+            Ok((lifted(samples.inside())?, lifted(samples.outside())?, lifted(samples.enclosed())?))
+        };
         self.0.samples().map(arrays).transpose()
     }
 

@@ -68,6 +68,11 @@ impl PlaneRings {
         &self.rings
     }
 
+    /// Whether a ring bounds a hole.
+    pub fn has_holes(&self) -> bool {
+        self.rings.iter().any(|ring| signed_area(ring) < 0.0)
+    }
+
     /// Area of the region (outer rings minus holes), in the rings' unit squared; always positive.
     pub fn area(&self) -> f64 {
         self.rings.iter().map(|ring| signed_area(ring)).sum()

@@ -16,6 +16,7 @@ const OFF_PLANE: f64 = 0.1;
 pub struct Samples {
     inside: Vec<Vector2<f64>>,
     outside: Vec<Vector2<f64>>,
+    enclosed: Vec<Vector2<f64>>,
 }
 
 impl Samples {
@@ -38,7 +39,18 @@ impl Samples {
         check_near(frame, "an inside sample", inside, allowed)?;
         check_near(frame, "an outside sample", outside, allowed)?;
         let flat = |points: &[Vector3<f64>]| points.iter().map(|point| frame.flat(point)).collect();
-        Ok(Self { inside: flat(inside), outside: flat(outside) })
+        Ok(Self { inside: flat(inside), outside: flat(outside), enclosed: Vec::new() })
+    }
+
+    /// The same with places outside that the region encloses, on the plane of its frame.
+    ///
+    /// # Errors
+    /// As of [`Samples::new`].
+    pub fn with_enclosed(self, frame: &PlaneFrame, enclosed: &[Vector3<f64>]) -> Result<Self> {
+        check_finite("outside sample", enclosed)?;
+        let inside: Vec<_> = self.inside.iter().map(|p| frame.lifted(p)).collect();
+        check_near(frame, "an outside sample", enclosed, OFF_PLANE * extent(&inside))?;
+        Ok(Self { enclosed: enclosed.iter().map(|point| frame.flat(point)).collect(), ..self })
     }
 
     /// Places inside the region, plane coordinates.
@@ -49,6 +61,12 @@ impl Samples {
     /// Places outside of it, plane coordinates.
     pub fn outside(&self) -> &[Vector2<f64>] {
         &self.outside
+    }
+
+    /// Places outside of it that it encloses, plane coordinates: in its holes, or in windows and the like, which an image may not
+    /// tell from the region.
+    pub fn enclosed(&self) -> &[Vector2<f64>] {
+        &self.enclosed
     }
 }
 

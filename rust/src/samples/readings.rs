@@ -44,6 +44,9 @@ impl SampledRegion {
         let samples = world.samples()?;
         let lifted = |inside: bool| move |p| (world.frame().lifted(p) - origin, inside);
         let inside = samples.inside().iter().map(lifted(true));
+        // What a contour without holes encloses is not compared: a drawn wall holds its windows, a scan looks through them.
+        let enclosed = if region.outline().has_holes() { samples.enclosed() } else { &[] };
+        let outside = samples.outside().iter().chain(enclosed).map(lifted(false));
         let scale = region.chart().scale;
         let unscaled: Vec<Vec<_>> =
             region.outline().rings().iter().map(|ring| ring.iter().map(|p| p / scale).collect()).collect();
@@ -53,7 +56,7 @@ impl SampledRegion {
             contour: SignedField::new(&unscaled, region.foreign_edges()),
             pixels: region.pixel_area().sqrt() * scale,
             size: region.pixel_area().sqrt(),
-            samples: inside.chain(samples.outside().iter().map(lifted(false))).collect(),
+            samples: inside.chain(outside).collect(),
         })
     }
 

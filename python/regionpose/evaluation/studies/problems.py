@@ -30,10 +30,11 @@ from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
+from regionpose.image_region import ImageRegion
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
 from regionpose.prior import Prior
-from regionpose.regions import ImageRegion, WorldRegion
+from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 

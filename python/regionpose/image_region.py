@@ -1,0 +1,205 @@
+"""A region of the image: its contour, and which of its edges are its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
+from regionpose.mask import MaskWindow, traced_mask
+from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
+from regionpose.ring_arrays import ring_list, signed_area
+
+Array = NDArray[np.float64]
+Marks = NDArray[np.bool_]
+
+ON_BORDER_PX = 1e-6
+"""The contour of a mask that the border cuts runs along it, but for rounding."""
+
+POLYGON_ON_BORDER_PX = 0.5
+"""A polygon's edge within this distance (pixels) of the border was drawn along it: on the outermost centres, or half a
+pixel outside of them."""
+
+ALONG_BORDER = 0.5
+"""Slope of an edge against the border up to which it runs along it; short ones that cross the border are steeper."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRegion:
+    """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
+
+    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
+    the first.
+    `mask`: the coverage that the rings were traced from, in its window of the image; None for a polygon.
+    `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
+    outermost centres; None stands for the camera's.
+    `hidden`: for each ring (n, 2), whether the edges that start at its vertices are hidden, (n,): edges of what stands
+    before the region, or that nobody saw; None where none is.
+
+    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
+    compared cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then
+    that of the other edges alone (docs/math.md, section 14).
+    """
+
+    rings: tuple[Array, ...]
+    mask: MaskWindow | None = None
+    border: Border | None = None
+    hidden: tuple[Marks, ...] | None = None
+
+    @classmethod
+    def from_polygon(
+        cls,
+        rings: ArrayLike | Sequence[ArrayLike],
+        *,
+        hidden_edges: Sequence[int] | Sequence[Sequence[int]] = (),
+    ) -> ImageRegion:
+        """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
+
+        One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
+        unless the region goes on beyond that side: it is then taken at its word. `hidden_edges`: indices of edges that
+        are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its vertex i to the
+        next. Of several rings, a list of such lists. ValueError for a ring with fewer than 3 vertices, values that are
+        not finite, crossing edges, no area, a hole that is not inside the first ring, or an edge that isn't there.
+        """
+        given = ring_list(rings, 2)
+        checked = tuple(_core.plane_rings(given, polygon=True))
+        return cls(checked, hidden=marked_edges(given, checked, hidden_edges))
+
+    @classmethod
+    def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
+        """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
+
+        The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
+        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
+        is cut there by the border of the image, half a pixel outside the outermost centres. `unknown` (h, w), bool or
+        numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask says, such as
+        an occluder's; the contour beside them is hidden. ValueError for another shape or type, a mask that is empty or
+        wholly unknown, or values outside [0, 1].
+        """
+        if unknown is None:
+            (rings, window), hidden = traced_mask(mask), None
+        else:
+            rings, window, hidden = traced_beside(mask, unknown)
+        height, width = window.shape
+        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+
+    @cached_property
+    def area(self) -> float:
+        """Area in pixels."""
+        return float(sum(signed_area(ring) for ring in self.rings))
+
+    @cached_property
+    def _bounds(self) -> Border:
+        """Left, top, right and bottom of the vertices, pixels."""
+        vertices = self.rings[0] if len(self.rings) == 1 else np.concatenate(self.rings)
+        left, top = np.minimum.reduce(vertices).tolist()
+        right, bottom = np.maximum.reduce(vertices).tolist()
+        return left, top, right, bottom
+
+    def bearings(self, camera: Camera) -> list[Array]:
+        """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
+
+        Edges drawn along the border are moved onto it. ValueError where the camera sees no ray at a vertex.
+        """
+        return [ring_bearings(camera, ring, index) for index, ring in enumerate(self.rings_on_border(camera))]
+
+    def rings_on_border(self, camera: Camera) -> Sequence[Array]:
+        """The rings (n, 2), edges drawn along the border of the image moved onto it."""
+        if self._is_clear_of(self._border(camera)):
+            return self.rings
+        return [self._on_sides(camera, ring)[0] for ring in self.rings]
+
+    def on_border(self, camera: Camera) -> list[Marks]:
+        """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""
+        return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
+
+    def foreign_edges(self, camera: Camera) -> list[Marks]:
+        """For each ring (n, 2), whether the edges that start at its vertices are not the region's own, (n,): they lie
+        on the border of the image, or are hidden.
+        """
+        on_border = self.on_border(camera)
+        return on_border if self.hidden is None else [a | b for a, b in zip(on_border, self.hidden, strict=True)]
+
+    def hidden_bearings(self, camera: Camera) -> list[Array]:
+        """The hidden edges as lines of bearings (m, 3), each as far as they go on; ValueError where the camera sees no
+        ray.
+        """
+        if self.hidden is None:
+            return []
+        rings = zip(self.rings_on_border(camera), self.hidden, strict=True)
+        lines = [line for ring, marks in rings for line in marked_lines(ring, marks)]
+        return [line_bearings(camera, line, "a hidden edge") for line in lines]
+
+    def border_bearings(self, camera: Camera) -> list[Array]:
+        """The sides of the border along which the region is cut, as lines of bearings (m, 3).
+
+        Sides that meet in a corner are one line, in the order of a counter-clockwise ring in (x, y). A line goes on
+        beside the region, by the size of the region, as far as the camera sees rays; around the whole image it ends in
+        its first bearing.
+        """
+        border = self._border(camera)
+        if border is None or self._is_clear_of(border):
+            return []
+        sides = np.any([self._on_sides(camera, ring)[1].any(axis=1) for ring in self.rings], axis=0)
+        if not sides.any():
+            return []
+        lines = border_lines(border, np.concatenate(self.rings), [bool(side) for side in sides])
+        return [line_bearings(camera, part, "the image border") for line in lines for part in seen_part(camera, line)]
+
+    def _border(self, camera: Camera) -> Border | None:
+        if self.border is not None or camera.width is None or camera.height is None:
+            return self.border
+        return (-0.5, -0.5, camera.width - 0.5, camera.height - 0.5)
+
+    @property
+    def _within(self) -> float:
+        """Distance from the border, pixels, up to which an edge may lie along it."""
+        return POLYGON_ON_BORDER_PX if self.border is None else ON_BORDER_PX
+
+    def _is_clear_of(self, border: Border | None) -> bool:
+        """Whether all vertices are too far inside the border for an edge to lie along it."""
+        if border is None or not self.rings:
+            return True
+        (left, top, right, bottom), within = self._bounds, self._within
+        return min(left - border[0], top - border[1], border[2] - right, border[3] - bottom) > within
+
+    def _on_sides(self, camera: Camera, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The ring with edges along the border moved onto it, and whether each edge lies on each side, (4, n)."""
+        border, within = self._border(camera), self._within
+        on_side = np.zeros((4, len(ring)), dtype=np.bool_)
+        if border is None or self._is_clear_of(border):
+            return ring, on_side
+        moved = ring.copy()
+        step = np.abs(np.roll(ring, -1, axis=0) - ring)
+        for index, (axis, place, outward) in enumerate(sides_of(border)):
+            if max(float((outward * (other[:, axis] - place)).max()) for other in self.rings) > within:
+                continue
+            near = np.abs(ring[:, axis] - place) <= within
+            on_side[index] = near & np.roll(near, -1) & (step[:, axis] <= ALONG_BORDER * step[:, 1 - axis])
+            beyond = outward * (ring[:, axis] - place) > 0.0
+            if on_side[index].any():
+                moved[on_side[index] | np.roll(on_side[index], 1) | beyond, axis] = place
+        return moved, on_side
+
+    def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
+        """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
+
+        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbours tile the
+        sphere. ValueError without a mask, or where the camera sees no ray.
+        """
+        if self.mask is None:
+            raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
+        centres, coverage = self.mask.covered_pixels()
+        offsets = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        corners = np.concatenate([camera.bearings(centres + offset) for offset in offsets])
+        bearings = camera.bearings(centres)
+        if not (np.isfinite(bearings).all() and np.isfinite(corners).all()):
+            raise ValueError("the mask holds pixels along which the camera's model sees no ray")
+        solid_angles = _core.quad_solid_angles(corners.reshape(4, -1, 3).transpose(1, 0, 2).reshape(-1, 3))
+        return bearings, solid_angles * coverage

@@ -1,0 +1,101 @@
+"""Lines, dots, panels and texts on a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+Box = tuple[int, int, int, int]
+"""Left, top, right, bottom in pixels; the last two are excluded."""
+
+Text = tuple[tuple[int, int], str, Colour]
+Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+
+CASING: Colour = (16, 16, 20)
+PANEL_OPACITY = 0.72
+
+TEXT_SHARE, SMALLEST_TEXT = 1 / 75, 13
+"""Height of a letter over the image's diagonal, and in pixels at the least: what is smaller can't be read."""
+
+SUPERSAMPLING, STRIP_ROWS = 4, 512
+"""Lines are drawn four times as large and averaged, in strips, so that a large image needs little memory."""
+
+
+def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Colour, opacity: float = 1.0) -> None:
+    """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, strip by strip."""
+    height, across = picture.shape[:2]
+    for top in range(0, height, STRIP_ROWS):
+        rows = min(STRIP_ROWS, height - top)
+        touching = [
+            line for line in lines if line[:, 1].max() >= top - width - 1 and line[:, 1].min() <= top + rows + width
+        ]
+        if not touching:
+            continue
+        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
+        pen = ImageDraw.Draw(ink)
+        thickness = max(1, round(width * SUPERSAMPLING))
+        for line in touching:
+            places = (line + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
+            pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
+        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, opacity)
+
+
+def draw_dots(picture: Bytes, places: Array, radius: float, colour: Colour) -> None:
+    """Fill anti-aliased circles of a radius (pixels) around places (n, 2) of the picture, strip by strip."""
+    height, across = picture.shape[:2]
+    for top in range(0, height, STRIP_ROWS):
+        rows = min(STRIP_ROWS, height - top)
+        touching = places[(places[:, 1] >= top - radius) & (places[:, 1] <= top + rows + radius)]
+        if not len(touching):
+            continue
+        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
+        pen = ImageDraw.Draw(ink)
+        for x, y in (touching + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5:
+            reach = radius * SUPERSAMPLING
+            pen.ellipse((float(x - reach), float(y - reach), float(x + reach), float(y + reach)), fill=255)
+        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, 1.0)
+
+
+def _blend(area: Bytes, ink: Bytes, colour: Colour, opacity: float) -> None:
+    rows, columns = np.nonzero(ink)
+    share = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
+    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(colour, dtype=np.float32) * share)
+
+
+def font_for(picture: Bytes) -> Font:
+    """The font of texts on a picture of its size."""
+    size = max(SMALLEST_TEXT, round(TEXT_SHARE * float(np.hypot(*picture.shape[:2]))))
+    try:
+        return ImageFont.load_default(size=size)
+    except TypeError:  # Pillow 10.0 has one size only
+        return ImageFont.load_default()
+
+
+def text_size(font: Font, text: str) -> tuple[int, int]:
+    """Width of a text and height of a line, in pixels."""
+    left, _, right, _ = font.getbbox(text)
+    _, top, _, bottom = font.getbbox("Ag|")
+    return int(np.ceil(right - left)), int(np.ceil(bottom - top))
+
+
+def draw_panel(picture: Bytes, box: Box) -> None:
+    """Darken the rectangle (left, top, right, bottom) so that text on it can be read."""
+    left, top, right, bottom = box
+    area = picture[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
+    area[:] = np.round(area * (1.0 - PANEL_OPACITY) + np.array(CASING) * PANEL_OPACITY)
+
+
+def written(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
+    """The picture with texts; each place is the upper left corner of its line."""
+    page = Image.fromarray(picture)
+    pen = ImageDraw.Draw(page)
+    for place, text, colour in items:
+        left, top, _, _ = font.getbbox("Ag|")
+        pen.text((place[0] - left, place[1] - top), text, fill=colour, font=font)
+    return np.array(page)

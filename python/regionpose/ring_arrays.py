@@ -1,0 +1,61 @@
+"""Rings and arrays of numbers as they are given: their shapes and types, named where they are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
+    """Rings (n, columns) as a list of arrays; one array of vertices is one ring. ValueError for anything else."""
+    unlisted = isinstance(rings, str | bytes | Mapping) or (isinstance(rings, np.ndarray) and rings.ndim == 0)
+    if unlisted or not isinstance(rings, Iterable):
+        raise ValueError(f"rings is a {type(rings).__name__}; needed a list of (n, {columns}) arrays")
+    listed: list[object] = list(rings)
+    if not listed:
+        raise ValueError(f"rings is empty; needed at least one (n, {columns}) array")
+    if _is_vertex(listed[0]):
+        listed = [listed]
+    return [_ring_array(ring, index, columns) for index, ring in enumerate(listed)]
+
+
+def _is_vertex(item: object) -> bool:
+    """Whether an item of a list is a row of numbers, so that the list is a ring."""
+    try:
+        return np.asarray(item).ndim == 1
+    except ValueError:
+        return False
+
+
+def _ring_array(ring: object, index: int, columns: int) -> Array:
+    array = real_array(ring, f"ring {index}", f"(n, {columns})")
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"ring {index} has shape {array.shape}; needed (n, {columns})")
+    return array.astype(np.float64)
+
+
+def real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
+    """The values as an array of real numbers, of whatever kind they are."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{item} is not an array of numbers; needed {needed}") from error
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{item} has type {array.dtype}; needed real numbers {needed}")
+    return array
+
+
+def signed_area(ring: Array) -> float:
+    """Area of a ring (n, 2), negative where it turns clockwise."""
+    # The last edge adds nothing: it ends in the vertex that all are counted from.
+    x, y = np.ascontiguousarray((ring - ring[0]).T)
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
+
+
+def counter_clockwise(ring: Array) -> Array:
+    """The ring (n, 2), turned round where it turns clockwise."""
+    return ring if signed_area(ring) > 0.0 else ring[::-1]

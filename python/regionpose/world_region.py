@@ -1,0 +1,274 @@
+"""A region of the 3D data: its plane and outline, its surface, or what a scan knows of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose import _core
+from regionpose.outline import SparseSamplingWarning, flat_outline, outline_of_points, plane_samples
+from regionpose.ring_arrays import counter_clockwise, real_array, ring_list, signed_area
+from regionpose.scan_samples import enclosed, scan_samples
+
+Array = NDArray[np.float64]
+
+PLANE_SHARE = 0.01
+"""Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""
+
+OVERLAP_SHARE = 1e-9
+"""Share of the polygons' area up to which it may differ from the region's: rounding alone."""
+
+
+class TriangleMesh(Protocol):
+    """What `WorldRegion.from_mesh` reads; trimesh.Trimesh is one."""
+
+    vertices: ArrayLike
+    faces: ArrayLike
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorldRegion:
+    """A region of the 3D data: a planar patch with holes, or an open triangulated surface; or samples of a patch."""
+
+    core: _core.WorldRegion
+
+    @classmethod
+    def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
+        """The planar region inside the first ring and outside the others; vertices (n, 3), metres, turning either way.
+
+        One (n, 3) array stands for one ring. The vertices are moved onto their least squares plane. ValueError for
+        fewer than 3 vertices, values that are not finite, a vertex farther from the plane than 1 % of the extent,
+        crossing edges, no area, or a hole that is not inside the first ring.
+        """
+        return cls(_core.WorldRegion.from_rings(ring_list(rings, 3)))
+
+    @classmethod
+    def from_polygons(cls, polygons: Sequence[Sequence[ArrayLike]]) -> WorldRegion:
+        """The planar region of several polygons apart from one another, each a list of rings as in `from_polygon`.
+
+        The vertices are moved onto one least squares plane. ValueError as of `from_polygon`, a message about one
+        polygon led by its number; for vertices farther from the common plane than 1 % of the extent, and for polygons
+        that overlap.
+        """
+        parts = _polygon_list(polygons)
+        origin, axes = _common_plane(parts)
+        flat = [[counter_clockwise((ring - origin) @ axes.T) for ring in rings] for rings in parts]
+        region = cls(_core.WorldRegion.from_outline(origin, axes, [ring for rings in flat for ring in rings]))
+        given = sum(signed_area(outer) - sum(map(signed_area, holes)) for outer, *holes in flat)
+        # Nesting decides what is a hole: a polygon inside another would become one.
+        if region.area < (1.0 - OVERLAP_SHARE) * given:
+            raise ValueError(
+                f"polygons of {given:.6g} m^2 cover {region.area:.6g} m^2; needed ones apart from one another"
+            )
+        return region
+
+    @classmethod
+    def from_points(
+        cls,
+        points: ArrayLike,
+        *,
+        radius: float | None = None,
+        correct_sampling: bool = True,
+        sensor_origin: ArrayLike | None = None,
+    ) -> WorldRegion:
+        """The planar region that points (n, 3) sample: their robust plane and the outline of the patch.
+
+        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch
+        ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
+        without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
+        moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points
+        that are identical, on one line or on a single scan line, or a radius that is not positive.
+        """
+        outline = outline_of_points(
+            points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
+        )
+        return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
+
+    @classmethod
+    def from_samples(cls, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
+        """The planar region of which places (n, 3) are known to be inside, and (m, 3) to be outside of it, metres.
+
+        The plane is that of the places inside. The pose is then the mean of those that show each place on its side of
+        the image's contour (docs/math.md, section 17); the outline around the places inside is a start. ValueError as
+        of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
+        """
+        beside = real_array(outside, "outside", "(m, 3)").astype(np.float64)
+        if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
+            raise ValueError(f"outside has shape {beside.shape}; needed (m, 3) with at least one place")
+        plane = plane_samples(inside)
+        region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
+        within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
+        inside = plane.origin + plane.flat @ plane.axes[:2]
+        return cls(region.core.with_samples(inside, beside[~within], beside[within]))
+
+    @classmethod
+    def from_scan(
+        cls,
+        points: ArrayLike,
+        members: ArrayLike,
+        *,
+        sensor_origin: ArrayLike | None = None,
+        extends: bool = False,
+    ) -> WorldRegion:
+        """The planar region of the returns `members` (k,) of a scan (n, 3), by index, and what is known beside it.
+
+        `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,)
+        that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no
+        member, unless it joins members without a gap and the region `extends` there. Beams that ended before the plane
+        say nothing. Without `sensor_origin` the returns on the plane alone tell; where they don't surround the region,
+        or nothing is known beside it, it is that of `from_points`. Points that are not finite are left out. ValueError
+        for indices that are no members of the scan, and as of `from_points`.
+        """
+        cloud = _cloud_array(points)
+        numbers = _member_array(members, len(cloud))
+        plane = plane_samples(cloud[numbers], sensor_origin)
+        rings = _start_outline(plane.flat)
+        region = cls._on_plane(plane.origin, plane.axes, rings)
+        samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
+        if samples is None:
+            return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
+        return cls(region.core.with_samples(*(plane.origin + flat @ plane.axes[:2] for flat in samples)))
+
+    @classmethod
+    def _on_plane(cls, origin: Array, axes: Array, rings: list[Array]) -> WorldRegion:
+        return cls(_core.WorldRegion.from_outline(origin, axes[:2], rings))
+
+    @classmethod
+    def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
+        """The region covered by an open triangle mesh (`vertices` (n, 3), `faces` (k, 3)), planar or not.
+
+        The surface must not hide itself from the camera. ValueError for a closed mesh, inconsistent triangles, or
+        crossing boundaries.
+        """
+        if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+            raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
+        vertices = real_array(mesh.vertices, "mesh.vertices", "(n, 3)").astype(np.float64)
+        return cls(_core.WorldRegion.from_mesh(vertices, real_array(mesh.faces, "mesh.faces", "(k, 3)")))
+
+    def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
+        """The same region of which `viewpoint` (3,), metres, lies on the side that the camera sees.
+
+        Such as the place of the scanner that saw the region, if it stood on the camera's side. Of a surface that is not
+        planar the mean plane's side counts. ValueError for a point that is on no side, within 0.06 deg of the plane.
+        """
+        return WorldRegion(self.core.seen_from(viewpoint))
+
+    @property
+    def viewpoint(self) -> Array | None:
+        """A point (3,) on the side that the camera sees; None where it may be either."""
+        return self.core.viewpoint
+
+    @property
+    def samples(self) -> tuple[Array, Array] | None:
+        """Places (n, 3) inside the region and (m, 3) outside of it; None where the outline alone is known.
+
+        Those outside that the region encloses come last; they count where the image's region has a hole, too.
+        """
+        known = self.core.samples
+        return None if known is None else (known[0], np.concatenate(known[1:]))
+
+    @property
+    def rings(self) -> list[Array]:
+        """Boundary rings, (n, 3) each."""
+        return self.core.rings
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal of the plane, (3,); its side is arbitrary."""
+        return np.asarray(self.core.axes[2])
+
+    @property
+    def area(self) -> float:
+        """Area in square metres, of a surface its projection along the normal."""
+        return self.core.area
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the region lies in one plane."""
+        return self.core.is_planar
+
+    def __repr__(self) -> str:
+        """What it holds, in square metres and numbers."""
+        samples = self.samples
+        known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
+        return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
+
+    def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
+        """What pickling keeps: the plane, the outline and the samples, or the surface, and the viewpoint."""
+        if self.core.surface is not None:
+            return _surface_region, (*self.core.surface, self.viewpoint)
+        core = self.core
+        return _planar_region, (core.origin, core.axes[:2], core.outline, core.samples, self.viewpoint)
+
+
+def _planar_region(
+    origin: Array, axes: Array, outline: list[Array], samples: tuple[Array, ...] | None, viewpoint: Array | None
+) -> WorldRegion:
+    core = _core.WorldRegion.from_outline(origin, axes, outline)
+    region = WorldRegion(core if samples is None else core.with_samples(*samples))
+    return region if viewpoint is None else region.seen_from(viewpoint)
+
+
+def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Array | None) -> WorldRegion:
+    region = WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
+    return region if viewpoint is None else region.seen_from(viewpoint)
+
+
+def _start_outline(flat: Array) -> list[Array]:
+    """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SparseSamplingWarning)
+        return flat_outline(flat)
+
+
+def _cloud_array(points: ArrayLike) -> Array:
+    cloud = real_array(points, "points", "(n, 3)")
+    if cloud.ndim != 2 or cloud.shape[1] != 3:
+        raise ValueError(f"points has shape {cloud.shape}; needed (n, 3)")
+    return np.asarray(cloud, dtype=np.float64)
+
+
+def _member_array(members: ArrayLike, count: int) -> NDArray[np.intp]:
+    numbers = np.asarray(members)
+    if numbers.ndim != 1 or numbers.dtype.kind not in "iu":
+        raise ValueError(f"members has shape {numbers.shape} and type {numbers.dtype}; needed indices (k,)")
+    wrong = np.flatnonzero((numbers < 0) | (numbers >= count))
+    if len(wrong):
+        raise ValueError(f"member {wrong[0]} is {numbers[wrong[0]]}; needed an index from 0 to {count - 1}")
+    is_member = np.zeros(count, dtype=np.bool_)
+    is_member[numbers] = True
+    return np.flatnonzero(is_member)
+
+
+def _polygon_list(polygons: object) -> list[list[Array]]:
+    """Rings (n, 3) of each polygon; ValueError that names the one that is none."""
+    if isinstance(polygons, str | bytes | Mapping) or not isinstance(polygons, Iterable):
+        raise ValueError(f"polygons is a {type(polygons).__name__}; needed a list of polygons, each a list of rings")
+    parts = []
+    for index, polygon in enumerate(polygons):
+        try:
+            parts.append(ring_list(polygon, 3))
+            _core.WorldRegion.from_rings(parts[-1])
+        except ValueError as error:
+            raise ValueError(f"polygon {index}: {error}") from error
+    if not parts:
+        raise ValueError("polygons is empty; needed at least one list of (n, 3) rings")
+    return parts
+
+
+def _common_plane(parts: list[list[Array]]) -> tuple[Array, Array]:
+    """Origin (3,) and axes (2, 3) of the least squares plane of the polygons' vertices."""
+    vertices = np.concatenate([ring for rings in parts for ring in rings])
+    origin = vertices.mean(axis=0)
+    axes = np.linalg.svd(vertices - origin, full_matrices=False)[2]
+    limit = PLANE_SHARE * float(np.ptp(vertices, axis=0).max())
+    for index, rings in enumerate(parts):
+        off = float(np.abs((np.concatenate(rings) - origin) @ axes[2]).max())
+        if off > limit:
+            raise ValueError(f"polygon {index} lies {off:.6g} m off the common plane; needed at most {limit:.6g} m")
+    return origin, axes[:2]
