@@ -1,18 +1,22 @@
 //! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 17).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::belief::Belief;
-use super::propagation::{Label, Site, Trust, propagated};
+use super::belief::{Belief, JOINT};
+use super::propagation::{Label, Propagated, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
+use super::stretch::{Scatter, Stretch};
 use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
 /// The finest blur, pixels: contours of binary masks scatter by as much.
 const FINEST: f64 = 0.25;
+
+/// How far clean stretches of a contour are off at least, pixels: the quality of calibrations.
+const LEAST_OFF: f64 = 0.1;
 
 /// The coarsest one, pixels.
 const COARSEST: f64 = 64.0;
@@ -85,11 +89,20 @@ pub struct Posterior {
     pub telling: usize,
 }
 
-/// A sample that tells something: its site, its region's place among those with samples, and its number there.
+/// A sample that tells something: its site, its region's place among those with samples, its number there, and the stretch of
+/// the contour that it lies beside.
 struct Telling {
     site: Site,
     region: usize,
     number: usize,
+    stretch: usize,
+}
+
+impl Telling {
+    /// Its region and the stretch that it lies beside.
+    fn place(&self) -> (usize, usize) {
+        (self.region, self.stretch)
+    }
 }
 
 impl AsRef<Site> for Telling {
@@ -112,7 +125,11 @@ struct Samples<'a, F> {
     start: Pose,
     /// One sample in so many is taken.
     step: usize,
+    /// Whether samples beside one stretch of a contour are off together.
+    joined: bool,
     telling: Vec<Telling>,
+    /// The stretches that these lie beside.
+    stretches: Vec<Stretch>,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     trust: Vec<Trust>,
     certain: Vec<Shown>,
@@ -151,8 +168,16 @@ struct State {
 }
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
-    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, trust: Vec<Trust>) -> Self {
-        Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
+    /// Every `step`-th sample, each off by itself.
+    fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
+        let (telling, stretches, certain) = (Vec::new(), Vec::new(), Vec::new());
+        let trust = vec![Trust::unknown(); regions.len()];
+        Self { regions, others, start, step, joined: false, telling, stretches, trust, certain, unknown: 0 }
+    }
+
+    /// All samples, those beside one stretch off together.
+    fn all(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
+        Self { joined: true, trust: from.trust.clone(), ..Self::some(regions, others, from.pose, 1) }
     }
 
     fn take_blur(&mut self, blur: f64) {
@@ -161,42 +186,95 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
+    /// How far the labels of a region's samples are to be trusted apart from the offset of their stretch.
+    fn own_trust(&self, region: usize) -> Trust {
+        let trust = self.trust[region];
+        if self.joined { Trust { disturbed: 0.0, ..trust } } else { trust }
+    }
+
+    /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may be
+    /// disturbed do not put out of reach.
     fn look(&mut self, state: &State, blur: f64) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
-        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
         self.take_blur(blur);
         (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
+        let mut seen = Vec::new();
         for (region, sampled) in self.regions.iter().enumerate() {
+            let trust = self.own_trust(region);
             for number in (0..sampled.count()).step_by(self.step) {
                 let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
                 match sampled.read(&state.pose, number) {
                     Reading::Seen(margin, slope) => {
-                        let site = Site::new(slope, margin, self.trust[region]);
-                        let (mean, variance) = site.margin_under(&belief);
-                        if mean.abs() > REACH * (blur * blur + variance).sqrt() {
-                            self.certain[region].add(&self.trust[region].label(mean, variance), mean < 0.0);
-                        } else {
-                            // The factors of margins stay what they are when these are linearised anew.
-                            let site = before.map_or(site, |before| site.with_factor_of(&before.site));
-                            self.telling.push(Telling { site, region, number });
-                        }
+                        let (stretch, outwards) = self.beside(&state.pose, region, number);
+                        let site = Site::new(&slope, outwards, margin, trust);
+                        // The factors of margins stay what they are when these are linearised anew.
+                        let site = before.map_or(site, |before| site.with_factor_of(&before.site));
+                        seen.push(Telling { site, region, number, stretch });
                     }
-                    Reading::Behind(right) => {
-                        self.certain[region].add(&self.trust[region].label_behind(right), !right);
-                    }
+                    Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
                     Reading::Unknown => self.unknown += 1,
                 }
             }
         }
+        self.sort(seen, &state.belief, blur);
+        self.join();
+    }
+
+    /// The stretch that a sample lies beside, and how its margin grows as that moves outwards.
+    fn beside(&self, pose: &Pose, region: usize, number: usize) -> (usize, f64) {
+        let stretch = || self.regions[region].stretch(pose, number);
+        self.joined.then(stretch).flatten().unwrap_or((0, 0.0))
+    }
+
+    /// Keeps the samples that tell something under a belief.
+    fn sort(&mut self, seen: Vec<Telling>, belief: &Belief, blur: f64) {
+        let belief = Belief { mean: Tangent::zeros(), ..*belief }.beside_clean();
+        let margin = |telling: &Telling| {
+            let (mean, variance) = telling.site.margin_under(&belief);
+            (mean, (blur * blur + variance).sqrt())
+        };
+        // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
+        let is_wrong = |telling: &&Telling| {
+            let (mean, deviation) = margin(telling);
+            self.joined && mean < -CLEARLY * deviation
+        };
+        let doubtful: BTreeSet<_> = seen.iter().filter(is_wrong).map(Telling::place).collect();
+        for telling in seen {
+            let (mean, deviation) = margin(&telling);
+            let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
+            if mean.abs() > REACH * deviation.hypot(wide) {
+                let label = telling.site.label(&belief);
+                self.certain[telling.region].add(&label, mean < 0.0);
+            } else {
+                self.telling.push(telling);
+            }
+        }
+    }
+
+    /// Puts the telling samples beside their stretches, which keep what is known of their offsets.
+    fn join(&mut self) {
+        if !self.joined {
+            self.stretches = vec![Stretch::apart(self.telling.len())];
+            return;
+        }
+        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (index, telling) in self.telling.iter().enumerate() {
+            members.entry(telling.place()).or_default().push(index);
+        }
+        let stretch = |((region, _), members): ((usize, usize), Vec<usize>)| {
+            let Trust { blur, wide, disturbed, .. } = self.trust[region];
+            let clean = (blur * blur - FINEST * FINEST).sqrt().max(LEAST_OFF);
+            Stretch::new(members, Scatter { clean, wide, disturbed })
+        };
+        self.stretches = members.into_iter().map(stretch).collect();
     }
 
     /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
     fn linearise(&mut self, pose: &Pose) {
         for telling in &mut self.telling {
             if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
-                telling.site = Site::new(slope, margin, self.trust[telling.region]).with_factor_of(&telling.site);
+                telling.site = telling.site.with_line(&slope, margin);
             }
         }
     }
@@ -228,16 +306,22 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
     }
 
-    /// What all labels show of each region under a belief.
-    fn shown(&self, belief: &Belief) -> Vec<Shown> {
+    /// What all labels show of each region under what is believed of the stretches.
+    fn shown(&self, beliefs: &[Belief<JOINT>]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
-        self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
+        for (stretch, belief) in self.stretches.iter().zip(beliefs) {
+            let disturbed = if self.joined { stretch.disturbed(belief) } else { 0.0 };
+            for Telling { site, region, .. } in stretch.members.iter().map(|&member| &self.telling[member]) {
+                shown[*region].add(&site.label(belief), true);
+                shown[*region].disturbed += disturbed;
+            }
+        }
         shown
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
-    fn learn_trust(&mut self, belief: &Belief) {
-        let shown = self.shown(belief);
+    fn learn_trust(&mut self, beliefs: &[Belief<JOINT>]) {
+        let shown = self.shown(beliefs);
         let share =
             |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
         for (trust, shown) in self.trust.iter_mut().zip(shown) {
@@ -246,30 +330,28 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// Share of each region's samples near its contour that lie on its wrong side at a pose.
-    fn wrong(&self, belief: &Belief) -> Vec<f64> {
-        let mut counts: Vec<[f64; 2]> = self.certain.iter().map(|shown| [shown.near, shown.near]).collect();
-        for telling in &self.telling {
-            let (mean, variance) = telling.site.margin_under(belief);
-            let deviation = (telling.site.trust.blur.powi(2) + telling.site.bent + variance).sqrt();
-            counts[telling.region][0] += f64::from(u8::from(mean < -CLEARLY * deviation));
-            counts[telling.region][1] += 1.0;
-        }
-        counts.into_iter().map(|[wrong, all]| wrong / f64::max(all, 1.0)).collect()
-    }
-
-    /// What stretches of the contours that are off as a whole add to the covariance of a belief about a pose (`docs/math.md`, eq.
-    /// 17.9): what blurs a contour beyond its pixels does not average out along a side.
-    fn common(&self, state: &State, blur: f64) -> Matrix6<f64> {
-        let variance = blur * blur - FINEST * FINEST;
-        let mut pulls: BTreeMap<(usize, usize), Vector6<f64>> = BTreeMap::new();
-        for Telling { site, region, number } in &self.telling {
-            if let Some((stretch, outwards)) = self.regions[*region].stretch(&state.pose, *number) {
-                *pulls.entry((*region, stretch)).or_default() += site.slope * (site.precision * outwards);
+    /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at a pose.
+    fn wrong(&self, state: &State) -> Vec<f64> {
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief }.beside_clean();
+        let share = |(region, sampled): (usize, &SampledRegion)| {
+            let trust = self.trust[region];
+            let (mut wrong, mut near) = (0.0, 0.0);
+            for reading in (0..sampled.count()).map(|number| sampled.read(&state.pose, number)) {
+                let (margin, deviation) = match reading {
+                    Reading::Seen(margin, slope) => {
+                        let (mean, variance) = Site::new(&slope, 0.0, margin, trust).margin_under(&belief);
+                        (mean, (trust.blur * trust.blur + variance).sqrt())
+                    }
+                    Reading::Behind(false) => (f64::NEG_INFINITY, 1.0),
+                    _ => continue,
+                };
+                let is_wrong = margin < -CLEARLY * deviation;
+                wrong += f64::from(u8::from(is_wrong));
+                near += f64::from(u8::from(is_wrong || margin < trust.wide));
             }
-        }
-        let scatter: Matrix6<f64> = pulls.values().map(|pull| pull * pull.transpose()).sum();
-        state.belief.covariance * scatter * state.belief.covariance * variance
+            wrong / f64::max(near, 1.0)
+        };
+        self.regions.iter().enumerate().map(share).collect()
     }
 
     /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
@@ -278,7 +360,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
         let unit = || {
             let mut information = Matrix6::zeros();
-            self.telling.iter().for_each(|telling| information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0));
+            for telling in &self.telling {
+                let slope = telling.site.slope.fixed_rows::<6>(0);
+                information.ger(1.0, &slope, &slope, 1.0);
+            }
             information / (self.telling.len() as f64 * blur * blur)
         };
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
@@ -297,8 +382,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
-            let (belief, integral) = propagated(&known, &guard, &mut self.telling)?;
-            self.learn_trust(&belief);
+            let Propagated { belief, stretches, log_evidence } =
+                propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
+            self.learn_trust(&stretches);
             let information = belief.covariance.cholesky()?;
             // A mean that goes to and fro lies between.
             if before.dot(&information.solve(&belief.mean)) < 0.0 {
@@ -307,7 +393,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             before = belief.mean;
             let way = belief.mean.dot(&information.solve(&belief.mean));
             let pose = state.pose.moved(&shortened(&(belief.mean * share), &state.pose));
-            state = State { pose, belief, log_evidence: integral + self.log_certain() };
+            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;
             }
@@ -323,7 +409,7 @@ fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) 
     let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
     let along = Vector6::from_iterator(margins.iter().map(|[ahead, behind]| (ahead - behind) / (2.0 * SIGMA_POINTS)));
     let bent = (squares - along.norm_squared()).max(0.0);
-    Site { slope: inverse_root.transpose() * along, margin: mean, bent, ..*site }
+    Site { bent, ..site.with_line(&(inverse_root.transpose() * along), mean) }
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.
@@ -342,7 +428,7 @@ pub struct Led {
 pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
-    let mut samples = Samples::new(regions, others, *start, step, vec![Trust::unknown(); regions.len()]);
+    let mut samples = Samples::some(regions, others, *start, step);
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
@@ -357,7 +443,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 
 /// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
 pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
-    let mut samples = Samples::new(regions, others, from.pose, 1, from.trust.clone());
+    let mut samples = Samples::all(regions, others, from);
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
     let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
     while blur >= FINEST {
@@ -369,10 +455,9 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
     }
     let (state, blur) = best?;
     let state = samples.settled(state, blur, LAST_ROUNDS, true)?;
+    let (wrong, telling) = (samples.wrong(&state), samples.telling.len());
     let State { pose, belief, log_evidence } = state;
-    let covariance = belief.covariance + samples.common(&state, blur);
-    let (wrong, telling) = (samples.wrong(&Belief { mean: Tangent::zeros(), ..belief }), samples.telling.len());
-    Some(Posterior { pose, covariance, log_evidence, blur, wrong, telling })
+    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling })
 }
 
 /// The step that leaves about as many samples of all regions as lead.

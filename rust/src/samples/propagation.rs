@@ -1,10 +1,11 @@
 //! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
 //! possible (`docs/math.md`, eq. 17.4 to 17.6).
 
-use nalgebra::Vector6;
+use nalgebra::{SVector, Vector6};
 
-use super::belief::Belief;
+use super::belief::{Belief, JOINT, JointGaussian, OFFSET};
 use super::normal::{cumulative, density};
+use super::stretch::Stretch;
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
@@ -59,11 +60,12 @@ pub struct Label {
     pub disturbed: f64,
 }
 
-/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
+/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment and the
+/// offset of the stretch that it lies beside, together `x`.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
     /// Derivative of the margin.
-    pub slope: Vector6<f64>,
+    pub slope: SVector<f64, JOINT>,
     /// The margin at zero, pixels.
     pub margin: f64,
     /// Variance of the margin about that line, squared pixels, which adds to the blur's.
@@ -115,9 +117,14 @@ impl AsMut<Site> for Site {
 }
 
 impl Site {
-    /// A sample whose factor is not known yet.
-    pub fn new(slope: Vector6<f64>, margin: f64, trust: Trust) -> Self {
-        Self { slope, margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
+    /// A sample whose factor is not known yet; its margin grows by `outwards` for each pixel that its stretch is off.
+    pub fn new(slope: &Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Self {
+        Self { slope: slope.push(outwards), margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
+    }
+
+    /// The same with the derivative by the increment and the margin that it has from there.
+    pub fn with_line(self, slope: &Vector6<f64>, margin: f64) -> Self {
+        Self { slope: slope.push(self.slope[OFFSET]), margin, ..self }
     }
 
     /// The site with the factor of another one.
@@ -125,14 +132,14 @@ impl Site {
         Self { precision: other.precision, pull: other.pull, ..self }
     }
 
-    /// Mean and variance of the margin under a distribution of the increment.
-    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+    /// Mean and variance of the margin under a distribution of the increment and the offset.
+    pub fn margin_under(&self, belief: &Belief<JOINT>) -> (f64, f64) {
         let variance = self.slope.dot(&(belief.covariance * self.slope));
         (self.margin + self.slope.dot(&belief.mean), variance)
     }
 
     /// What the label shows under a belief.
-    pub fn label(&self, belief: &Belief) -> Label {
+    pub fn label(&self, belief: &Belief<JOINT>) -> Label {
         let (mean, variance) = self.margin_under(belief);
         self.trust.label(mean, variance + self.bent)
     }
@@ -144,7 +151,7 @@ impl Site {
     }
 
     /// Moment matching of the site's factor, in place in the belief.
-    fn update(&mut self, belief: &mut Belief) {
+    fn update(&mut self, belief: &mut Belief<JOINT>) {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
@@ -166,8 +173,8 @@ impl Site {
         (self.precision, self.pull) = (precision, pull);
     }
 
-    /// The site's factor of the increment, without what makes it as large as the label's probability.
-    fn factor_into(&self, factor: &mut Gaussian) {
+    /// The site's factor, without what makes it as large as the label's probability.
+    fn factor_into(&self, factor: &mut JointGaussian) {
         let pull = self.pull - self.precision * self.margin;
         factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
         factor.vector += self.slope * pull;
@@ -175,7 +182,7 @@ impl Site {
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
-    fn log_scale(&self, belief: &Belief) -> f64 {
+    fn log_scale(&self, belief: &Belief<JOINT>) -> f64 {
         let (mean, variance) = self.margin_under(belief);
         let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
         let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
@@ -184,32 +191,83 @@ impl Site {
     }
 }
 
-/// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
-fn product<'a>(others: &Gaussian, sites: impl Iterator<Item = &'a Site>) -> Option<(Belief, f64)> {
-    let mut factor = *others;
-    sites.for_each(|site| site.factor_into(&mut factor));
-    factor.belief()
+impl Stretch {
+    /// The product of the factors of the offset and of the samples beside the stretch.
+    fn product<S: AsRef<Site>>(&self, sites: &[S]) -> JointGaussian {
+        let mut factor = self.factor();
+        self.members.iter().for_each(|&member| sites[member].as_ref().factor_into(&mut factor));
+        factor
+    }
+
+    /// Moment matching of all of them, where everything else leaves `others`.
+    fn sweep<S: AsMut<Site> + AsRef<Site>>(&mut self, others: &Gaussian, sites: &mut [S]) {
+        let Some(mut belief) = self.product(sites).belief_with(others) else { return };
+        self.members.iter().for_each(|&member| sites[member].as_mut().update(&mut belief));
+        self.update(&belief);
+    }
 }
 
-/// What samples and other factors leave possible, and the logarithm of the evidence;
-/// the sites keep their factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that
+/// What samples and other factors leave possible.
+#[derive(Debug, Clone)]
+pub struct Propagated {
+    /// Of the increment.
+    pub belief: Belief,
+    /// Of the increment and the offset of each stretch.
+    pub stretches: Vec<Belief<JOINT>>,
+    /// Logarithm of the evidence.
+    pub log_evidence: f64,
+}
+
+/// What samples beside stretches and other factors leave possible; sites and stretches keep their factors, from which the next
+/// call goes on. In the first sweep a `guard` stands in for the factors that
 /// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
 /// where a direction is left free.
+///
+/// The offsets meet in the increment alone: what each stretch says of that is a message, and without its own the sum of all
+/// messages is what the others say.
 pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     others: &Gaussian,
     guard: &Gaussian,
     sites: &mut [S],
-) -> Option<(Belief, f64)> {
-    let (mut belief, mut integral) = product(&(*others + *guard), sites.iter().map(S::as_ref))?;
+    stretches: &mut [Stretch],
+) -> Option<Propagated> {
+    let mut messages: Vec<Gaussian> = stretches.iter().map(|stretch| stretch.product(sites).marginal()).collect();
+    let sum = |known: Gaussian, messages: &[Gaussian]| messages.iter().fold(known, |sum, message| sum + *message);
+    let mut all = sum(*others + *guard, &messages);
+    let mut belief = all.belief()?.0;
     for _ in 0..SWEEPS {
         let before = belief.mean;
-        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
+        for (stretch, message) in stretches.iter_mut().zip(&mut messages) {
+            let rest = all - *message;
+            stretch.sweep(&rest, sites);
+            *message = stretch.product(sites).marginal();
+            all = rest + *message;
+        }
         // Anew from all factors: the updates' rounding errors add up.
-        (belief, integral) = product(others, sites.iter().map(S::as_ref))?;
+        all = sum(*others, &messages);
+        belief = all.belief()?.0;
         let way = belief.mean - before;
         if way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED {
             break;
         }
     }
-    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>()))
+    judged(&all, &messages, sites, stretches)
+}
+
+/// The beliefs and the evidence of the product `all` of all factors.
+fn judged<S: AsRef<Site>>(
+    all: &Gaussian,
+    messages: &[Gaussian],
+    sites: &[S],
+    stretches: &[Stretch],
+) -> Option<Propagated> {
+    let (belief, mut log_evidence) = all.belief()?;
+    let mut beliefs = Vec::with_capacity(stretches.len());
+    for (stretch, message) in stretches.iter().zip(messages) {
+        let own = stretch.product(sites).belief_with(&(*all - *message))?;
+        log_evidence += stretch.log_scale(&own);
+        log_evidence += stretch.members.iter().map(|&member| sites[member].as_ref().log_scale(&own)).sum::<f64>();
+        beliefs.push(own);
+    }
+    Some(Propagated { belief, stretches: beliefs, log_evidence })
 }

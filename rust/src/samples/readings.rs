@@ -45,13 +45,14 @@ impl SampledRegion {
         let lifted = |inside: bool| move |p| (world.frame().lifted(p) - origin, inside);
         let inside = samples.inside().iter().map(lifted(true));
         let scale = region.chart().scale;
+        let pixels = region.pixel_area().sqrt() * scale;
         let unscaled: Vec<Vec<_>> =
             region.outline().rings().iter().map(|ring| ring.iter().map(|p| p / scale).collect()).collect();
         Some(Self {
             index,
             rotation: region.chart().rotation,
-            contour: SignedField::new(&unscaled, region.foreign_edges()),
-            pixels: region.pixel_area().sqrt() * scale,
+            contour: SignedField::new(&unscaled, region.foreign_edges(), pixels),
+            pixels,
             size: region.pixel_area().sqrt(),
             samples: inside.chain(samples.outside().iter().map(lifted(false))).collect(),
         })
