@@ -13,7 +13,7 @@ use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Site, Trust, propagated};
 use regionpose::samples::readings::Reading;
 use regionpose::samples::signed_field::SignedField;
-use regionpose::samples::stretch::{Scatter, Stretch};
+use regionpose::samples::stretch::{Kind, Stretch};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::jacobian::differences;
 use support::random::Random;
@@ -256,7 +256,7 @@ fn moments_are_those_of_sampling() {
 #[test]
 fn stretches_that_are_off_are_those_of_sampling() {
     let mut random = Random::new(9);
-    let scatter = Scatter { clean: 0.5, wide: 6.0, disturbed: 0.2 };
+    let kinds = [Kind { share: 0.8, off: 0.5 }, Kind { share: 0.2, off: 6.0 }];
     let trust = Trust { disturbed: 0.0, ..CLEAN };
     let mut labels = Vec::new();
     for stretch in 0..5 {
@@ -268,17 +268,21 @@ fn stretches_that_are_off_are_those_of_sampling() {
             labels.push((slope * side, side, -place * side));
         }
     }
-    let mut sites: Vec<Site> = labels.iter().map(|(slope, side, margin)| Site::new(slope, *side, *margin, trust)).collect();
-    let mut stretches: Vec<_> = (0..5).map(|k| Stretch::new((6 * k..6 * k + 6).collect(), scatter)).collect();
+    let mut sites: Vec<Site> =
+        labels.iter().map(|(slope, side, margin)| Site::new(slope, *side, *margin, trust)).collect();
+    let mut stretches: Vec<_> = (0..5).map(|k| Stretch::new((0, k), (6 * k..6 * k + 6).collect(), &kinds)).collect();
     let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut stretches);
     let probability = |margin: f64| trust.label(margin, 0.0).log_probability.exp();
-    let offsets: Vec<(f64, f64)> = (-100..=100).map(|k| 0.2 * f64::from(k)).map(|d| (d, 0.2 * spread(&scatter, d))).collect();
+    let offsets: Vec<(f64, f64)> =
+        (-100..=100).map(|k| 0.2 * f64::from(k)).map(|d| (d, 0.2 * spread(&kinds, d))).collect();
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
-    for _ in 0..20_000 {
+    for _ in 0..5_000 {
         let x = Vector6::from_fn(|_, _| random.normal());
         let beside = |labels: &[(Vector6<f64>, f64, f64)]| -> f64 {
-            let at = |d: f64| labels.iter().map(|(slope, side, margin)| probability(slope.dot(&x) + side * d + margin));
-            offsets.iter().map(|(d, weight)| weight * at(*d).product::<f64>()).sum()
+            let at = |d: f64| -> f64 {
+                labels.iter().map(|(slope, side, margin)| probability(slope.dot(&x) + side * d + margin)).product()
+            };
+            offsets.iter().map(|(d, weight)| weight * at(*d)).sum()
         };
         let weight: f64 = labels.chunks(6).map(beside).product();
         all += weight;
@@ -293,13 +297,16 @@ fn stretches_that_are_off_are_those_of_sampling() {
         "{} against {covariance}",
         belief.covariance
     );
-    assert!((log_evidence - (all / 20_000.0_f64).ln()).abs() < 0.3, "{log_evidence} against {}", (all / 20_000.0_f64).ln());
+    assert!(
+        (log_evidence - (all / 5_000.0_f64).ln()).abs() < 0.3,
+        "{log_evidence} against {}",
+        (all / 5_000.0_f64).ln()
+    );
 }
 
 /// The density of an offset by its definition.
-fn spread(scatter: &Scatter, offset: f64) -> f64 {
-    let part = |deviation: f64| density(offset / deviation) / deviation;
-    (1.0 - scatter.disturbed) * part(scatter.clean) + scatter.disturbed * part(scatter.wide)
+fn spread(kinds: &[Kind], offset: f64) -> f64 {
+    kinds.iter().map(|kind| kind.share * density(offset / kind.off) / kind.off).sum()
 }
 
 /// Outlines a tenth too small put the pose off; the samples don't.

@@ -53,6 +53,15 @@ impl std::ops::Sub for Gaussian {
     }
 }
 
+impl std::ops::Mul<f64> for Gaussian {
+    type Output = Self;
+
+    /// The factor to a power.
+    fn mul(self, power: f64) -> Self {
+        Self { information: self.information * power, vector: self.vector * power, offset: self.offset * power }
+    }
+}
+
 /// A normal distribution, of a left increment or of that and how far a stretch of a contour is off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Belief<const D: usize = 6> {
@@ -75,6 +84,14 @@ impl Belief {
         joint.mean.fixed_rows_mut::<OFFSET>(0).copy_from(&self.mean);
         joint.covariance.fixed_view_mut::<OFFSET, OFFSET>(0, 0).copy_from(&self.covariance);
         joint
+    }
+}
+
+impl Belief<JOINT> {
+    /// The distribution of the increment alone.
+    pub fn of_increment(&self) -> Belief {
+        let covariance = self.covariance.fixed_view::<OFFSET, OFFSET>(0, 0).into_owned();
+        Belief { mean: self.mean.fixed_rows::<OFFSET>(0).into_owned(), covariance }
     }
 }
 
@@ -101,14 +118,18 @@ impl JointGaussian {
         }
     }
 
-    /// The distribution of its product with a factor of the increment; `None` where a direction is left free.
-    pub fn belief_with(&self, others: &Gaussian) -> Option<Belief<JOINT>> {
+    /// The distribution of its product with a factor of the increment, and the logarithm of the product's integral; `None` where
+    /// a direction is left free.
+    pub fn belief_with(&self, others: &Gaussian) -> Option<(Belief<JOINT>, f64)> {
         let (mut information, mut vector) = (self.information, self.vector);
         let mut block = information.fixed_view_mut::<OFFSET, OFFSET>(0, 0);
         block += others.information;
         let mut rows = vector.fixed_rows_mut::<OFFSET>(0);
         rows += others.vector;
         let root = information.cholesky()?;
-        Some(Belief { mean: root.solve(&vector), covariance: root.inverse() })
+        let (mean, covariance) = (root.solve(&vector), root.inverse());
+        let determinant = root.l_dirty().diagonal().map(f64::ln).sum();
+        let integral = self.offset + others.offset + 0.5 * mean.dot(&vector) - determinant + 3.5 * (2.0 * PI).ln();
+        integral.is_finite().then_some((Belief { mean, covariance }, integral))
     }
 }

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::belief::{Belief, JOINT};
+use super::belief::Belief;
 use super::propagation::{Label, Propagated, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
-use super::stretch::{Scatter, Stretch};
+use super::stretch::{Stretch, View};
 use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -209,7 +209,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                         let (stretch, outwards) = self.beside(&state.pose, region, number);
                         let site = Site::new(&slope, outwards, margin, trust);
                         // The factors of margins stay what they are when these are linearised anew.
-                        let site = before.map_or(site, |before| site.with_factor_of(&before.site));
+                        let site = before.map_or(site, |before| site.with_factors_of(&before.site));
                         seen.push(Telling { site, region, number, stretch });
                     }
                     Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
@@ -258,14 +258,16 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             self.stretches = vec![Stretch::apart(self.telling.len())];
             return;
         }
+        let before: BTreeMap<_, _> = self.stretches.iter().map(|stretch| (stretch.place, stretch.odds)).collect();
         let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (index, telling) in self.telling.iter().enumerate() {
             members.entry(telling.place()).or_default().push(index);
         }
-        let stretch = |((region, _), members): ((usize, usize), Vec<usize>)| {
-            let Trust { blur, wide, disturbed, .. } = self.trust[region];
-            let clean = (blur * blur - FINEST * FINEST).sqrt().max(LEAST_OFF);
-            Stretch::new(members, Scatter { clean, wide, disturbed })
+        let stretch = |(place, members): ((usize, usize), Vec<usize>)| {
+            let trust = self.trust[place.0];
+            let kinds = trust.kinds((trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF));
+            let stretch = Stretch::new(place, members, &kinds);
+            before.get(&place).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
         };
         self.stretches = members.into_iter().map(stretch).collect();
     }
@@ -307,21 +309,24 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// What all labels show of each region under what is believed of the stretches.
-    fn shown(&self, beliefs: &[Belief<JOINT>]) -> Vec<Shown> {
+    fn shown(&self, views: &[Vec<View>]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
-        for (stretch, belief) in self.stretches.iter().zip(beliefs) {
-            let disturbed = if self.joined { stretch.disturbed(belief) } else { 0.0 };
+        for (stretch, views) in self.stretches.iter().zip(views) {
             for Telling { site, region, .. } in stretch.members.iter().map(|&member| &self.telling[member]) {
-                shown[*region].add(&site.label(belief), true);
-                shown[*region].disturbed += disturbed;
+                let of_kind = |(odds, view): (&f64, &View)| site.label(&view.belief) * *odds;
+                let label =
+                    stretch.odds.iter().zip(views).map(of_kind).fold(Label::default(), |sum, label| sum + label);
+                // Labels tell apart from their stretch that a contour is disturbed, or stretches that they are.
+                let disturbed = label.disturbed + stretch.odds[1];
+                shown[*region].add(&Label { disturbed, ..label }, true);
             }
         }
         shown
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
-    fn learn_trust(&mut self, beliefs: &[Belief<JOINT>]) {
-        let shown = self.shown(beliefs);
+    fn learn_trust(&mut self, views: &[Vec<View>]) {
+        let shown = self.shown(views);
         let share =
             |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
         for (trust, shown) in self.trust.iter_mut().zip(shown) {
@@ -382,9 +387,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
-            let Propagated { belief, stretches, log_evidence } =
+            let Propagated { belief, views, log_evidence } =
                 propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
-            self.learn_trust(&stretches);
+            self.learn_trust(&views);
             let information = belief.covariance.cholesky()?;
             // A mean that goes to and fro lies between.
             if before.dot(&information.solve(&belief.mean)) < 0.0 {
@@ -447,7 +452,7 @@ pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian,
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
     let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
     while blur >= FINEST {
-        state = samples.settled(state, blur, 1, false)?;
+        state = samples.settled(state, blur, ROUNDS, false)?;
         if best.is_none_or(|(best, _): (State, f64)| best.log_evidence < state.log_evidence) {
             best = Some((state, blur));
         }

@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector6};
 
 use super::belief::{Belief, JOINT, JointGaussian, OFFSET};
 use super::normal::{cumulative, density};
-use super::stretch::Stretch;
+use super::stretch::{KINDS, Stretch, View};
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
@@ -50,7 +50,7 @@ impl Trust {
 }
 
 /// What a label shows.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Label {
     /// Logarithm of its probability.
     pub log_probability: f64,
@@ -58,6 +58,32 @@ pub struct Label {
     pub mislabelled: f64,
     /// Probability that the contour is disturbed where it lies.
     pub disturbed: f64,
+}
+
+impl std::ops::Mul<f64> for Label {
+    type Output = Self;
+
+    /// What it shows as far as it is believed.
+    fn mul(self, share: f64) -> Self {
+        Self {
+            log_probability: share * self.log_probability,
+            mislabelled: share * self.mislabelled,
+            disturbed: share * self.disturbed,
+        }
+    }
+}
+
+impl std::ops::Add for Label {
+    type Output = Self;
+
+    /// What both show.
+    fn add(self, other: Self) -> Self {
+        Self {
+            log_probability: self.log_probability + other.log_probability,
+            mislabelled: self.mislabelled + other.mislabelled,
+            disturbed: self.disturbed + other.disturbed,
+        }
+    }
 }
 
 /// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment and the
@@ -72,9 +98,16 @@ pub struct Site {
     pub bent: f64,
     /// How far labels are to be trusted.
     pub trust: Trust,
-    /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
+    /// The normal factors of the margin that stand for the label, for each kind of stretch that it may lie beside.
+    pub factors: [Factor; KINDS],
+}
+
+/// Natural parameters of a normal factor of a margin.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Factor {
+    /// Inverse variance.
     pub precision: f64,
-    /// See `precision`.
+    /// The same times the mean.
     pub pull: f64,
 }
 
@@ -119,7 +152,7 @@ impl AsMut<Site> for Site {
 impl Site {
     /// A sample whose factor is not known yet; its margin grows by `outwards` for each pixel that its stretch is off.
     pub fn new(slope: &Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Self {
-        Self { slope: slope.push(outwards), margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
+        Self { slope: slope.push(outwards), margin, bent: 0.0, trust, factors: Default::default() }
     }
 
     /// The same with the derivative by the increment and the margin that it has from there.
@@ -127,9 +160,9 @@ impl Site {
         Self { slope: slope.push(self.slope[OFFSET]), margin, ..self }
     }
 
-    /// The site with the factor of another one.
-    pub fn with_factor_of(self, other: &Self) -> Self {
-        Self { precision: other.precision, pull: other.pull, ..self }
+    /// The site with the factors of another one.
+    pub fn with_factors_of(self, other: &Self) -> Self {
+        Self { factors: other.factors, ..self }
     }
 
     /// Mean and variance of the margin under a distribution of the increment and the offset.
@@ -144,25 +177,22 @@ impl Site {
         self.trust.label(mean, variance + self.bent)
     }
 
-    /// Mean and variance without the site's own factor; `None` where nothing is left.
-    fn cavity(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
-        let left = 1.0 - variance * self.precision;
-        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
-    }
-
-    /// Moment matching of the site's factor, in place in the belief.
-    fn update(&mut self, belief: &mut Belief<JOINT>) {
+    /// Moment matching of the factor for a kind of stretch, in place in the belief.
+    pub(super) fn update(&mut self, kind: usize, belief: &mut Belief<JOINT>) {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
-        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
+        let before = self.factors[kind];
+        let Some((mean_without, variance_without)) = before.left_out(mean, variance) else { return };
         let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust);
         let left = 1.0 - variance_without * tilted.second;
         // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
-        let (precision, pull) = match tilted.second > 0.0 {
-            true => (tilted.second / left, (tilted.first + mean_without * tilted.second) / left),
-            false => (0.0, 0.0),
+        let after = match tilted.second > 0.0 {
+            true => {
+                Factor { precision: tilted.second / left, pull: (tilted.first + mean_without * tilted.second) / left }
+            }
+            false => Factor::default(),
         };
-        let (more, farther) = (precision - self.precision, pull - self.pull);
+        let (more, farther) = (after.precision - before.precision, after.pull - before.pull);
         let held = 1.0 + more * variance;
         // The comparison fails for what is not finite, too.
         if !(held > f64::EPSILON && held.is_finite() && farther.is_finite()) {
@@ -170,40 +200,32 @@ impl Site {
         }
         belief.covariance.ger(-more / held, &spread, &spread, 1.0);
         belief.mean += spread * ((farther - more * mean) / held);
-        (self.precision, self.pull) = (precision, pull);
+        self.factors[kind] = after;
     }
 
-    /// The site's factor, without what makes it as large as the label's probability.
-    fn factor_into(&self, factor: &mut JointGaussian) {
-        let pull = self.pull - self.precision * self.margin;
-        factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
-        factor.vector += self.slope * pull;
-        factor.offset += self.margin * (self.pull - 0.5 * self.precision * self.margin);
+    /// The site's factor for a kind of stretch, without what makes it as large as the label's probability.
+    pub(super) fn factor_into(&self, kind: usize, factor: &mut JointGaussian) {
+        let Factor { precision, pull } = self.factors[kind];
+        factor.information.ger(precision, &self.slope, &self.slope, 1.0);
+        factor.vector += self.slope * (pull - precision * self.margin);
+        factor.offset += self.margin * (pull - 0.5 * precision * self.margin);
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
-    fn log_scale(&self, belief: &Belief<JOINT>) -> f64 {
+    pub(super) fn log_scale(&self, kind: usize, belief: &Belief<JOINT>) -> f64 {
         let (mean, variance) = self.margin_under(belief);
-        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
+        let Some((mean_without, variance_without)) = self.factors[kind].left_out(mean, variance) else { return 0.0 };
         let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
     }
 }
 
-impl Stretch {
-    /// The product of the factors of the offset and of the samples beside the stretch.
-    fn product<S: AsRef<Site>>(&self, sites: &[S]) -> JointGaussian {
-        let mut factor = self.factor();
-        self.members.iter().for_each(|&member| sites[member].as_ref().factor_into(&mut factor));
-        factor
-    }
-
-    /// Moment matching of all of them, where everything else leaves `others`.
-    fn sweep<S: AsMut<Site> + AsRef<Site>>(&mut self, others: &Gaussian, sites: &mut [S]) {
-        let Some(mut belief) = self.product(sites).belief_with(others) else { return };
-        self.members.iter().for_each(|&member| sites[member].as_mut().update(&mut belief));
-        self.update(&belief);
+impl Factor {
+    /// Mean and variance of a margin without the factor; `None` where nothing is left.
+    fn left_out(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
+        let left = 1.0 - variance * self.precision;
+        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
     }
 }
 
@@ -212,8 +234,8 @@ impl Stretch {
 pub struct Propagated {
     /// Of the increment.
     pub belief: Belief,
-    /// Of the increment and the offset of each stretch.
-    pub stretches: Vec<Belief<JOINT>>,
+    /// Of the increment and the offset of each stretch, for each kind that it may be.
+    pub views: Vec<Vec<View>>,
     /// Logarithm of the evidence.
     pub log_evidence: f64,
 }
@@ -231,7 +253,7 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     sites: &mut [S],
     stretches: &mut [Stretch],
 ) -> Option<Propagated> {
-    let mut messages: Vec<Gaussian> = stretches.iter().map(|stretch| stretch.product(sites).marginal()).collect();
+    let mut messages: Vec<Gaussian> = stretches.iter().map(|stretch| stretch.first_message(sites)).collect();
     let sum = |known: Gaussian, messages: &[Gaussian]| messages.iter().fold(known, |sum, message| sum + *message);
     let mut all = sum(*others + *guard, &messages);
     let mut belief = all.belief()?.0;
@@ -239,9 +261,9 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
         let before = belief.mean;
         for (stretch, message) in stretches.iter_mut().zip(&mut messages) {
             let rest = all - *message;
-            stretch.sweep(&rest, sites);
-            *message = stretch.product(sites).marginal();
-            all = rest + *message;
+            if let Some(new) = stretch.sweep(&rest, sites) {
+                (*message, all) = (new, rest + new);
+            }
         }
         // Anew from all factors: the updates' rounding errors add up.
         all = sum(*others, &messages);
@@ -254,20 +276,20 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     judged(&all, &messages, sites, stretches)
 }
 
-/// The beliefs and the evidence of the product `all` of all factors.
+/// The beliefs and the evidence where `all` is the product of all messages and other factors.
 fn judged<S: AsRef<Site>>(
     all: &Gaussian,
     messages: &[Gaussian],
     sites: &[S],
     stretches: &[Stretch],
 ) -> Option<Propagated> {
-    let (belief, mut log_evidence) = all.belief()?;
-    let mut beliefs = Vec::with_capacity(stretches.len());
+    let (belief, integral) = all.belief()?;
+    let mut log_evidence = integral;
+    let mut views = Vec::with_capacity(stretches.len());
     for (stretch, message) in stretches.iter().zip(messages) {
-        let own = stretch.product(sites).belief_with(&(*all - *message))?;
-        log_evidence += stretch.log_scale(&own);
-        log_evidence += stretch.members.iter().map(|&member| sites[member].as_ref().log_scale(&own)).sum::<f64>();
-        beliefs.push(own);
+        let own = stretch.views(&(*all - *message), sites)?;
+        log_evidence += stretch.judged(&own).0 - integral;
+        views.push(own);
     }
-    Some(Propagated { belief, stretches: beliefs, log_evidence })
+    Some(Propagated { belief, views, log_evidence })
 }

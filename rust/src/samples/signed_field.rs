@@ -94,17 +94,21 @@ fn stretches(ring: &[Vector2<f64>], tolerance: f64) -> Vec<bool> {
 fn corners(ring: &[Vector2<f64>], tolerance: f64) -> Vec<usize> {
     let mut corners = vec![0];
     let mut cone: Option<[Vector2<f64>; 2]> = None;
-    for end in 1..ring.len() {
+    for end in 1..=ring.len() {
         let from = *corners.last().unwrap_or(&0);
-        let way = ring[end] - ring[from];
+        let next = ring[end % ring.len()];
+        let way = next - ring[from];
         if cone.is_some_and(|[right, left]| right.perp(&way) < 0.0 || way.perp(&left) < 0.0) {
             corners.push(end - 1);
-            cone = seen_from(&(ring[end] - ring[end - 1]), tolerance);
+            cone = seen_from(&(next - ring[end - 1]), tolerance);
             continue;
         }
         if let Some([right, left]) = seen_from(&way, tolerance) {
             let [low, high] = cone.unwrap_or([right, left]);
-            cone = Some([if low.perp(&right) > 0.0 { right } else { low }, if left.perp(&high) > 0.0 { left } else { high }]);
+            cone = Some([
+                if low.perp(&right) > 0.0 { right } else { low },
+                if left.perp(&high) > 0.0 { left } else { high },
+            ]);
         }
     }
     corners
