@@ -53,7 +53,11 @@ impl Problem {
     /// The posteriors with a prior, the likeliest first.
     fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let outlined = self.outlined();
-        let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+        let creases = self.creases();
+        let others = |pose: &Pose| {
+            let known = prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+            creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
+        };
         let mut found = self.posteriors_near(starts, &others);
         if !found.iter().any(is_found) {
             let further = further_poses(self);
