@@ -270,7 +270,8 @@ fn stretches_that_are_off_are_those_of_sampling() {
     }
     let mut sites: Vec<Site> =
         labels.iter().map(|(slope, side, margin)| Site::new(slope, *side, *margin, trust)).collect();
-    let mut stretches: Vec<_> = (0..5).map(|k| Stretch::new((0, k), (6 * k..6 * k + 6).collect(), &kinds)).collect();
+    let mut stretches: Vec<_> =
+        (0..5).map(|k| Stretch::new((0, k), (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect();
     let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut stretches);
     let probability = |margin: f64| trust.label(margin, 0.0).log_probability.exp();
     let offsets: Vec<(f64, f64)> =

@@ -87,8 +87,9 @@ def lidar_points(
 
 
 class LidarScan(NamedTuple):
-    """Returns (n, 3) of one turn of a lidar at `origin` (3,), metres, and the region that each fell on, (n,), -1 for the
-    backdrop.
+    """Returns (n, 3) of one turn of a lidar at `origin` (3,), metres, and the region that each fell on.
+
+    `regions` (n,) holds -1 for the backdrop.
     """
 
     points: Array
@@ -106,7 +107,7 @@ def lidar_scan(
     """All returns of a lidar at `position` (3,) before planar regions, given by their (n, 3) rings, and a backdrop.
 
     A beam ends on the nearest region that it meets, or on a sphere of `BACKDROP_M` around the lidar. One that is a cone
-    ends on what most of it meets; what else it meets within a pulse's length of that moves the range to the mean. The
+    ends on what sends most of it back; what else it meets within a pulse's length of that moves the range to the mean. The
     turn starts at a random angle. `up`: the axis of rotation in the world.
     """
     sensor = SpinningLidar() if lidar is None else lidar
@@ -119,8 +120,11 @@ def lidar_scan(
 
 
 def mislabelled(scan: LidarScan, region: int, share: float, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices of the returns (k,) that pass for a region's: that `share` of its own is left out, and as many of its plane's
-    neighbours beside it are taken in."""
+    """Indices of the returns (k,) that pass for a region's.
+
+    A `share` of its own is left out, each by chance, and for each of these the return beside the region that is seen
+    nearest to it is taken in.
+    """
     own = np.flatnonzero(scan.regions == region)
     wrong = rng.random(len(own)) < share
     others = np.flatnonzero(scan.regions != region)
@@ -142,7 +146,7 @@ def _footprint(beams: Array, divergence_mrad: float) -> list[Array]:
     if divergence_mrad == 0.0:
         return [beams]
     # On the ring that halves the area of what lies around the inner seventh.
-    radius = 0.5e-3 * divergence_mrad * np.sqrt((1.0 + 1.0 / RING_PARTS) / 2.0)
+    radius = 0.5e-3 * divergence_mrad * np.sqrt((1.0 + 1.0 / (RING_PARTS + 1)) / 2.0)
     across = np.cross(beams, np.eye(3)[np.argmin(np.abs(beams).max(axis=0))])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(beams, across)
@@ -162,14 +166,17 @@ def _ends(regions: Sequence[Sequence[Array]], origin: Array, beams: Array) -> tu
 
 
 def _mixed(ranges: Array, hit: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
-    """Range and region (n,) of beams of which parts (p, n) end so far away, on these regions."""
+    """Range and region (n,) of beams of which parts (p, n) end so far away, on these regions.
+
+    What a surface sends back falls with the square of the range.
+    """
     if len(ranges) == 1:
         return ranges[0], hit[0]
-    counts = (hit[:, None] == hit[None]).sum(axis=1)
-    most = np.argmax(counts, axis=0)
+    power = ranges**-2
+    most = np.argmax([((hit == own) * power).sum(axis=0) for own in hit], axis=0)
     each = np.arange(ranges.shape[1])
-    near = np.abs(ranges - ranges[most, each]) <= 0.5 * PULSE_M
-    mean: Array = (ranges * near).sum(axis=0) / near.sum(axis=0)
+    power *= np.abs(ranges - ranges[most, each]) <= 0.5 * PULSE_M
+    mean: Array = (ranges * power).sum(axis=0) / power.sum(axis=0)
     return mean, hit[most, each]
 
 

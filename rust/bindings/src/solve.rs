@@ -220,7 +220,9 @@ impl Estimate {
     #[getter]
     fn creases<'py>(&self, py: Python<'py>) -> PyResult<Vec<([usize; 2], Bound<'py, PyArray2<f64>>)>> {
         let creases = self.0.creases.iter();
-        creases.map(|(regions, ends)| Ok((*regions, matrix(py, ends.iter().flatten().copied().collect(), [2, 3])?))).collect()
+        creases
+            .map(|(regions, ends)| Ok((*regions, matrix(py, ends.iter().flatten().copied().collect(), [2, 3])?)))
+            .collect()
     }
 
     /// (code, sentence) of each warning.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::belief::Belief;
 use super::propagation::{Label, Propagated, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
-use super::stretch::{Stretch, View};
+use super::stretch::{Kind, Stretch, View};
 use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -182,7 +182,31 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     fn take_blur(&mut self, blur: f64) {
         for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
-            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+            let wide = if self.joined { trust.wide } else { FAR_OFF * sampled.size() };
+            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur));
+        }
+    }
+
+    /// Lets samples and stretches be trusted as far as was learned.
+    fn take_trust(&mut self) {
+        let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
+        self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
+        for stretch in self.stretches.iter_mut().filter(|_| self.joined) {
+            stretch.kinds = kinds(&self.trust[stretch.place.0]);
+        }
+    }
+
+    /// How far disturbed stretches of each region are off, as they show it, with one that is off by what was expected.
+    fn learn_wide(&mut self, views: &[Vec<View>]) {
+        let mut sums: Vec<(f64, f64)> =
+            self.regions.iter().map(|sampled| (1.0, (FAR_OFF * sampled.size()).powi(2))).collect();
+        for (stretch, views) in self.stretches.iter().zip(views) {
+            let (count, square) = &mut sums[stretch.place.0];
+            *count += stretch.odds[1];
+            *square += stretch.odds[1] * Stretch::square(&views[1]);
+        }
+        for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
+            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur);
         }
     }
 
@@ -264,9 +288,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             members.entry(telling.place()).or_default().push(index);
         }
         let stretch = |(place, members): ((usize, usize), Vec<usize>)| {
-            let trust = self.trust[place.0];
-            let kinds = trust.kinds((trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF));
-            let stretch = Stretch::new(place, members, &kinds);
+            let stretch = Stretch::new(place, members, kinds(&self.trust[place.0]));
             before.get(&place).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
         };
         self.stretches = members.into_iter().map(stretch).collect();
@@ -390,6 +412,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             let Propagated { belief, views, log_evidence } =
                 propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
             self.learn_trust(&views);
+            if self.joined {
+                self.learn_wide(&views);
+            }
+            self.take_trust();
             let information = belief.covariance.cholesky()?;
             // A mean that goes to and fro lies between.
             if before.dot(&information.solve(&belief.mean)) < 0.0 {
@@ -405,6 +431,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
         Some(state)
     }
+}
+
+/// The kinds of a region's stretches: clean ones are off by what blurs them beyond their pixels.
+fn kinds(trust: &Trust) -> Vec<Kind> {
+    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF);
+    vec![Kind { share: 1.0 - trust.disturbed, off }, Kind { share: trust.disturbed, off: trust.wide }]
 }
 
 /// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use super::belief::{Belief, JOINT, JointGaussian, OFFSET};
-use super::propagation::{Site, Trust};
+use super::propagation::Site;
 use crate::geometry::pose::Tangent;
 use crate::prior::Gaussian;
 
@@ -49,14 +49,14 @@ pub struct View {
 
 impl Stretch {
     /// Samples beside a stretch of one of these kinds.
-    pub fn new(place: (usize, usize), members: Vec<usize>, kinds: &[Kind]) -> Self {
+    pub fn new(place: (usize, usize), members: Vec<usize>, kinds: Vec<Kind>) -> Self {
         let odds = std::array::from_fn(|kind| kinds.get(kind).map_or(0.0, |kind| kind.share));
-        Self { place, members, kinds: kinds.to_vec(), odds }
+        Self { place, members, kinds, odds }
     }
 
     /// So many samples, each beside a stretch of its own: what these are off is no matter.
     pub fn apart(count: usize) -> Self {
-        Self::new((0, 0), (0..count).collect(), &[Kind { share: 1.0, off: 1.0 }])
+        Self::new((0, 0), (0..count).collect(), vec![Kind { share: 1.0, off: 1.0 }])
     }
 
     /// The product of the factors of the offset and of all samples, if the stretch is of this kind.
@@ -114,6 +114,11 @@ impl Stretch {
         (0..self.kinds.len()).map(view).collect()
     }
 
+    /// Mean square of the offset, if the stretch is of this kind.
+    pub fn square(view: &View) -> f64 {
+        view.belief.mean[OFFSET].powi(2) + view.belief.covariance[(OFFSET, OFFSET)]
+    }
+
     /// Logarithm of the probability of the labels, and the probability of each kind.
     pub fn judged(&self, views: &[View]) -> (f64, [f64; KINDS]) {
         let logs = self.kinds.iter().zip(views).map(|(kind, view)| kind.share.ln() + view.log_probability);
@@ -121,13 +126,6 @@ impl Stretch {
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let all = most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln();
         (all, std::array::from_fn(|kind| logs.get(kind).map_or(0.0, |log| (log - all).exp())))
-    }
-}
-
-impl Trust {
-    /// The kinds of a region's stretches, of which clean ones are `off` by so much.
-    pub fn kinds(&self, off: f64) -> [Kind; KINDS] {
-        [Kind { share: 1.0 - self.disturbed, off }, Kind { share: self.disturbed, off: self.wide }]
     }
 }
 
