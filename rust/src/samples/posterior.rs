@@ -478,23 +478,36 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     }
 }
 
-/// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
+/// What all samples leave possible about a start that some of them led on, whatever the blur, which falls on from there.
 pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
     let mut samples = Samples::all(regions, others, from);
     let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
-    let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
+    let (mut blur, mut found) = (SHARP, Vec::new());
     while blur >= FINEST {
         state = samples.settled(state, blur, ROUNDS, false)?;
-        if best.is_none_or(|(best, _): (State, f64)| best.log_evidence < state.log_evidence) {
-            best = Some((state, blur));
-        }
+        found.push((state, blur));
         blur *= STEP;
     }
-    let (state, blur) = best?;
-    let state = samples.settled(state, blur, LAST_ROUNDS, true)?;
-    let (wrong, telling) = (samples.wrong(&state), samples.telling.len());
-    let State { pose, belief, log_evidence } = state;
-    Some(Posterior { pose, covariance: belief.covariance, log_evidence, blur, wrong, telling })
+    let (likeliest, blur) = found.iter().copied().max_by(|(a, _), (b, _)| a.log_evidence.total_cmp(&b.log_evidence))?;
+    let last = samples.settled(likeliest, blur, LAST_ROUNDS, true)?;
+    let (wrong, telling) = (samples.wrong(&last), samples.telling.len());
+    let rest = found.iter().filter(|(_, other)| *other != blur);
+    let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
+    let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
+    Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur, wrong, telling })
+}
+
+/// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to all.
+fn mixed(about: &Pose, states: &[(f64, State)]) -> (Pose, Matrix6<f64>) {
+    let all: f64 = states.iter().map(|(weight, _)| weight.exp()).sum();
+    let ways: Vec<_> =
+        states.iter().map(|(weight, state)| (weight.exp() / all, about.increment_to(&state.pose))).collect();
+    let mean: Tangent = ways.iter().map(|(weight, way)| way * *weight).sum();
+    let spread = |(weight, way): &(f64, Tangent), state: &State| {
+        (state.belief.covariance + (way - mean) * (way - mean).transpose()) * *weight
+    };
+    let covariance = ways.iter().zip(states).map(|(way, (_, state))| spread(way, state)).sum();
+    (about.moved(&mean), covariance)
 }
 
 /// The step that leaves about as many samples of all regions as lead.

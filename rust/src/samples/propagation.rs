@@ -1,5 +1,5 @@
 //! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
-//! possible (`docs/math.md`, eq. 17.4 to 17.6).
+//! possible (`docs/math.md`, eq. 17.5 to 17.7).
 
 use nalgebra::{SVector, Vector6};
 
@@ -121,7 +121,7 @@ struct Tilted {
 }
 
 impl Tilted {
-    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.5).
+    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.6).
     fn new(mean: f64, variance: f64, trust: &Trust) -> Self {
         let (mut probability, mut slope, mut bend) = (trust.mislabelled, 0.0, 0.0);
         for (weight, blur) in trust.parts() {

@@ -1,4 +1,4 @@
-//! Stretches of an observed contour, each of which is off as a whole (`docs/math.md`, eq. 17.8).
+//! Stretches of an observed contour, each of which is off as a whole (`docs/math.md`, eq. 17.4).
 
 use nalgebra::Matrix6;
 
