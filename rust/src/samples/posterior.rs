@@ -478,23 +478,57 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     }
 }
 
-/// What all samples leave possible about a start that some of them led on, whatever the blur, which falls on from there.
-pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
-    let mut samples = Samples::all(regions, others, from);
-    let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
-    let (mut blur, mut found) = (SHARP, Vec::new());
+/// What all samples leave possible about starts that some of them led on, whatever the blur, which falls on from there. A start
+/// that is behind the best at one blur by more than `hopeless`, in logarithms of the evidence, falls no farther.
+pub fn posteriors(
+    regions: &[SampledRegion],
+    others: &impl Fn(&Pose) -> Gaussian,
+    led: &[Led],
+    hopeless: f64,
+) -> Vec<Posterior> {
+    let mut falling: Vec<_> = led.iter().map(|from| Falling::new(regions, others, from)).collect();
+    let mut blur = SHARP;
     while blur >= FINEST {
-        state = samples.settled(state, blur, ROUNDS, false)?;
-        found.push((state, blur));
+        falling.retain_mut(|one| one.fall_to(blur).is_some());
+        let most = falling.iter().map(|one| one.state.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        falling.retain(|one| most - one.state.log_evidence <= hopeless);
         blur *= STEP;
     }
-    let (likeliest, blur) = found.iter().copied().max_by(|(a, _), (b, _)| a.log_evidence.total_cmp(&b.log_evidence))?;
-    let last = samples.settled(likeliest, blur, LAST_ROUNDS, true)?;
-    let (wrong, telling) = (samples.wrong(&last), samples.telling.len());
-    let rest = found.iter().filter(|(_, other)| *other != blur);
-    let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
-    let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
-    Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur, wrong, telling })
+    falling.into_iter().filter_map(Falling::ended).collect()
+}
+
+/// A start on its way with all samples.
+struct Falling<'a, F> {
+    samples: Samples<'a, F>,
+    state: State,
+    /// Where it was at each blur.
+    found: Vec<(State, f64)>,
+}
+
+impl<'a, F: Fn(&Pose) -> Gaussian> Falling<'a, F> {
+    fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
+        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+        Self { samples: Samples::all(regions, others, from), state, found: Vec::new() }
+    }
+
+    /// The state at the next blur; `None` where a direction is left free.
+    fn fall_to(&mut self, blur: f64) -> Option<()> {
+        self.state = self.samples.settled(self.state, blur, ROUNDS, false)?;
+        self.found.push((self.state, blur));
+        Some(())
+    }
+
+    /// The likeliest blur's state over the whole of its belief, and those of all blurs together.
+    fn ended(mut self) -> Option<Posterior> {
+        let by_evidence = |(a, _): &&(State, f64), (b, _): &&(State, f64)| a.log_evidence.total_cmp(&b.log_evidence);
+        let (likeliest, blur) = *self.found.iter().max_by(by_evidence)?;
+        let last = self.samples.settled(likeliest, blur, LAST_ROUNDS, true)?;
+        let (wrong, telling) = (self.samples.wrong(&last), self.samples.telling.len());
+        let rest = self.found.iter().filter(|(_, other)| *other != blur);
+        let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
+        let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
+        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur, wrong, telling })
+    }
 }
 
 /// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to all.
