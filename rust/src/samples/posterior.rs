@@ -54,6 +54,11 @@ const SETTLED: f64 = 0.1;
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
 
+/// How much less likely labels may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
+/// chance. What is farther is approached by half, so many times.
+const WORSE: f64 = 6.0;
+const HALVINGS: usize = 4;
+
 /// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
 const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 
@@ -396,6 +401,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
     }
 
+    /// The pose after an increment, or after a part of it where labels are far less likely there.
+    fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
+        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step);
+        let least = fit(from) - WORSE;
+        let poses = (0..HALVINGS).map(|halving| from.moved(&(increment * RELAXED.powi(halving as i32))));
+        poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)
+    }
+
     /// The belief once its mean is where it was linearised; `None` where a direction is left free.
     fn settled(&mut self, mut state: State, blur: f64, rounds: usize, whole: bool) -> Option<State> {
         let is_first = self.telling.is_empty();
@@ -423,7 +436,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             before = belief.mean;
             let way = belief.mean.dot(&information.solve(&belief.mean));
-            let pose = state.pose.moved(&shortened(&(belief.mean * share), &state.pose));
+            let pose = self.approached(&state.pose, &shortened(&(belief.mean * share), &state.pose), blur);
             state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;
