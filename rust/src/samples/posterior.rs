@@ -54,7 +54,7 @@ const SETTLED: f64 = 0.1;
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
 
-/// How much less likely labels may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
+/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
 /// chance. What is farther is approached by half, so many times.
 const WORSE: f64 = 6.0;
 const HALVINGS: usize = 4;
@@ -401,9 +401,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
     }
 
-    /// The pose after an increment, or after a part of it where labels are far less likely there.
+    /// The pose after an increment, or after a part of it where all that is known is far less likely there.
     fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
-        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step);
+        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step) + (self.others)(pose).offset;
         let least = fit(from) - WORSE;
         let poses = (0..HALVINGS).map(|halving| from.moved(&(increment * RELAXED.powi(halving as i32))));
         poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)

@@ -69,7 +69,7 @@ impl Problem {
     /// The posteriors of the likeliest starts.
     fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
-        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step);
+        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
         let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
         let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
