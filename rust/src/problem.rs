@@ -127,6 +127,11 @@ impl Problem {
         creases(&self.regions, &self.worlds, &self.origin)
     }
 
+    /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.
+    pub fn crease_segment(&self, crease: &Crease, pose: &Pose) -> [Vector3<f64>; 2] {
+        crease.segment(&self.centred(pose)).map(|place| place + self.origin)
+    }
+
     /// The point relative to which world coordinates are taken.
     pub(crate) fn origin(&self) -> &Vector3<f64> {
         &self.origin

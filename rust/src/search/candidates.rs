@@ -2,6 +2,7 @@
 
 use std::iter;
 
+use super::centroids::centroid_poses;
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::directions::direction_poses;
@@ -156,7 +157,7 @@ impl Problem {
         let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
-        let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
+        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&looks.known, &poses) };
         let answers = match options.refinement {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
@@ -174,6 +175,12 @@ impl Problem {
             Some(pose) if enough || looks.explains(pose) => poses,
             _ => moment_poses(self, &options.prior, &known, WantedTurns::All, |_| false),
         }
+    }
+
+    /// Where samples are led from: what is known beforehand and poses of centroids, as they are, since outlines of samples may
+    /// lead them astray, and those that the outlines gave.
+    fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
+        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).collect()
     }
 
     /// Whether any region has hidden edges.

@@ -66,6 +66,8 @@ pub struct Estimate {
     pub boundary_noise: f64,
     /// The other poses that fit as well and that the prior leaves, best first.
     pub alternatives: Vec<Solution>,
+    /// Edges that two regions share, used as evidence beside samples: the regions, and the ends in the world.
+    pub creases: Vec<([usize; 2], [Vector3<f64>; 2])>,
     /// What to be warned of.
     pub warnings: Vec<Warning>,
     /// What the fit shows of the best pose, whatever else fits alike.
@@ -124,7 +126,14 @@ impl Search {
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options.prior);
-        Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
+        let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
+        Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations })
+    }
+
+    /// The creases as a pose shows them.
+    fn creases(&self, pose: &Pose) -> Vec<([usize; 2], [Vector3<f64>; 2])> {
+        let creases = self.problem.creases();
+        creases.iter().map(|crease| (crease.regions, self.problem.crease_segment(crease, pose))).collect()
     }
 
     /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
