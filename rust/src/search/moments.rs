@@ -12,8 +12,8 @@ use crate::problem::Problem;
 use crate::region::WorldRegion;
 use crate::search::cuts::cut_worlds;
 
-/// A candidate: enough to tell it from the others, as the error falls with the square of the last step; not yet a solution.
-pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-3, evaluations: 28 };
+/// A candidate: enough to tell it from the others, whose valleys are flat where shapes are symmetric; not yet a solution.
+pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-4, evaluations: 28 };
 
 /// A final solution: the last step is far shorter than the 1e-7 within which both drivers end. The paper's start needs as many,
 /// from wherever it lies.
