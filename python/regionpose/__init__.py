@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from regionpose.segmentation.planes import find_planes
     from regionpose.solver import (
         Alternative,
+        Crease,
         PoseError,
         PoseEstimate,
         PoseWarning,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Alternative",
     "CameraRefinement",
+    "Crease",
     "FisheyeCamera",
     "Frame",
     "FrameFit",
@@ -108,7 +110,15 @@ _MODULES = {
         "regions_from_file",
     ),
     "segmentation.planes": ("find_planes",),
-    "solver": ("Alternative", "PoseError", "PoseEstimate", "PoseWarning", "estimate_pose", "estimate_poses"),
+    "solver": (
+        "Alternative",
+        "Crease",
+        "PoseError",
+        "PoseEstimate",
+        "PoseWarning",
+        "estimate_pose",
+        "estimate_poses",
+    ),
     "world_region": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -274,6 +274,10 @@ class Estimate:
         """The other poses that fit as well and that the prior leaves, best first."""
 
     @property
+    def creases(self) -> list[tuple[list[int], NDArray[np.float64]]]:
+        """(regions, ends (2, 3)) of each edge that two regions share."""
+
+    @property
     def warnings(self) -> list[tuple[str, str]]:
         """(code, sentence) of each warning."""
 

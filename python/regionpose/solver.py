@@ -82,6 +82,17 @@ class Alternative(Pose):
 
 
 @dataclass(frozen=True, eq=False)
+class Crease:
+    """A straight edge that two regions share where their planes meet.
+
+    `regions`: their places in the lists. `ends` (2, 3): of the part that both image regions show, in the world, metres.
+    """
+
+    regions: tuple[int, int]
+    ends: Array
+
+
+@dataclass(frozen=True, eq=False)
 class PoseEstimate:
     """The pose of a camera and what is known of it.
 
@@ -92,7 +103,8 @@ class PoseEstimate:
     `region_overlap_errors` (k,) region by region. `boundary_noise`: standard deviation of the contour that the fit
     shows, pixels, of its clean part where the pose was refined on it; `disturbed_share`: the rest of the contour, a
     fraction, then. `alternatives`: other minima that fit as well and that the priors leave, best first. `evaluations`:
-    of the equations, over all minima. `termination`: why the best minimum's iteration ended.
+    of the equations, over all minima. `termination`: why the best minimum's iteration ended. `creases`: edges between
+    regions that were evidence beside samples of a scan.
     """
 
     pose: Pose
@@ -107,6 +119,7 @@ class PoseEstimate:
     converged: bool
     termination: str
     evaluations: int
+    creases: tuple[Crease, ...] = ()
 
     @property
     def rotation_sigma_deg(self) -> Array:
@@ -382,6 +395,7 @@ def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | 
         converged=best.converged,
         termination=best.termination,
         evaluations=estimate.evaluations,
+        creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
     )
 
 

@@ -48,6 +48,7 @@ pub mod equations;
 pub mod error;
 #[doc(hidden)]
 pub mod geometry;
+mod lanes;
 pub mod mesh;
 pub mod moments;
 #[doc(hidden)]

@@ -127,6 +127,11 @@ impl Problem {
         creases(&self.regions, &self.worlds, &self.origin)
     }
 
+    /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.
+    pub fn crease_segment(&self, crease: &Crease, pose: &Pose) -> [Vector3<f64>; 2] {
+        crease.segment(&self.centred(pose)).map(|place| place + self.origin)
+    }
+
     /// The point relative to which world coordinates are taken.
     pub(crate) fn origin(&self) -> &Vector3<f64> {
         &self.origin
@@ -151,9 +156,18 @@ impl Problem {
 
     /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
     pub fn noise_variance(&self, cost: f64) -> f64 {
+        self.variance_with(cost, PARAMETERS)
+    }
+
+    /// The same as the covariance of a pose takes it, which does not know the noise but estimates it (`docs/math.md`, eq. 10.3).
+    pub(crate) fn estimated_variance(&self, cost: f64) -> f64 {
+        self.variance_with(cost, PARAMETERS + 2)
+    }
+
+    /// The cost for each equation, less so many of them.
+    fn variance_with(&self, cost: f64, taken: usize) -> f64 {
         let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
-        let left = count.saturating_sub(PARAMETERS).max(1) as f64;
-        (cost / left).max(NOISE_FLOOR * NOISE_FLOOR)
+        (cost / count.saturating_sub(taken).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
     /// The regions that a pose sees from the side away from their viewpoint.

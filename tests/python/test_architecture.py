@@ -18,7 +18,7 @@ DOCUMENT = ROOT / "docs" / "architecture.md"
 Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
-    ("error",),
+    ("error", "lanes"),
     ("batch", "geometry", "moments"),
     ("mesh", "prior", "region"),
     ("view",),
@@ -65,7 +65,7 @@ KNOWS_NO_POSE = (
 
 SOLE_USERS = {
     "libm": {"samples"},
-    "pulp": {"moments"},
+    "pulp": {"lanes"},
     "rayon": {"batch"},
     "robust": {"geometry"},
     "spade": {"mesh"},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.evaluation.noise import SpinningLidar, lidar_points
+from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.outline import outline_of_points
 from regionpose.segmentation.cloud import grow_plane, nearest_to_ray
 from regionpose.segmentation.planes import find_planes

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import FisheyeCamera, PinholeCamera
-from regionpose.evaluation import masks, measures, noise, planar, setups
+from regionpose.evaluation import lidar, masks, measures, noise, planar, setups
 from regionpose.evaluation.templates import all_templates, template_named
 from scipy.spatial.transform import Rotation
 
@@ -138,8 +138,8 @@ def test_lidar_beams_hit_the_region_at_their_elevations_with_the_stated_noise() 
     """A wall of 1 m x 1 m, 4 m ahead: hits lie on its 64 beams' cones, the noise along the beams."""
     wall = template_named("square").region()
     position = np.array([0.3, -0.2, -4.0])
-    exact = noise.SpinningLidar(range_noise_m=0.0)
-    hits = noise.lidar_points(wall, position, np.random.default_rng(0), exact)
+    exact = lidar.SpinningLidar(range_noise_m=0.0)
+    hits = lidar.lidar_points(wall, position, np.random.default_rng(0), exact)
     assert np.abs(hits[:, 2]).max() < 1e-12
     assert np.abs(hits[:, :2]).max() <= 0.5
     beams = (hits - position) / np.linalg.norm(hits - position, axis=1)[:, None]
@@ -147,18 +147,18 @@ def test_lidar_beams_hit_the_region_at_their_elevations_with_the_stated_noise() 
     assert np.abs(steps - np.round(steps)).max() < 1e-9
     # 1 m at 4 m is 14.2 deg: 71 columns, 17 or 18 beams.
     assert len(hits) == pytest.approx(71 * 17.5, rel=0.06)
-    noisy = noise.lidar_points(wall, position, np.random.default_rng(0), noise.SpinningLidar(range_noise_m=0.02))
+    noisy = lidar.lidar_points(wall, position, np.random.default_rng(0), lidar.SpinningLidar(range_noise_m=0.02))
     along = np.linalg.norm(noisy - position, axis=1) - np.linalg.norm(hits - position, axis=1)
     assert np.std(along) == pytest.approx(0.02, rel=0.1)
-    assert len(noise.lidar_points(wall, (0.0, -20.0, -1.0), np.random.default_rng(0))) == 0
+    assert len(lidar.lidar_points(wall, (0.0, -20.0, -1.0), np.random.default_rng(0))) == 0
     with pytest.raises(ValueError, match="beams is 0"):
-        noise.SpinningLidar(beams=0)
+        lidar.SpinningLidar(beams=0)
 
 
 def test_lidar_skips_the_holes() -> None:
     window = template_named("uneven_window")
-    hits = noise.lidar_points(
-        window.region(), (0.0, 0.0, -3.0), np.random.default_rng(1), noise.SpinningLidar(range_noise_m=0.0)
+    hits = lidar.lidar_points(
+        window.region(), (0.0, 0.0, -3.0), np.random.default_rng(1), lidar.SpinningLidar(range_noise_m=0.0)
     )
     assert len(hits) > 500
     assert shapely.contains_xy(planar.even_odd_shape(list(window.rings)), hits[:, 0], hits[:, 1]).all()

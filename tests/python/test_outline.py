@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.evaluation.noise import SpinningLidar, lidar_points
+from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition

@@ -9,7 +9,7 @@ import pytest
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from regionpose.evaluation.noise import LidarScan, SpinningLidar, lidar_scan
+from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition, Scan

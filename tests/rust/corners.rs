@@ -4,7 +4,8 @@ mod support;
 
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::search::corners::{corner_poses, is_plausible, projected_area, simplified, triangle_poses};
+use regionpose::geometry::simplified::simplified;
+use regionpose::search::corners::{corner_poses, is_plausible, projected_area, triangle_poses};
 use regionpose::view::chart::Chart;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem};
 use support::random::Random;

@@ -8,10 +8,12 @@ use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
+use regionpose::samples::belief::Belief;
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Site, Trust, propagated};
 use regionpose::samples::readings::Reading;
 use regionpose::samples::signed_field::SignedField;
+use regionpose::samples::stretch::{Kind, Stretch};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::jacobian::differences;
 use support::random::Random;
@@ -54,7 +56,7 @@ fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
 /// A square of side 2: a point beside an edge, one beyond a corner, one at the middle of a notch.
 #[test]
 fn distances_are_signed_by_the_side() {
-    let field = SignedField::new(&[rectangle(2.0, 2.0)], &[vec![false, false, false, true]]);
+    let field = SignedField::new(&[rectangle(2.0, 2.0)], &[vec![false, false, false, true]], 100.0);
     let at = |x: f64, y: f64| field.nearest(&Vector2::new(x, y));
     let beside = at(0.2, -0.7);
     assert!((beside.distance - 0.3).abs() < 1e-12 && (beside.gradient - Vector2::y()).norm() < 1e-12);
@@ -68,7 +70,7 @@ fn distances_are_signed_by_the_side() {
 #[test]
 fn a_notch_has_its_inside_outside() {
     let ell = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vector2::new(x, y));
-    let field = SignedField::new(&[ell.to_vec()], &[]);
+    let field = SignedField::new(&[ell.to_vec()], &[], 100.0);
     let near = field.nearest(&Vector2::new(0.7, 0.6));
     assert!((near.distance - 0.5).abs() < 1e-12, "0.3 and 0.4 from the notch's corner: {near:?}");
     assert!(field.nearest(&Vector2::new(1.2, 1.1)).distance < 0.0);
@@ -77,22 +79,27 @@ fn a_notch_has_its_inside_outside() {
 #[test]
 fn a_hole_is_outside() {
     let hole: Vec<_> = rectangle(1.0, 1.0).into_iter().rev().collect();
-    let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[]);
+    let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[], 100.0);
     assert!((field.nearest(&Vector2::zeros()).distance + 0.5).abs() < 1e-12);
     assert!((field.nearest(&Vector2::new(0.8, 0.0)).distance - 0.3).abs() < 1e-12);
 }
 
-/// A square has four sides; a circle of as many edges as a contour has a stretch for each tenth of its size.
+/// A square has four sides, whatever steps a mask makes of them; a circle has a stretch for each twentieth of its size or more;
+/// what steps out of a side is none of it.
 #[test]
-fn stretches_are_sides_or_tenths_of_the_size() {
+fn stretches_are_sides_or_parts_of_the_size() {
     let numbers = |ring: &[Vector2<f64>]| {
-        let field = SignedField::new(&[ring.to_vec()], &[]);
+        let field = SignedField::new(&[ring.to_vec()], &[], 100.0);
         let middles = (0..ring.len()).map(|k| ring[k].lerp(&ring[(k + 1) % ring.len()], 0.5));
         middles.map(|middle| field.stretch(&middle)).collect::<Vec<_>>()
     };
     assert_eq!(numbers(&rectangle(2.0, 1.0)), [1, 2, 3, 4]);
-    let circle = numbers(&regular(40, 1.0));
-    assert!(circle.is_sorted() && (17..=40).contains(&circle[39]), "{circle:?}");
+    let steps = [[0.0, 0.0], [0.7, 0.0], [0.71, 0.01], [1.4, 0.01], [1.41, 0.02], [2.0, 0.02], [2.0, 1.0], [0.0, 1.0]];
+    assert_eq!(numbers(&steps.map(|[x, y]| Vector2::new(x, y))), [1, 1, 1, 1, 1, 2, 3, 4]);
+    let bump = [[0.0, 0.0], [0.7, 0.0], [0.7, -0.1], [0.9, -0.1], [0.9, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
+    assert_eq!(numbers(&bump.map(|[x, y]| Vector2::new(x, y))), [1, 2, 3, 4, 5, 6, 7, 8]);
+    let circle = numbers(&regular(400, 1.0));
+    assert!(circle.is_sorted() && (17..=70).contains(&circle[399]), "{circle:?}");
 }
 
 proptest! {
@@ -102,7 +109,7 @@ proptest! {
         let mut random = Random::new(seed);
         let ring = star(&mut random, 40, 1.0);
         let region = PlaneRings::new(vec![ring.clone()]).unwrap();
-        let field = SignedField::new(std::slice::from_ref(&ring), &[]);
+        let field = SignedField::new(std::slice::from_ref(&ring), &[], 100.0);
         for _ in 0..40 {
             let point = Vector2::new(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0));
             let least = (0..ring.len()).map(|k| from_segment(&point, &ring[k], &ring[(k + 1) % ring.len()])).fold(f64::INFINITY, f64::min);
@@ -154,6 +161,13 @@ fn margins_have_exact_derivatives() {
     }
 }
 
+/// The belief and the evidence with a normal prior of this deviation in all directions.
+fn left_possible(deviation: f64, sites: &mut [Site], stretches: &mut [Stretch]) -> (Belief, f64) {
+    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(deviation));
+    let found = propagated(&prior, &Gaussian::default(), sites, stretches).unwrap();
+    (found.belief, found.log_evidence)
+}
+
 /// One direction is free, the others known: moments and evidence of a few labels against quadrature.
 #[test]
 fn moments_of_a_line_are_those_of_quadrature() {
@@ -161,9 +175,8 @@ fn moments_of_a_line_are_those_of_quadrature() {
     // Two walls, each met by one label from either side, and one label that is likely wrong.
     let margins = [(1.0, 2.0), (-1.0, 1.5), (2.0, 4.0), (-0.5, 3.0)];
     let mut sites: Vec<Site> =
-        margins.iter().map(|(scale, margin)| Site::new(slope * *scale, *margin, CLEAN)).collect();
-    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(3.0));
-    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+        margins.iter().map(|(scale, margin)| Site::new(&(slope * *scale), 0.0, *margin, CLEAN)).collect();
+    let (belief, log_evidence) = left_possible(3.0, &mut sites, &mut [Stretch::apart(4)]);
     let probability = |x: f64| margins.iter().map(|(scale, margin)| label(scale * x + margin)).product::<f64>();
     let weight = |x: f64| probability(x) * density(x / 3.0) / 3.0;
     let [all, first, second] = [0, 1, 2].map(|power| quadrature(|x| weight(x) * x.powi(power)));
@@ -195,14 +208,13 @@ fn quadrature(value: impl Fn(f64) -> f64) -> f64 {
 #[test]
 fn one_label_is_exact() {
     let slope = Vector6::new(0.3, -1.0, 0.5, 2.0, 0.1, -0.7);
-    let mut sites = [Site::new(slope, -1.2, CLEAN)];
-    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(1.0));
-    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+    let mut sites = [Site::new(&slope, 0.0, -1.2, CLEAN)];
+    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut [Stretch::apart(1)]);
     let spread = slope.norm();
     let weight = |g: f64| label(g) * density((g + 1.2) / spread) / spread;
     let [all, first, second] = [0, 1, 2].map(|power| quadrature(|g| weight(g) * g.powi(power)));
     assert!((log_evidence - all.ln()).abs() < 1e-6, "{log_evidence} against {}", all.ln());
-    let (mean, variance) = sites[0].margin_under(&belief);
+    let (mean, variance) = sites[0].margin_under(&belief.beside_clean());
     assert!((mean - first / all).abs() < 1e-6 && (variance - second / all + (first / all).powi(2)).abs() < 1e-6);
 }
 
@@ -218,9 +230,8 @@ fn moments_are_those_of_sampling() {
         (slope * side, -threshold * side)
     };
     let labels: Vec<_> = (0..12).map(|_| draw(&mut random)).collect();
-    let mut sites: Vec<Site> = labels.iter().map(|(slope, margin)| Site::new(*slope, *margin, CLEAN)).collect();
-    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(1.0));
-    let (belief, log_evidence) = propagated(&prior, &Gaussian::default(), &mut sites).unwrap();
+    let mut sites: Vec<Site> = labels.iter().map(|(slope, margin)| Site::new(slope, 0.0, *margin, CLEAN)).collect();
+    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut [Stretch::apart(12)]);
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
     for _ in 0..400_000 {
         let x = Vector6::from_fn(|_, _| random.normal());
@@ -238,6 +249,65 @@ fn moments_are_those_of_sampling() {
         belief.covariance
     );
     assert!((log_evidence - (all / 400_000.0_f64).ln()).abs() < 0.05);
+}
+
+/// Five stretches with six labels each, one of them off by four blurs, against draws of the prior, of which each stretch's offset
+/// is integrated by itself.
+#[test]
+fn stretches_that_are_off_are_those_of_sampling() {
+    let mut random = Random::new(9);
+    let kinds = [Kind { share: 0.8, off: 0.5 }, Kind { share: 0.2, off: 6.0 }];
+    let trust = Trust { disturbed: 0.0, ..CLEAN };
+    let mut labels = Vec::new();
+    for stretch in 0..5 {
+        let slope = Vector6::from_fn(|_, _| random.normal());
+        let off = if stretch == 2 { 4.0 } else { 0.0 };
+        for _ in 0..6 {
+            let place = 3.0 * random.normal();
+            let side = if off > place { 1.0 } else { -1.0 };
+            labels.push((slope * side, side, -place * side));
+        }
+    }
+    let mut sites: Vec<Site> =
+        labels.iter().map(|(slope, side, margin)| Site::new(slope, *side, *margin, trust)).collect();
+    let mut stretches: Vec<_> =
+        (0..5).map(|k| Stretch::new((0, k), (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect();
+    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut stretches);
+    let probability = |margin: f64| trust.label(margin, 0.0).log_probability.exp();
+    let offsets: Vec<(f64, f64)> =
+        (-100..=100).map(|k| 0.2 * f64::from(k)).map(|d| (d, 0.2 * spread(&kinds, d))).collect();
+    let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
+    for _ in 0..5_000 {
+        let x = Vector6::from_fn(|_, _| random.normal());
+        let beside = |labels: &[(Vector6<f64>, f64, f64)]| -> f64 {
+            let at = |d: f64| -> f64 {
+                labels.iter().map(|(slope, side, margin)| probability(slope.dot(&x) + side * d + margin)).product()
+            };
+            offsets.iter().map(|(d, weight)| weight * at(*d)).sum()
+        };
+        let weight: f64 = labels.chunks(6).map(beside).product();
+        all += weight;
+        first += x * weight;
+        second += x * x.transpose() * weight;
+    }
+    let mean = first / all;
+    let covariance = second / all - mean * mean.transpose();
+    assert!((belief.mean - mean).norm() < 0.15, "{} against {mean}", belief.mean);
+    assert!(
+        (belief.covariance - covariance).norm() < 0.2 * covariance.norm(),
+        "{} against {covariance}",
+        belief.covariance
+    );
+    assert!(
+        (log_evidence - (all / 5_000.0_f64).ln()).abs() < 0.3,
+        "{log_evidence} against {}",
+        (all / 5_000.0_f64).ln()
+    );
+}
+
+/// The density of an offset by its definition.
+fn spread(kinds: &[Kind], offset: f64) -> f64 {
+    kinds.iter().map(|kind| kind.share * density(offset / kind.off) / kind.off).sum()
 }
 
 /// Outlines a tenth too small put the pose off; the samples don't.

@@ -7,6 +7,7 @@ Studies of many problems are in `regionpose.evaluation.studies`.
 
 from __future__ import annotations
 
+from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.evaluation.masks import area_coverage, binary_mask, project_region
 from regionpose.evaluation.measures import (
     PoseErrors,
@@ -19,8 +20,6 @@ from regionpose.evaluation.measures import (
 )
 from regionpose.evaluation.noise import (
     MiscalibratedCamera,
-    SpinningLidar,
-    lidar_points,
     miscalibrate,
     occlude_mask,
     occlude_region,

@@ -1,4 +1,4 @@
-"""Disturbances of the benchmark: segmentation error, occlusion, truncation, lidar sampling, calibration error.
+"""Disturbances of the benchmark: segmentation error, occlusion, truncation, calibration error.
 
 Each function returns a new object, changes none of its inputs, and draws only from the generator it is given.
 """
@@ -19,7 +19,7 @@ from skimage.measure import find_contours
 
 from regionpose.cameras import Camera
 from regionpose.evaluation.masks import Array, Window
-from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon, axes_across
+from regionpose.evaluation.planar import PlaneFrame, area_vector, as_multipolygon
 
 Mask = NDArray[np.bool_]
 
@@ -345,108 +345,6 @@ def truncate_masks(masks: Sequence[ArrayLike], share: float, rng: np.random.Gene
     inside = np.zeros((height, width), dtype=np.bool_)
     inside[window.top : window.bottom, window.left : window.right] = True
     return TruncatedMasks([region & inside for region in regions], window)
-
-
-@dataclass(frozen=True)
-class SpinningLidar:
-    """A lidar that turns a fan of beams about its axis.
-
-    `beams` elevations from `lowest_deg` to `highest_deg` above the plane of rotation, one column of points every
-    `azimuth_step_deg`, ranges disturbed by a normal error of standard deviation `range_noise_m` along the beam.
-    """
-
-    beams: int = 64
-    lowest_deg: float = -25.0
-    highest_deg: float = 25.0
-    azimuth_step_deg: float = 0.2
-    range_noise_m: float = 0.01
-
-    def __post_init__(self) -> None:
-        """Check that the beams and steps are positive."""
-        for name in ("beams", "azimuth_step_deg"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"lidar {name} is {getattr(self, name)}; it must be positive")
-        if self.range_noise_m < 0.0:
-            raise ValueError(f"lidar range_noise_m is {self.range_noise_m}; it must be 0 or more")
-
-    def directions(self, up: ArrayLike, phase: float) -> Array:
-        """(n, 3) unit beams of one turn about the axis `up`, the first column at angle `phase` (rad)."""
-        axis = np.asarray(up, dtype=np.float64)
-        axis = axis / np.linalg.norm(axis)
-        forward, side = axes_across(axis).T
-        elevation = np.radians(np.linspace(self.lowest_deg, self.highest_deg, self.beams))[:, None, None]
-        azimuth = phase + np.radians(np.arange(0.0, 360.0, self.azimuth_step_deg))[None, :, None]
-        flat = np.cos(azimuth) * forward + np.sin(azimuth) * side
-        beams: Array = (np.cos(elevation) * flat + np.sin(elevation) * axis).reshape(-1, 3)
-        return beams
-
-
-# Range at which beams end that meet no region: a wall of a large yard.
-BACKDROP_M = 30.0
-# The scenes' "first" world frame has y down.
-UP = (0.0, -1.0, 0.0)
-
-
-def lidar_points(
-    rings: Sequence[Array],
-    position: ArrayLike,
-    rng: np.random.Generator,
-    lidar: SpinningLidar | None = None,
-    up: ArrayLike = UP,
-) -> Array:
-    """(n, 3) world points where the beams of a lidar at `position` (3,) hit a planar region, with range noise, metres.
-
-    The turn starts at a random angle. `up`: the axis of rotation in the world.
-    """
-    scan = lidar_scan([rings], position, rng, lidar, up)
-    points: Array = scan.points[scan.regions == 0]
-    return points
-
-
-class LidarScan(NamedTuple):
-    """Returns (n, 3) of one turn of a lidar, metres, and the region that each fell on, (n,), -1 for the backdrop."""
-
-    points: Array
-    regions: NDArray[np.intp]
-
-
-def lidar_scan(
-    regions: Sequence[Sequence[Array]],
-    position: ArrayLike,
-    rng: np.random.Generator,
-    lidar: SpinningLidar | None = None,
-    up: ArrayLike = UP,
-) -> LidarScan:
-    """All returns of a lidar at `position` (3,) before planar regions, given by their (n, 3) rings, and a backdrop.
-
-    A beam ends on the nearest region that it meets, or on a sphere of `BACKDROP_M` around the lidar. The turn starts at
-    a random angle. `up`: the axis of rotation in the world.
-    """
-    sensor = SpinningLidar() if lidar is None else lidar
-    origin = np.asarray(position, dtype=np.float64)
-    beams = sensor.directions(up, rng.uniform(0.0, 2.0 * np.pi))
-    ranges = np.full(len(beams), BACKDROP_M)
-    hit = np.full(len(beams), -1)
-    for index, rings in enumerate(regions):
-        met = _ranges(rings, origin, beams)
-        nearer = met < ranges
-        ranges[nearer], hit[nearer] = met[nearer], index
-    noisy = ranges + rng.normal(0.0, sensor.range_noise_m, size=len(ranges))
-    return LidarScan(origin + noisy[:, None] * beams, hit)
-
-
-def _ranges(rings: Sequence[Array], origin: Array, beams: Array) -> Array:
-    """Range (n,) at which each beam (n, 3) meets a planar region; infinite where it doesn't."""
-    frame = PlaneFrame.of_region(rings)
-    normal = np.cross(frame.axes[:, 0], frame.axes[:, 1])
-    with np.errstate(divide="ignore"):
-        ranges: Array = ((frame.origin - origin) @ normal) / (beams @ normal)
-    ahead = np.flatnonzero(np.isfinite(ranges) & (ranges > 0.0))
-    flat = frame.flat(origin + ranges[ahead, None] * beams[ahead])
-    missed = np.ones(len(beams), dtype=np.bool_)
-    missed[ahead] = ~shapely.contains_xy(frame.polygon(rings), flat[:, 0], flat[:, 1])
-    ranges[missed] = np.inf
-    return ranges
 
 
 @dataclass(frozen=True)

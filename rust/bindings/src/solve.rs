@@ -216,6 +216,15 @@ impl Estimate {
         self.0.alternatives.iter().cloned().map(Solution).collect()
     }
 
+    /// (regions, ends (2, 3)) of each edge that two regions share.
+    #[getter]
+    fn creases<'py>(&self, py: Python<'py>) -> PyResult<Vec<([usize; 2], Bound<'py, PyArray2<f64>>)>> {
+        let creases = self.0.creases.iter();
+        creases
+            .map(|(regions, ends)| Ok((*regions, matrix(py, ends.iter().flatten().copied().collect(), [2, 3])?)))
+            .collect()
+    }
+
     /// (code, sentence) of each warning.
     #[getter]
     fn warnings(&self) -> Vec<(&'static str, String)> {

@@ -7,12 +7,13 @@ use crate::error::{Error, Result};
 use crate::geometry::clipping::Clipped;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
+use crate::geometry::simplified::simplified;
+use crate::lanes::{LANES, Lanes, vectorized};
 use crate::mesh::PlaneMesh;
 #[cfg(feature = "mesh")]
 use crate::mesh::even_mesh::even_mesh;
 #[cfg(feature = "mesh")]
 use crate::mesh::triangulation::{MeshOptions, triangulate};
-use crate::moments::lanes::{LANES, Lanes, vectorized};
 use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
 use crate::moments::plane::{RingMoments, VertexGroups};
 use crate::moments::sphere::spherical_moments;
@@ -46,6 +47,10 @@ pub const SPHERE_MESH_SIZE: f64 = 0.125;
 /// A plane that passes the camera nearer than this, as a share of the facet's distance, is seen edge-on.
 const EDGE_ON: f64 = 1e-9;
 
+/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area: moments are
+/// then right to a hundredth.
+const COARSE: f64 = 0.003;
+
 /// A piece of a region in the plane `normal . X = offset`.
 #[derive(Debug, Clone)]
 pub struct Facet {
@@ -69,6 +74,15 @@ struct SpaceRing {
 }
 
 impl SpaceRing {
+    /// The ring by fewer vertices.
+    fn coarse(&self) -> Self {
+        let first = self.vertices[0];
+        let pairs = self.vertices.windows(2);
+        let area = 0.5 * pairs.map(|pair| (pair[0] - first).cross(&(pair[1] - first))).sum::<Vector3<f64>>().norm();
+        let fewer = simplified(&self.vertices, COARSE * area.sqrt());
+        if fewer.len() < 3 { self.clone() } else { Self::new(fewer) }
+    }
+
     fn new(vertices: Vec<Vector3<f64>>) -> Self {
         let group = |start: usize| {
             let vertex = |i: usize| vertices.get(start + i).unwrap_or(&vertices[0]);
@@ -155,6 +169,15 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 }
 
 impl Facet {
+    /// The facet with boundaries of fewer vertices, for a first look.
+    pub fn coarse(&self) -> Self {
+        let shape = match &self.shape {
+            Shape::Rings(rings) => Shape::Rings(rings.iter().map(SpaceRing::coarse).collect()),
+            mesh => mesh.clone(),
+        };
+        Self { shape, ..*self }
+    }
+
     /// The plane along the chart's axes as `nu . P = 1` (`docs/math.md`, eq. 1.7); `None` where it passes through the
     /// camera.
     pub fn nu(&self, chart_from_world: &Pose) -> Option<Vector3<f64>> {

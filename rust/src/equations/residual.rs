@@ -37,6 +37,7 @@ pub struct Evaluation {
 #[derive(Debug, Clone)]
 pub struct RegionEquations {
     sides: Arc<Sides>,
+    facets: Arc<[Facet]>,
     /// Noise of the boundary, in pixels, and the orders that the whitened equations are for.
     noise: (f64, Orders),
     /// Worked out when it is first asked for.
@@ -54,7 +55,6 @@ struct Sides {
     foreign: Vec<Vec<bool>>,
     hides_edges: bool,
     observed: Vec<f64>,
-    facets: Vec<Facet>,
     pixel_area: f64,
     /// Worked out when it is first asked for.
     covariance: OnceLock<BoundaryCovariance>,
@@ -84,27 +84,23 @@ impl RegionEquations {
             _ => integration,
         };
         let values = observed_values(observed, &chart, &outline, system, integration)?;
-        let facets = facets(world, origin, system, integration)?;
+        let facets = facets(world, origin, system, integration)?.into();
         let covariance = OnceLock::new();
-        let sides = Sides {
-            system,
-            chart,
-            outline,
-            border,
-            foreign,
-            hides_edges,
-            observed: values,
-            facets,
-            pixel_area,
-            covariance,
-        };
-        Ok(Self { sides: Arc::new(sides), noise: (0.0, Orders::All), whitening: OnceLock::new() })
+        let sides =
+            Sides { system, chart, outline, border, foreign, hides_edges, observed: values, pixel_area, covariance };
+        Ok(Self { sides: Arc::new(sides), facets, noise: (0.0, Orders::All), whitening: OnceLock::new() })
+    }
+
+    /// The same equations with the world region by fewer vertices, for a first look.
+    pub fn coarse(&self) -> Self {
+        let facets = self.facets.iter().map(Facet::coarse).collect();
+        Self { facets, ..self.clone() }
     }
 
     /// The same equations, whitened for a boundary noise of `sigma` pixels instead of the least.
     pub fn whitened_for(&self, sigma: f64, orders: Orders) -> Self {
         let whitening = OnceLock::from(Whitening::new(self.covariance(), sigma, orders));
-        Self { sides: self.sides.clone(), noise: (sigma, orders), whitening }
+        Self { noise: (sigma, orders), whitening, ..self.clone() }
     }
 
     /// Over the whole outline, the border's edges too: moments that vanish on all the others would be trusted without end.
@@ -179,7 +175,7 @@ impl RegionEquations {
         let turn = self.sides.chart.rotation;
         let chart_from_world = Pose::new(turn * pose.rotation, turn * pose.translation);
         let order = self.sides.system.order(weighting) + if N > ALONE { self.sides.system.reach() } else { 0 };
-        self.sides.facets.iter().try_for_each(|facet| {
+        self.facets.iter().try_for_each(|facet| {
             let nu = facet.nu(&chart_from_world)?;
             match (&self.sides.border, self.sides.system) {
                 (Some(border), _) => self.add_cut_facet(facet, border, &chart_from_world, order, &nu, rows),

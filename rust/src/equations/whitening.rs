@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::moments::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::view::chart::Chart;
@@ -117,7 +117,7 @@ pub struct Whitening {
 impl Whitening {
     /// The whitening for a boundary noise of `sigma` pixels.
     pub fn new(covariance: &BoundaryCovariance, sigma: f64, orders: Orders) -> Self {
-        let (pivots, columns) = pivoted_cholesky(&covariance.at(sigma, orders));
+        let (pivots, columns) = vectorized(PivotedCholesky(&covariance.at(sigma, orders)));
         let mut factor = Vec::with_capacity(packed(pivots.len(), 0));
         for (k, &pivot) in pivots.iter().enumerate() {
             factor.extend(columns[..k].iter().map(|column| column[pivot]));
@@ -148,27 +148,35 @@ impl Whitening {
 }
 
 /// Cholesky's factor of a positive semidefinite matrix, largest pivot first, up to round-off: the pivots and the columns.
-fn pivoted_cholesky(matrix: &Covariance) -> (Vec<usize>, Vec<[f64; MOST_EQUATIONS]>) {
-    let (mut pivots, mut columns) =
-        (Vec::with_capacity(matrix.count), Vec::<[f64; MOST_EQUATIONS]>::with_capacity(matrix.count));
-    let mut rest: [f64; MOST_EQUATIONS] = std::array::from_fn(|k| matrix.entries[k][k]);
-    let cut = PIVOT_CUT * rest.iter().copied().fold(0.0, f64::max);
-    while let Some((pivot, value)) = largest(&rest[..matrix.count]).filter(|(_, value)| *value > cut) {
-        let mut column = matrix.entries[pivot];
-        for other in &columns {
-            let share = other[pivot];
-            column.iter_mut().zip(other).for_each(|(entry, value)| *entry -= share * value);
+struct PivotedCholesky<'a>(&'a Covariance);
+
+impl NullaryFnOnce for PivotedCholesky<'_> {
+    type Output = (Vec<usize>, Vec<[f64; MOST_EQUATIONS]>);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let matrix = self.0;
+        let (mut pivots, mut columns) =
+            (Vec::with_capacity(matrix.count), Vec::<[f64; MOST_EQUATIONS]>::with_capacity(matrix.count));
+        let mut rest: [f64; MOST_EQUATIONS] = std::array::from_fn(|k| matrix.entries[k][k]);
+        let cut = PIVOT_CUT * rest.iter().copied().fold(0.0, f64::max);
+        while let Some((pivot, value)) = largest(&rest[..matrix.count]).filter(|(_, value)| *value > cut) {
+            let mut column = matrix.entries[pivot];
+            for other in &columns {
+                let share = other[pivot];
+                column.iter_mut().zip(other).for_each(|(entry, value)| *entry -= share * value);
+            }
+            let inverse = value.sqrt().recip();
+            column.iter_mut().for_each(|entry| *entry *= inverse);
+            column[pivot] = value.sqrt();
+            rest.iter_mut().zip(&column).for_each(|(rest, entry)| *rest -= entry * entry);
+            // What is left of an eliminated pivot is round-off.
+            rest[pivot] = 0.0;
+            pivots.push(pivot);
+            columns.push(column);
         }
-        let inverse = value.sqrt().recip();
-        column.iter_mut().for_each(|entry| *entry *= inverse);
-        column[pivot] = value.sqrt();
-        rest.iter_mut().zip(&column).for_each(|(rest, entry)| *rest -= entry * entry);
-        // What is left of an eliminated pivot is round-off.
-        rest[pivot] = 0.0;
-        pivots.push(pivot);
-        columns.push(column);
+        (pivots, columns)
     }
-    (pivots, columns)
 }
 
 /// The largest number and where it is; `None` where there is none.

@@ -1,7 +1,9 @@
-//! Rings of the plane, what is cut of them and what they share, the edges nearest to points, and rigid poses.
+//! Rings of the plane, what is cut of them and what they share, fewer vertices for them, the edges nearest to points, and
+//! rigid poses.
 
 pub mod clipping;
 pub mod edge_field;
 pub mod overlap;
 pub mod pose;
 pub mod rings;
+pub mod simplified;

@@ -14,7 +14,7 @@ use std::ops::Add;
 
 use nalgebra::Vector2;
 
-use crate::geometry::rings::PlaneRings;
+use crate::geometry::rings::{PlaneRings, rising};
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -121,8 +121,7 @@ fn sloping_edges(region: &PlaneRings) -> Vec<SlopingEdge> {
             a = b;
         }
     }
-    edges.sort_unstable_by(|a, b| a.left.x.total_cmp(&b.left.x));
-    edges
+    rising(edges.iter().map(|edge| edge.left.x)).map(|place| edges[place]).collect()
 }
 
 /// Sum over all pairs of edges that share some x: a sweep from left to right.

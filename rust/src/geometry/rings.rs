@@ -159,6 +159,18 @@ pub(crate) fn ring_edges(ring: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2
     ring.iter().zip(ring.iter().skip(1).chain(ring.first())).map(|(a, b)| (*a, *b))
 }
 
+/// The places of numbers in rising order, ties as they come: the order of a sweep.
+pub(crate) fn rising(numbers: impl Iterator<Item = f64>) -> impl Iterator<Item = usize> {
+    // As whole numbers of the same order (IEEE 754 total order), which are compared in one step.
+    let whole = |number: f64| {
+        let bits = number.to_bits() as i64;
+        bits ^ (((bits >> 63) as u64) >> 1) as i64
+    };
+    let mut order: Vec<(i64, usize)> = numbers.map(whole).zip(0..).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, place)| place)
+}
+
 /// Corners of the smallest box around `points`.
 pub(crate) fn bounding_box(points: impl Iterator<Item = Vector2<f64>>) -> (Vector2<f64>, Vector2<f64>) {
     let start = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));

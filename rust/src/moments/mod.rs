@@ -5,7 +5,6 @@
 
 use std::ops::AddAssign;
 
-pub(crate) mod lanes;
 pub mod mesh;
 pub mod pixels;
 pub mod plane;

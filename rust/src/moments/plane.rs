@@ -2,9 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use super::quadrature::{Node, gauss_legendre};
 use super::{MAX_ORDER, PlaneMoments, plane_index};
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Moments `integral of x^i y^j dA`, `i + j <= order`, of the region bounded by closed `rings`.
 ///

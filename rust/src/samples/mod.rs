@@ -6,3 +6,4 @@ pub mod posterior;
 pub mod propagation;
 pub mod readings;
 pub mod signed_field;
+pub mod stretch;

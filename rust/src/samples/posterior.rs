@@ -1,18 +1,22 @@
 //! From a start to what the samples leave possible about it, with a falling blur (`docs/math.md`, section 17).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::propagation::{Label, Site, Trust, propagated};
+use super::propagation::{Label, Propagated, Site, Trust, propagated};
 use super::readings::{Reading, SampledRegion};
+use super::stretch::{Kind, Stretch, View};
 use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
 /// The finest blur, pixels: contours of binary masks scatter by as much.
 const FINEST: f64 = 0.25;
+
+/// How far clean stretches of a contour are off at least, pixels: the quality of calibrations.
+const LEAST_OFF: f64 = 0.1;
 
 /// The coarsest one, pixels.
 const COARSEST: f64 = 64.0;
@@ -50,6 +54,11 @@ const SETTLED: f64 = 0.1;
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
 
+/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
+/// chance. What is farther is approached by half, so many times.
+const WORSE: f64 = 6.0;
+const HALVINGS: usize = 4;
+
 /// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
 const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 
@@ -85,11 +94,20 @@ pub struct Posterior {
     pub telling: usize,
 }
 
-/// A sample that tells something: its site, its region's place among those with samples, and its number there.
+/// A sample that tells something: its site, its region's place among those with samples, its number there, and the stretch of
+/// the contour that it lies beside.
 struct Telling {
     site: Site,
     region: usize,
     number: usize,
+    stretch: usize,
+}
+
+impl Telling {
+    /// Its region and the stretch that it lies beside.
+    fn place(&self) -> (usize, usize) {
+        (self.region, self.stretch)
+    }
 }
 
 impl AsRef<Site> for Telling {
@@ -112,7 +130,11 @@ struct Samples<'a, F> {
     start: Pose,
     /// One sample in so many is taken.
     step: usize,
+    /// Whether samples beside one stretch of a contour are off together.
+    joined: bool,
     telling: Vec<Telling>,
+    /// The stretches that these lie beside.
+    stretches: Vec<Stretch>,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     trust: Vec<Trust>,
     certain: Vec<Shown>,
@@ -151,52 +173,137 @@ struct State {
 }
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
-    fn new(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize, trust: Vec<Trust>) -> Self {
-        Self { regions, others, start, step, telling: Vec::new(), trust, certain: Vec::new(), unknown: 0 }
+    /// Every `step`-th sample, each off by itself.
+    fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
+        let (telling, stretches, certain) = (Vec::new(), Vec::new(), Vec::new());
+        let trust = vec![Trust::unknown(); regions.len()];
+        Self { regions, others, start, step, joined: false, telling, stretches, trust, certain, unknown: 0 }
+    }
+
+    /// All samples, those beside one stretch off together.
+    fn all(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
+        Self { joined: true, trust: from.trust.clone(), ..Self::some(regions, others, from.pose, 1) }
     }
 
     fn take_blur(&mut self, blur: f64) {
         for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
-            (trust.blur, trust.wide) = (blur, (FAR_OFF * sampled.size()).max(FAR_BLURS * blur));
+            let wide = if self.joined { trust.wide } else { FAR_OFF * sampled.size() };
+            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur));
         }
     }
 
-    /// Finds the samples that tell something at a pose: whose margins blur and belief do not put out of reach.
+    /// Lets samples and stretches be trusted as far as was learned.
+    fn take_trust(&mut self) {
+        let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
+        self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
+        for stretch in self.stretches.iter_mut().filter(|_| self.joined) {
+            stretch.kinds = kinds(&self.trust[stretch.place.0]);
+        }
+    }
+
+    /// How far disturbed stretches of each region are off, as they show it, with one that is off by what was expected.
+    fn learn_wide(&mut self, views: &[Vec<View>]) {
+        let mut sums: Vec<(f64, f64)> =
+            self.regions.iter().map(|sampled| (1.0, (FAR_OFF * sampled.size()).powi(2))).collect();
+        for (stretch, views) in self.stretches.iter().zip(views) {
+            let (count, square) = &mut sums[stretch.place.0];
+            *count += stretch.odds[1];
+            *square += stretch.odds[1] * Stretch::square(&views[1]);
+        }
+        for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
+            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur);
+        }
+    }
+
+    /// How far the labels of a region's samples are to be trusted apart from the offset of their stretch.
+    fn own_trust(&self, region: usize) -> Trust {
+        let trust = self.trust[region];
+        if self.joined { Trust { disturbed: 0.0, ..trust } } else { trust }
+    }
+
+    /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may be
+    /// disturbed do not put out of reach.
     fn look(&mut self, state: &State, blur: f64) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
-        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
         self.take_blur(blur);
         (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
+        let mut seen = Vec::new();
         for (region, sampled) in self.regions.iter().enumerate() {
+            let trust = self.own_trust(region);
             for number in (0..sampled.count()).step_by(self.step) {
                 let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
                 match sampled.read(&state.pose, number) {
                     Reading::Seen(margin, slope) => {
-                        let site = Site::new(slope, margin, self.trust[region]);
-                        let (mean, variance) = site.margin_under(&belief);
-                        if mean.abs() > REACH * (blur * blur + variance).sqrt() {
-                            self.certain[region].add(&self.trust[region].label(mean, variance), mean < 0.0);
-                        } else {
-                            // The factors of margins stay what they are when these are linearised anew.
-                            let site = before.map_or(site, |before| site.with_factor_of(&before.site));
-                            self.telling.push(Telling { site, region, number });
-                        }
+                        let (stretch, outwards) = self.beside(&state.pose, region, number);
+                        let site = Site::new(&slope, outwards, margin, trust);
+                        // The factors of margins stay what they are when these are linearised anew.
+                        let site = before.map_or(site, |before| site.with_factors_of(&before.site));
+                        seen.push(Telling { site, region, number, stretch });
                     }
-                    Reading::Behind(right) => {
-                        self.certain[region].add(&self.trust[region].label_behind(right), !right);
-                    }
+                    Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
                     Reading::Unknown => self.unknown += 1,
                 }
             }
         }
+        self.sort(seen, &state.belief, blur);
+        self.join();
+    }
+
+    /// The stretch that a sample lies beside, and how its margin grows as that moves outwards.
+    fn beside(&self, pose: &Pose, region: usize, number: usize) -> (usize, f64) {
+        let stretch = || self.regions[region].stretch(pose, number);
+        self.joined.then(stretch).flatten().unwrap_or((0, 0.0))
+    }
+
+    /// Keeps the samples that tell something under a belief.
+    fn sort(&mut self, seen: Vec<Telling>, belief: &Belief, blur: f64) {
+        let belief = Belief { mean: Tangent::zeros(), ..*belief }.beside_clean();
+        let margin = |telling: &Telling| {
+            let (mean, variance) = telling.site.margin_under(&belief);
+            (mean, (blur * blur + variance).sqrt())
+        };
+        // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
+        let is_wrong = |telling: &&Telling| {
+            let (mean, deviation) = margin(telling);
+            self.joined && mean < -CLEARLY * deviation
+        };
+        let doubtful: BTreeSet<_> = seen.iter().filter(is_wrong).map(Telling::place).collect();
+        for telling in seen {
+            let (mean, deviation) = margin(&telling);
+            let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
+            if mean.abs() > REACH * deviation.hypot(wide) {
+                let label = telling.site.label(&belief);
+                self.certain[telling.region].add(&label, mean < 0.0);
+            } else {
+                self.telling.push(telling);
+            }
+        }
+    }
+
+    /// Puts the telling samples beside their stretches, which keep what is known of their offsets.
+    fn join(&mut self) {
+        if !self.joined {
+            self.stretches = vec![Stretch::apart(self.telling.len())];
+            return;
+        }
+        let before: BTreeMap<_, _> = self.stretches.iter().map(|stretch| (stretch.place, stretch.odds)).collect();
+        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (index, telling) in self.telling.iter().enumerate() {
+            members.entry(telling.place()).or_default().push(index);
+        }
+        let stretch = |(place, members): ((usize, usize), Vec<usize>)| {
+            let stretch = Stretch::new(place, members, kinds(&self.trust[place.0]));
+            before.get(&place).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
+        };
+        self.stretches = members.into_iter().map(stretch).collect();
     }
 
     /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
     fn linearise(&mut self, pose: &Pose) {
         for telling in &mut self.telling {
             if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
-                telling.site = Site::new(slope, margin, self.trust[telling.region]).with_factor_of(&telling.site);
+                telling.site = telling.site.with_line(&slope, margin);
             }
         }
     }
@@ -228,16 +335,25 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
     }
 
-    /// What all labels show of each region under a belief.
-    fn shown(&self, belief: &Belief) -> Vec<Shown> {
+    /// What all labels show of each region under what is believed of the stretches.
+    fn shown(&self, views: &[Vec<View>]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
-        self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
+        for (stretch, views) in self.stretches.iter().zip(views) {
+            for Telling { site, region, .. } in stretch.members.iter().map(|&member| &self.telling[member]) {
+                let of_kind = |(odds, view): (&f64, &View)| site.label(&view.belief) * *odds;
+                let label =
+                    stretch.odds.iter().zip(views).map(of_kind).fold(Label::default(), |sum, label| sum + label);
+                // Labels tell apart from their stretch that a contour is disturbed, or stretches that they are.
+                let disturbed = label.disturbed + stretch.odds[1];
+                shown[*region].add(&Label { disturbed, ..label }, true);
+            }
+        }
         shown
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
-    fn learn_trust(&mut self, belief: &Belief) {
-        let shown = self.shown(belief);
+    fn learn_trust(&mut self, views: &[Vec<View>]) {
+        let shown = self.shown(views);
         let share =
             |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
         for (trust, shown) in self.trust.iter_mut().zip(shown) {
@@ -246,30 +362,28 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// Share of each region's samples near its contour that lie on its wrong side at a pose.
-    fn wrong(&self, belief: &Belief) -> Vec<f64> {
-        let mut counts: Vec<[f64; 2]> = self.certain.iter().map(|shown| [shown.near, shown.near]).collect();
-        for telling in &self.telling {
-            let (mean, variance) = telling.site.margin_under(belief);
-            let deviation = (telling.site.trust.blur.powi(2) + telling.site.bent + variance).sqrt();
-            counts[telling.region][0] += f64::from(u8::from(mean < -CLEARLY * deviation));
-            counts[telling.region][1] += 1.0;
-        }
-        counts.into_iter().map(|[wrong, all]| wrong / f64::max(all, 1.0)).collect()
-    }
-
-    /// What stretches of the contours that are off as a whole add to the covariance of a belief about a pose (`docs/math.md`, eq.
-    /// 17.9): what blurs a contour beyond its pixels does not average out along a side.
-    fn common(&self, state: &State, blur: f64) -> Matrix6<f64> {
-        let variance = blur * blur - FINEST * FINEST;
-        let mut pulls: BTreeMap<(usize, usize), Vector6<f64>> = BTreeMap::new();
-        for Telling { site, region, number } in &self.telling {
-            if let Some((stretch, outwards)) = self.regions[*region].stretch(&state.pose, *number) {
-                *pulls.entry((*region, stretch)).or_default() += site.slope * (site.precision * outwards);
+    /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at a pose.
+    fn wrong(&self, state: &State) -> Vec<f64> {
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief }.beside_clean();
+        let share = |(region, sampled): (usize, &SampledRegion)| {
+            let trust = self.trust[region];
+            let (mut wrong, mut near) = (0.0, 0.0);
+            for reading in (0..sampled.count()).map(|number| sampled.read(&state.pose, number)) {
+                let (margin, deviation) = match reading {
+                    Reading::Seen(margin, slope) => {
+                        let (mean, variance) = Site::new(&slope, 0.0, margin, trust).margin_under(&belief);
+                        (mean, (trust.blur * trust.blur + variance).sqrt())
+                    }
+                    Reading::Behind(false) => (f64::NEG_INFINITY, 1.0),
+                    _ => continue,
+                };
+                let is_wrong = margin < -CLEARLY * deviation;
+                wrong += f64::from(u8::from(is_wrong));
+                near += f64::from(u8::from(is_wrong || margin < trust.wide));
             }
-        }
-        let scatter: Matrix6<f64> = pulls.values().map(|pull| pull * pull.transpose()).sum();
-        state.belief.covariance * scatter * state.belief.covariance * variance
+            wrong / f64::max(near, 1.0)
+        };
+        self.regions.iter().enumerate().map(share).collect()
     }
 
     /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
@@ -278,10 +392,21 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
         let unit = || {
             let mut information = Matrix6::zeros();
-            self.telling.iter().for_each(|telling| information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0));
+            for telling in &self.telling {
+                let slope = telling.site.slope.fixed_rows::<6>(0);
+                information.ger(1.0, &slope, &slope, 1.0);
+            }
             information / (self.telling.len() as f64 * blur * blur)
         };
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
+    }
+
+    /// The pose after an increment, or after a part of it where all that is known is far less likely there.
+    fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
+        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step) + (self.others)(pose).offset;
+        let least = fit(from) - WORSE;
+        let poses = (0..HALVINGS).map(|halving| from.moved(&(increment * RELAXED.powi(halving as i32))));
+        poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)
     }
 
     /// The belief once its mean is where it was linearised; `None` where a direction is left free.
@@ -297,8 +422,13 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
-            let (belief, integral) = propagated(&known, &guard, &mut self.telling)?;
-            self.learn_trust(&belief);
+            let Propagated { belief, views, log_evidence } =
+                propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
+            self.learn_trust(&views);
+            if self.joined {
+                self.learn_wide(&views);
+            }
+            self.take_trust();
             let information = belief.covariance.cholesky()?;
             // A mean that goes to and fro lies between.
             if before.dot(&information.solve(&belief.mean)) < 0.0 {
@@ -306,14 +436,20 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             before = belief.mean;
             let way = belief.mean.dot(&information.solve(&belief.mean));
-            let pose = state.pose.moved(&shortened(&(belief.mean * share), &state.pose));
-            state = State { pose, belief, log_evidence: integral + self.log_certain() };
+            let pose = self.approached(&state.pose, &shortened(&(belief.mean * share), &state.pose), blur);
+            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;
             }
         }
         Some(state)
     }
+}
+
+/// The kinds of a region's stretches: clean ones are off by what blurs them beyond their pixels.
+fn kinds(trust: &Trust) -> Vec<Kind> {
+    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF);
+    vec![Kind { share: 1.0 - trust.disturbed, off }, Kind { share: trust.disturbed, off: trust.wide }]
 }
 
 /// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
@@ -323,7 +459,7 @@ fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) 
     let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
     let along = Vector6::from_iterator(margins.iter().map(|[ahead, behind]| (ahead - behind) / (2.0 * SIGMA_POINTS)));
     let bent = (squares - along.norm_squared()).max(0.0);
-    Site { slope: inverse_root.transpose() * along, margin: mean, bent, ..*site }
+    Site { bent, ..site.with_line(&(inverse_root.transpose() * along), mean) }
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.
@@ -342,7 +478,7 @@ pub struct Led {
 pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
-    let mut samples = Samples::new(regions, others, *start, step, vec![Trust::unknown(); regions.len()]);
+    let mut samples = Samples::some(regions, others, *start, step);
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
@@ -355,24 +491,70 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     }
 }
 
-/// What all samples leave possible about a start that some of them led on: the blur falls on, while the evidence grows.
-pub fn posterior(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, from: &Led) -> Option<Posterior> {
-    let mut samples = Samples::new(regions, others, from.pose, 1, from.trust.clone());
-    let mut state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
-    let (mut blur, mut best) = (SHARP, None::<(State, f64)>);
+/// What all samples leave possible about starts that some of them led on, whatever the blur, which falls on from there. A start
+/// that is behind the best at one blur by more than `hopeless`, in logarithms of the evidence, falls no farther.
+pub fn posteriors(
+    regions: &[SampledRegion],
+    others: &impl Fn(&Pose) -> Gaussian,
+    led: &[Led],
+    hopeless: f64,
+) -> Vec<Posterior> {
+    let mut falling: Vec<_> = led.iter().map(|from| Falling::new(regions, others, from)).collect();
+    let mut blur = SHARP;
     while blur >= FINEST {
-        state = samples.settled(state, blur, 1, false)?;
-        if best.is_none_or(|(best, _): (State, f64)| best.log_evidence < state.log_evidence) {
-            best = Some((state, blur));
-        }
+        falling.retain_mut(|one| one.fall_to(blur).is_some());
+        let most = falling.iter().map(|one| one.state.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+        falling.retain(|one| most - one.state.log_evidence <= hopeless);
         blur *= STEP;
     }
-    let (state, blur) = best?;
-    let state = samples.settled(state, blur, LAST_ROUNDS, true)?;
-    let State { pose, belief, log_evidence } = state;
-    let covariance = belief.covariance + samples.common(&state, blur);
-    let (wrong, telling) = (samples.wrong(&Belief { mean: Tangent::zeros(), ..belief }), samples.telling.len());
-    Some(Posterior { pose, covariance, log_evidence, blur, wrong, telling })
+    falling.into_iter().filter_map(Falling::ended).collect()
+}
+
+/// A start on its way with all samples.
+struct Falling<'a, F> {
+    samples: Samples<'a, F>,
+    state: State,
+    /// Where it was at each blur.
+    found: Vec<(State, f64)>,
+}
+
+impl<'a, F: Fn(&Pose) -> Gaussian> Falling<'a, F> {
+    fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
+        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+        Self { samples: Samples::all(regions, others, from), state, found: Vec::new() }
+    }
+
+    /// The state at the next blur; `None` where a direction is left free.
+    fn fall_to(&mut self, blur: f64) -> Option<()> {
+        self.state = self.samples.settled(self.state, blur, ROUNDS, false)?;
+        self.found.push((self.state, blur));
+        Some(())
+    }
+
+    /// The likeliest blur's state over the whole of its belief, and those of all blurs together.
+    fn ended(mut self) -> Option<Posterior> {
+        let by_evidence = |(a, _): &&(State, f64), (b, _): &&(State, f64)| a.log_evidence.total_cmp(&b.log_evidence);
+        let (likeliest, blur) = *self.found.iter().max_by(by_evidence)?;
+        let last = self.samples.settled(likeliest, blur, LAST_ROUNDS, true)?;
+        let (wrong, telling) = (self.samples.wrong(&last), self.samples.telling.len());
+        let rest = self.found.iter().filter(|(_, other)| *other != blur);
+        let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
+        let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
+        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur, wrong, telling })
+    }
+}
+
+/// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to all.
+fn mixed(about: &Pose, states: &[(f64, State)]) -> (Pose, Matrix6<f64>) {
+    let all: f64 = states.iter().map(|(weight, _)| weight.exp()).sum();
+    let ways: Vec<_> =
+        states.iter().map(|(weight, state)| (weight.exp() / all, about.increment_to(&state.pose))).collect();
+    let mean: Tangent = ways.iter().map(|(weight, way)| way * *weight).sum();
+    let spread = |(weight, way): &(f64, Tangent), state: &State| {
+        (state.belief.covariance + (way - mean) * (way - mean).transpose()) * *weight
+    };
+    let covariance = ways.iter().zip(states).map(|(way, (_, state))| spread(way, state)).sum();
+    (about.moved(&mean), covariance)
 }
 
 /// The step that leaves about as many samples of all regions as lead.

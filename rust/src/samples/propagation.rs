@@ -1,10 +1,11 @@
 //! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
-//! possible (`docs/math.md`, eq. 17.4 to 17.6).
+//! possible (`docs/math.md`, eq. 17.5 to 17.7).
 
-use nalgebra::Vector6;
+use nalgebra::{SVector, Vector6};
 
-use super::belief::Belief;
+use super::belief::{Belief, JOINT, JointGaussian, OFFSET};
 use super::normal::{cumulative, density};
+use super::stretch::{KINDS, Stretch, View};
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
@@ -49,7 +50,7 @@ impl Trust {
 }
 
 /// What a label shows.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Label {
     /// Logarithm of its probability.
     pub log_probability: f64,
@@ -59,20 +60,54 @@ pub struct Label {
     pub disturbed: f64,
 }
 
-/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment `x`.
+impl std::ops::Mul<f64> for Label {
+    type Output = Self;
+
+    /// What it shows as far as it is believed.
+    fn mul(self, share: f64) -> Self {
+        Self {
+            log_probability: share * self.log_probability,
+            mislabelled: share * self.mislabelled,
+            disturbed: share * self.disturbed,
+        }
+    }
+}
+
+impl std::ops::Add for Label {
+    type Output = Self;
+
+    /// What both show.
+    fn add(self, other: Self) -> Self {
+        Self {
+            log_probability: self.log_probability + other.log_probability,
+            mislabelled: self.mislabelled + other.mislabelled,
+            disturbed: self.disturbed + other.disturbed,
+        }
+    }
+}
+
+/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment and the
+/// offset of the stretch that it lies beside, together `x`.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
     /// Derivative of the margin.
-    pub slope: Vector6<f64>,
+    pub slope: SVector<f64, JOINT>,
     /// The margin at zero, pixels.
     pub margin: f64,
     /// Variance of the margin about that line, squared pixels, which adds to the blur's.
     pub bent: f64,
     /// How far labels are to be trusted.
     pub trust: Trust,
-    /// Natural parameters of the normal factor of the margin that stands for it: precision, and precision times mean.
+    /// The normal factors of the margin that stand for the label, for each kind of stretch that it may lie beside.
+    pub factors: [Factor; KINDS],
+}
+
+/// Natural parameters of a normal factor of a margin.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Factor {
+    /// Inverse variance.
     pub precision: f64,
-    /// See `precision`.
+    /// The same times the mean.
     pub pull: f64,
 }
 
@@ -86,7 +121,7 @@ struct Tilted {
 }
 
 impl Tilted {
-    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.5).
+    /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.6).
     fn new(mean: f64, variance: f64, trust: &Trust) -> Self {
         let (mut probability, mut slope, mut bend) = (trust.mislabelled, 0.0, 0.0);
         for (weight, blur) in trust.parts() {
@@ -115,47 +150,49 @@ impl AsMut<Site> for Site {
 }
 
 impl Site {
-    /// A sample whose factor is not known yet.
-    pub fn new(slope: Vector6<f64>, margin: f64, trust: Trust) -> Self {
-        Self { slope, margin, bent: 0.0, trust, precision: 0.0, pull: 0.0 }
+    /// A sample whose factor is not known yet; its margin grows by `outwards` for each pixel that its stretch is off.
+    pub fn new(slope: &Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Self {
+        Self { slope: slope.push(outwards), margin, bent: 0.0, trust, factors: Default::default() }
     }
 
-    /// The site with the factor of another one.
-    pub fn with_factor_of(self, other: &Self) -> Self {
-        Self { precision: other.precision, pull: other.pull, ..self }
+    /// The same with the derivative by the increment and the margin that it has from there.
+    pub fn with_line(self, slope: &Vector6<f64>, margin: f64) -> Self {
+        Self { slope: slope.push(self.slope[OFFSET]), margin, ..self }
     }
 
-    /// Mean and variance of the margin under a distribution of the increment.
-    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+    /// The site with the factors of another one.
+    pub fn with_factors_of(self, other: &Self) -> Self {
+        Self { factors: other.factors, ..self }
+    }
+
+    /// Mean and variance of the margin under a distribution of the increment and the offset.
+    pub fn margin_under(&self, belief: &Belief<JOINT>) -> (f64, f64) {
         let variance = self.slope.dot(&(belief.covariance * self.slope));
         (self.margin + self.slope.dot(&belief.mean), variance)
     }
 
     /// What the label shows under a belief.
-    pub fn label(&self, belief: &Belief) -> Label {
+    pub fn label(&self, belief: &Belief<JOINT>) -> Label {
         let (mean, variance) = self.margin_under(belief);
         self.trust.label(mean, variance + self.bent)
     }
 
-    /// Mean and variance without the site's own factor; `None` where nothing is left.
-    fn cavity(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
-        let left = 1.0 - variance * self.precision;
-        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
-    }
-
-    /// Moment matching of the site's factor, in place in the belief.
-    fn update(&mut self, belief: &mut Belief) {
+    /// Moment matching of the factor for a kind of stretch, in place in the belief.
+    pub(super) fn update(&mut self, kind: usize, belief: &mut Belief<JOINT>) {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
-        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return };
+        let before = self.factors[kind];
+        let Some((mean_without, variance_without)) = before.left_out(mean, variance) else { return };
         let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust);
         let left = 1.0 - variance_without * tilted.second;
         // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
-        let (precision, pull) = match tilted.second > 0.0 {
-            true => (tilted.second / left, (tilted.first + mean_without * tilted.second) / left),
-            false => (0.0, 0.0),
+        let after = match tilted.second > 0.0 {
+            true => {
+                Factor { precision: tilted.second / left, pull: (tilted.first + mean_without * tilted.second) / left }
+            }
+            false => Factor::default(),
         };
-        let (more, farther) = (precision - self.precision, pull - self.pull);
+        let (more, farther) = (after.precision - before.precision, after.pull - before.pull);
         let held = 1.0 + more * variance;
         // The comparison fails for what is not finite, too.
         if !(held > f64::EPSILON && held.is_finite() && farther.is_finite()) {
@@ -163,53 +200,96 @@ impl Site {
         }
         belief.covariance.ger(-more / held, &spread, &spread, 1.0);
         belief.mean += spread * ((farther - more * mean) / held);
-        (self.precision, self.pull) = (precision, pull);
+        self.factors[kind] = after;
     }
 
-    /// The site's factor of the increment, without what makes it as large as the label's probability.
-    fn factor_into(&self, factor: &mut Gaussian) {
-        let pull = self.pull - self.precision * self.margin;
-        factor.information.ger(self.precision, &self.slope, &self.slope, 1.0);
-        factor.vector += self.slope * pull;
-        factor.offset += self.margin * (self.pull - 0.5 * self.precision * self.margin);
+    /// The site's factor for a kind of stretch, without what makes it as large as the label's probability.
+    pub(super) fn factor_into(&self, kind: usize, factor: &mut JointGaussian) {
+        let Factor { precision, pull } = self.factors[kind];
+        factor.information.ger(precision, &self.slope, &self.slope, 1.0);
+        factor.vector += self.slope * (pull - precision * self.margin);
+        factor.offset += self.margin * (pull - 0.5 * precision * self.margin);
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
-    fn log_scale(&self, belief: &Belief) -> f64 {
+    pub(super) fn log_scale(&self, kind: usize, belief: &Belief<JOINT>) -> f64 {
         let (mean, variance) = self.margin_under(belief);
-        let Some((mean_without, variance_without)) = self.cavity(mean, variance) else { return 0.0 };
+        let Some((mean_without, variance_without)) = self.factors[kind].left_out(mean, variance) else { return 0.0 };
         let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
     }
 }
 
-/// The product of a factor and all sites as a belief, and the logarithm of its integral; `None` where a direction is left free.
-fn product<'a>(others: &Gaussian, sites: impl Iterator<Item = &'a Site>) -> Option<(Belief, f64)> {
-    let mut factor = *others;
-    sites.for_each(|site| site.factor_into(&mut factor));
-    factor.belief()
+impl Factor {
+    /// Mean and variance of a margin without the factor; `None` where nothing is left.
+    fn left_out(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
+        let left = 1.0 - variance * self.precision;
+        (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
+    }
 }
 
-/// What samples and other factors leave possible, and the logarithm of the evidence;
-/// the sites keep their factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that
+/// What samples and other factors leave possible.
+#[derive(Debug, Clone)]
+pub struct Propagated {
+    /// Of the increment.
+    pub belief: Belief,
+    /// Of the increment and the offset of each stretch, for each kind that it may be.
+    pub views: Vec<Vec<View>>,
+    /// Logarithm of the evidence.
+    pub log_evidence: f64,
+}
+
+/// What samples beside stretches and other factors leave possible; sites and stretches keep their factors, from which the next
+/// call goes on. In the first sweep a `guard` stands in for the factors that
 /// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
 /// where a direction is left free.
+///
+/// The offsets meet in the increment alone: what each stretch says of that is a message, and without its own the sum of all
+/// messages is what the others say.
 pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     others: &Gaussian,
     guard: &Gaussian,
     sites: &mut [S],
-) -> Option<(Belief, f64)> {
-    let (mut belief, mut integral) = product(&(*others + *guard), sites.iter().map(S::as_ref))?;
+    stretches: &mut [Stretch],
+) -> Option<Propagated> {
+    let mut messages: Vec<Gaussian> = stretches.iter().map(|stretch| stretch.first_message(sites)).collect();
+    let sum = |known: Gaussian, messages: &[Gaussian]| messages.iter().fold(known, |sum, message| sum + *message);
+    let mut all = sum(*others + *guard, &messages);
+    let mut belief = all.belief()?.0;
     for _ in 0..SWEEPS {
         let before = belief.mean;
-        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
+        for (stretch, message) in stretches.iter_mut().zip(&mut messages) {
+            let rest = all - *message;
+            if let Some(new) = stretch.sweep(&rest, sites) {
+                (*message, all) = (new, rest + new);
+            }
+        }
         // Anew from all factors: the updates' rounding errors add up.
-        (belief, integral) = product(others, sites.iter().map(S::as_ref))?;
+        all = sum(*others, &messages);
+        belief = all.belief()?.0;
         let way = belief.mean - before;
         if way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED {
             break;
         }
     }
-    Some((belief, integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>()))
+    judged(&all, &messages, sites, stretches)
+}
+
+/// The beliefs and the evidence where `all` is the product of all messages and other factors.
+fn judged<S: AsRef<Site>>(
+    all: &Gaussian,
+    messages: &[Gaussian],
+    sites: &[S],
+    stretches: &[Stretch],
+) -> Option<Propagated> {
+    let (belief, integral) = all.belief()?;
+    let mut log_evidence = integral;
+    let mut views = Vec::with_capacity(stretches.len());
+    for (stretch, message) in stretches.iter().zip(messages) {
+        let own = stretch.views(&(*all - *message), sites)?;
+        log_evidence += stretch.judged(&own).0 - integral;
+        views.push(own);
+    }
+    Some(Propagated { belief, views, log_evidence })
 }

@@ -11,7 +11,7 @@ use crate::region::WorldRegion;
 const BEHIND: f64 = 0.05;
 
 /// The observed contour of a region and the samples of its world region.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct SampledRegion {
     /// Its place among the problem's regions.
     index: usize,
@@ -48,13 +48,14 @@ impl SampledRegion {
         let enclosed = if region.outline().has_holes() { samples.enclosed() } else { &[] };
         let outside = samples.outside().iter().chain(enclosed).map(lifted(false));
         let scale = region.chart().scale;
+        let pixels = region.pixel_area().sqrt() * scale;
         let unscaled: Vec<Vec<_>> =
             region.outline().rings().iter().map(|ring| ring.iter().map(|p| p / scale).collect()).collect();
         Some(Self {
             index,
             rotation: region.chart().rotation,
-            contour: SignedField::new(&unscaled, region.foreign_edges()),
-            pixels: region.pixel_area().sqrt() * scale,
+            contour: SignedField::new(&unscaled, region.foreign_edges(), pixels),
+            pixels,
             size: region.pixel_area().sqrt(),
             samples: inside.chain(outside).collect(),
         })

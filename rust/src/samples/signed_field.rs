@@ -2,15 +2,18 @@
 
 use nalgebra::Vector2;
 
-use crate::contour::pieces::{edges, goes_on};
+use crate::contour::pieces::edges;
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::signed_area;
 
-/// Length of a stretch that is not straight, as a share of the size of its ring: as far as disturbed parts reach.
-const STRETCH: f64 = 0.1;
+/// Length of a stretch that is not straight, as a share of the size of its ring: half of what disturbed parts reach.
+const STRETCH: f64 = 0.05;
+
+/// Distance, pixels, up to which points of a contour are on a straight line: the steps of a binary mask.
+const STRAIGHT: f64 = 1.0;
 
 /// Oriented rings, outer ones counter-clockwise, and the edge nearest to any point.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct SignedField {
     field: EdgeField,
     edges: Vec<Edge>,
@@ -42,15 +45,16 @@ struct Edge {
 }
 
 impl SignedField {
-    /// The field of a region's rings; `marks` tells of each edge, ring by ring, whether it is marked (none where it is empty).
-    pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>]) -> Self {
+    /// The field of a region's rings, with so many pixels to the unit; `marks` tells of each edge, ring by ring, whether it is
+    /// marked (none where it is empty).
+    pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>], pixels: f64) -> Self {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges = rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
-        let stretches = rings.iter().flat_map(|ring| stretches(ring)).scan(0, numbered).collect();
+        let stretches = rings.iter().flat_map(|ring| stretches(ring, STRAIGHT / pixels)).scan(0, numbered).collect();
         Self { field: EdgeField::new(rings), edges, stretches }
     }
 
-    /// The stretch of the boundary that a point is nearest to: a straight side, or a tenth of the size of its ring.
+    /// The stretch of the boundary that a point is nearest to: a straight side, or a part of about the twentieth of the size of its ring.
     pub fn stretch(&self, point: &Vector2<f64>) -> usize {
         self.stretches[self.field.nearest_edge(point)]
     }
@@ -70,19 +74,52 @@ impl SignedField {
     }
 }
 
-/// Whether each edge of a ring begins a stretch: where it turns, and the last stretch is long enough.
-fn stretches(ring: &[Vector2<f64>]) -> Vec<bool> {
+/// Whether each edge of a ring begins a stretch: a straight side that is long enough, or the one after as much as that.
+fn stretches(ring: &[Vector2<f64>], tolerance: f64) -> Vec<bool> {
     let enough = STRETCH * signed_area(ring).abs().sqrt();
-    let mut before = Vector2::zeros();
-    let mut length = f64::INFINITY;
-    let mut begins = |(a, b): (Vector2<f64>, Vector2<f64>)| {
-        let step = b - a;
-        let begins = !goes_on(&before, &step) && length >= enough;
-        length = if begins { step.norm() } else { length + step.norm() };
-        before = step;
-        begins
-    };
-    edges(ring).map(&mut begins).collect()
+    let corners = corners(ring, tolerance);
+    let lengths: Vec<f64> = edges(ring).map(|(a, b)| (b - a).norm()).collect();
+    let mut begins = vec![false; ring.len()];
+    let mut last = f64::INFINITY;
+    for (&first, &end) in corners.iter().zip(corners.iter().skip(1).chain([&ring.len()])) {
+        let length: f64 = lengths[first..end].iter().sum();
+        begins[first] = last >= enough || length >= enough;
+        last = if begins[first] { length } else { last + length };
+    }
+    begins
+}
+
+/// The vertices of a ring, by number, between which it is straight: from the first, each as far on as all between lie within the
+/// tolerance of rays from the last.
+fn corners(ring: &[Vector2<f64>], tolerance: f64) -> Vec<usize> {
+    let mut corners = vec![0];
+    let mut cone: Option<[Vector2<f64>; 2]> = None;
+    for end in 1..=ring.len() {
+        let from = *corners.last().unwrap_or(&0);
+        let next = ring[end % ring.len()];
+        let way = next - ring[from];
+        if cone.is_some_and(|[right, left]| right.perp(&way) < 0.0 || way.perp(&left) < 0.0) {
+            corners.push(end - 1);
+            cone = seen_from(&(next - ring[end - 1]), tolerance);
+            continue;
+        }
+        if let Some([right, left]) = seen_from(&way, tolerance) {
+            let [low, high] = cone.unwrap_or([right, left]);
+            cone = Some([
+                if low.perp(&right) > 0.0 { right } else { low },
+                if left.perp(&high) > 0.0 { left } else { high },
+            ]);
+        }
+    }
+    corners
+}
+
+/// The rays that touch a circle around a point, the right one first; `None` from inside of it.
+fn seen_from(way: &Vector2<f64>, radius: f64) -> Option<[Vector2<f64>; 2]> {
+    let distance = way.norm();
+    let reach = (distance * distance - radius * radius).sqrt();
+    let aside = Vector2::new(-way.y, way.x) * (radius / distance);
+    (distance > radius).then(|| [way * (reach / distance) - aside, way * (reach / distance) + aside])
 }
 
 /// The number of a stretch, one more than the last where it begins.

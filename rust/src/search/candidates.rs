@@ -2,27 +2,25 @@
 
 use std::iter;
 
+use super::centroids::centroid_poses;
 use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::directions::direction_poses;
-use super::moments::{SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses, single_region_poses};
+use super::moments::{
+    CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
+    single_region_poses,
+};
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
-use crate::equations::least_squares::{Minimum, Stopping, minimize};
+use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, Prior};
 use crate::problem::Problem;
-
-/// A candidate on the whitened scale, where it can be seen whether it fits.
-const COARSE: Stopping = Stopping { tolerance: 1e-4, evaluations: 14 };
-
-/// A final solution: the last step is far shorter than the 1e-7 within which both drivers end.
-const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 140 };
 
 /// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
 /// deviations.
@@ -43,18 +41,9 @@ const FOUND_ALONE: f64 = 0.9;
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
 
-/// Candidates whose moments' equations are solved: those of an eightfold symmetry, from before and from behind, twice.
-const MOST_SOLVED: usize = 32;
-
-/// Candidates that are led onto the contours, those of each kind that are likeliest.
-const MOST_REFINED: usize = 12;
-
 /// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
 /// over 120 pieces, odds of e to the 120.
 const HOPELESS: f64 = 1.0;
-
-/// Further poses of one kind that are led onto the contours.
-const MOST_FURTHER: usize = 16;
 
 /// Poses from corners that are compared on more than a few pieces.
 const FIRST_LOOK: usize = 250;
@@ -62,17 +51,14 @@ const FIRST_LOOK: usize = 250;
 /// Pairs of triples of corners at most, over all regions.
 const MOST_PAIRS: usize = 4000;
 
-/// How far poses from corners are apart at least that are led onto the contours, rad and share of the distance.
-const SAME_FURTHER: f64 = 0.05;
-
-/// Poses that are led from few pieces onto all at most.
+/// Poses of one kind that are led onto the contours at most, those that are likeliest.
 const MOST_LED: usize = 16;
 
 /// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
-const SAME_PLACE: f64 = 1e-3;
+pub const SAME_PLACE: f64 = 1e-3;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -171,7 +157,7 @@ impl Problem {
         let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
-        let starts = if self.sampled().is_empty() { Vec::new() } else { poses.clone() };
+        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&looks.known, &poses) };
         let answers = match options.refinement {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
@@ -189,6 +175,12 @@ impl Problem {
             Some(pose) if enough || looks.explains(pose) => poses,
             _ => moment_poses(self, &options.prior, &known, WantedTurns::All, |_| false),
         }
+    }
+
+    /// Where samples are led from: what is known beforehand and poses of centroids, as they are, since outlines of samples may
+    /// lead them astray, and those that the outlines gave.
+    fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
+        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).collect()
     }
 
     /// Whether any region has hidden edges.
@@ -289,8 +281,8 @@ fn by_moments(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
         return poses;
     }
     let few = problem.few();
-    let poses = likeliest(problem.contours(), poses, few, MOST_SOLVED);
-    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, COARSE);
+    let poses = likeliest(problem.contours(), poses, few, MOST_CANDIDATES);
+    let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, CANDIDATE);
     let minima: Vec<Minimum> = poses.into_iter().map(solved).collect();
     let least = minima.iter().map(|minimum| minimum.cost).fold(f64::INFINITY, f64::min);
     let limit = COARSE_AMBIGUITY * (least + (AMBIGUITY + problem.most_penalty(prior)) * problem.noise_variance(least));
@@ -337,7 +329,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks
         return Answers::Contours(places);
     }
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
-    let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, COARSE).pose;
+    let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, CANDIDATE).pose;
     let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
     let gain = |step: usize| {
         let fits =
@@ -359,7 +351,7 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> 
     let few = problem.few();
     let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| looks.led_from(pose)).collect::<Vec<_>>();
     let known = looks.known.iter().copied();
-    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
+    let starts = likeliest(contours, poses, few, MOST_LED).into_iter().chain(known).collect();
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
     if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
@@ -400,7 +392,7 @@ pub(crate) fn further_poses(problem: &Problem) -> Vec<Pose> {
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {
         let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
-        distinct(scored, MOST_FURTHER, SAME_FURTHER, |pose| pose).into_iter().map(|(_, pose)| pose)
+        distinct(scored, MOST_LED, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose)
     };
     let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
     let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };

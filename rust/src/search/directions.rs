@@ -60,15 +60,20 @@ fn standing(rotation: Rotation3<f64>, place: &Vector3<f64>) -> Pose {
 /// A region's direction: a place that errs by so many metres, or a centroid, turns it by those over the distance.
 /// `None` where no direction can be told, as from a place in the region's plane.
 fn direction(region: &RegionEquations, world: &WorldRegion, near: &Vector3<f64>, sigma: f64) -> Option<Direction> {
-    let chart = region.chart();
-    let lifted = region.outline().rings().iter().map(|ring| ring.iter().map(|p| (p / chart.scale).push(1.0)).collect());
-    let seen = chart.rotation.inverse() * centroid(lifted)?;
+    let seen = seen_direction(region)?;
     let offset = world.frame().origin - near;
     let from_there = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - near).collect());
     let known = centroid(from_there)?;
     let weight = offset.norm_squared() / (sigma * sigma);
     // From behind the rings turn the other way.
     Some(Direction { seen, known: known * known.dot(&offset).signum(), weight })
+}
+
+/// The direction in which a region's centroid is seen, along the camera's axes.
+pub(super) fn seen_direction(region: &RegionEquations) -> Option<Vector3<f64>> {
+    let chart = region.chart();
+    let lifted = region.outline().rings().iter().map(|ring| ring.iter().map(|p| (p / chart.scale).push(1.0)).collect());
+    Some(chart.rotation.inverse() * centroid(lifted)?)
 }
 
 /// The direction of the first moments of what rings of rays bound on the sphere, which its boundary alone decides.

@@ -1,6 +1,7 @@
 //! Poses to start from, and the ones that may be the answer.
 
 pub mod candidates;
+pub mod centroids;
 pub mod closed_form;
 pub mod corners;
 pub mod cuts;

@@ -12,14 +12,12 @@ use crate::problem::Problem;
 use crate::region::WorldRegion;
 use crate::search::cuts::cut_worlds;
 
-/// A candidate of one region: enough to tell it from the others, not yet a solution.
-const SINGLE_REGION: Stopping = Stopping { tolerance: 1e-3, evaluations: 28 };
+/// A candidate: enough to tell it from the others, as the error falls with the square of the last step; not yet a solution.
+pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-3, evaluations: 28 };
 
-/// A candidate of all regions together.
-const JOINT: Stopping = Stopping { tolerance: 1e-3, evaluations: 21 };
-
-/// The paper's start is followed all the way down, from wherever it lies.
-const PAPER: Stopping = Stopping { tolerance: 1e-6, evaluations: 210 };
+/// A final solution: the last step is far shorter than the 1e-7 within which both drivers end. The paper's start needs as many,
+/// from wherever it lies.
+pub const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 210 };
 
 /// Candidates above the least unweighted cost by this factor are given up.
 const WORTH_A_LOOK: f64 = 1e3;
@@ -34,11 +32,8 @@ const SINGLE_REGION_COST: f64 = 0.05;
 /// Starts of one region that are followed where other regions can tell them apart.
 const STARTS_PER_REGION: usize = 4;
 
-/// Starts of a region that the image's border cuts, of all the cuts that are tried.
-const STARTS_OF_CUT: usize = 48;
-
-/// Candidates carried into the joint system at most.
-const MOST_CANDIDATES: usize = 32;
+/// Candidates whose equations are solved at most: those of an eightfold symmetry, from before and from behind, twice.
+pub const MOST_CANDIDATES: usize = 32;
 
 /// Poses nearer than this are one candidate: radians, and a share of the distance to the regions.
 pub const SAME_CANDIDATE: f64 = 0.01;
@@ -57,8 +52,9 @@ pub fn moment_poses(
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
+    let coarse: Vec<RegionEquations> = problem.regions().iter().map(RegionEquations::coarse).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
+        found.extend(solved_together(problem, region_poses(problem, &coarse, index, prior, turns)));
         found = narrowed(found);
         if turns == WantedTurns::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
@@ -69,12 +65,19 @@ pub fn moment_poses(
 
 /// Poses that single regions give, whatever the others say.
 pub fn single_region_poses(problem: &Problem) -> Vec<Pose> {
-    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All);
+    let coarse: Vec<RegionEquations> = problem.regions().iter().map(RegionEquations::coarse).collect();
+    let of = |index| region_poses(problem, &coarse, index, &Prior::default(), WantedTurns::All);
     (0..problem.regions().len()).flat_map(of).collect()
 }
 
-/// Minima of one region's equations near the closed forms that look like it.
-fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns) -> Vec<Pose> {
+/// Minima of one region's equations, of fewer vertices, near the closed forms that look like it.
+fn region_poses(
+    problem: &Problem,
+    coarse: &[RegionEquations],
+    index: usize,
+    prior: &Prior,
+    turns: WantedTurns,
+) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let alone = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
@@ -87,17 +90,17 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTur
         poses.extend(cut_starts(problem, region, world));
     }
     if turns == WantedTurns::Likely && !alone {
-        poses = without_cost(worth_a_look(costs_of(problem.regions(), poses)));
+        poses = without_cost(worth_a_look(costs_of(coarse, poses)));
         poses.truncate(STARTS_PER_REGION);
     }
-    poses.iter().filter_map(|pose| solved_alone(region, pose)).collect()
+    poses.iter().filter_map(|pose| solved_alone(&coarse[index], pose)).collect()
 }
 
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
 /// cut by lines from all sides.
 fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
     let poses = costs_of(std::slice::from_ref(region), cut_forms(problem, region, world));
-    sorted(poses).into_iter().take(STARTS_OF_CUT).map(|(_, pose)| pose).collect()
+    sorted(poses).into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
 }
 
 /// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have
@@ -117,7 +120,7 @@ fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -
 /// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
 pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
     let regions = problem.regions();
-    let solved = |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, PAPER).pose;
+    let solved = |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, FINAL).pose;
     let starts = match &prior.initial {
         Some(initial) => vec![solved(regions, &problem.centred(initial))],
         None => {
@@ -145,7 +148,7 @@ fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<(f64, Pose)> {
 
 /// The minimum of all regions' unweighted equations near a start, with its cost.
 fn solved_jointly(problem: &Problem, start: &Pose) -> (f64, Pose) {
-    let minimum = minimize(problem.regions(), start, Weighting::Uniform, JOINT);
+    let minimum = minimize(problem.regions(), start, Weighting::Uniform, CANDIDATE);
     (minimum.cost, minimum.pose)
 }
 
@@ -178,6 +181,6 @@ fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
 
 /// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
 fn solved_alone(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
-    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, SINGLE_REGION);
+    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, CANDIDATE);
     (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
 }

@@ -7,7 +7,7 @@ use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
-use crate::samples::posterior::{Led, Posterior, leading_step, led, log_likelihood, posterior};
+use crate::samples::posterior::{Led, Posterior, leading_step, led, log_likelihood, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -26,7 +26,7 @@ const ROUGH: f64 = 32.0;
 const FOUND: f64 = 0.2;
 
 /// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
-const HOPELESS: f64 = 40.0;
+const HOPELESS: f64 = 25.0;
 
 impl Problem {
     /// What the samples leave possible about some starts and, where they contradict all of these, about further ones; the
@@ -53,7 +53,11 @@ impl Problem {
     /// The posteriors with a prior, the likeliest first.
     fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let outlined = self.outlined();
-        let others = |pose: &Pose| prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+        let creases = self.creases();
+        let others = |pose: &Pose| {
+            let known = prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+            creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
+        };
         let mut found = self.posteriors_near(starts, &others);
         if !found.iter().any(is_found) {
             let further = further_poses(self);
@@ -65,13 +69,15 @@ impl Problem {
     /// The posteriors of the likeliest starts.
     fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
-        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step);
+        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
         let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
-        let all: Vec<Led> = starts.iter().filter_map(|(_, start)| led(regions, others, start)).collect();
+        let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
+        let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= HOPELESS);
+        let all: Vec<Led> = starts.filter_map(|(_, start)| led(regions, others, &start)).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
         let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
-        likely.iter().filter_map(|led| posterior(regions, others, led)).collect()
+        posteriors(regions, others, &likely, HOPELESS)
     }
 
     /// The contours of the regions without samples.

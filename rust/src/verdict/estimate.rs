@@ -17,7 +17,7 @@ use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -28,9 +28,6 @@ const NOT_SHOWN: f64 = 1.0;
 
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
-
-/// Poses nearer than this, rad and share of the distance, are one minimum.
-const SAME_MINIMUM: f64 = 1e-4;
 
 /// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
@@ -69,6 +66,8 @@ pub struct Estimate {
     pub boundary_noise: f64,
     /// The other poses that fit as well and that the prior leaves, best first.
     pub alternatives: Vec<Solution>,
+    /// Edges that two regions share, used as evidence beside samples: the regions, and the ends in the world.
+    pub creases: Vec<([usize; 2], [Vector3<f64>; 2])>,
     /// What to be warned of.
     pub warnings: Vec<Warning>,
     /// What the fit shows of the best pose, whatever else fits alike.
@@ -127,7 +126,14 @@ impl Search {
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options.prior);
-        Some(Estimate { best, boundary_noise: noise, alternatives, warnings, evidence, evaluations })
+        let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
+        Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations })
+    }
+
+    /// The creases as a pose shows them.
+    fn creases(&self, pose: &Pose) -> Vec<([usize; 2], [Vector3<f64>; 2])> {
+        let creases = self.problem.creases();
+        creases.iter().map(|crease| (crease.regions, self.problem.crease_segment(crease, pose))).collect()
     }
 
     /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
@@ -158,7 +164,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = moment_covariance(problem, &minimum.pose, problem.noise_variance(minimum.cost));
+            let covariance = moment_covariance(problem, &minimum.pose, problem.estimated_variance(minimum.cost));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -177,10 +183,7 @@ impl Search {
             }
         });
         let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
-        distinct(scored, usize::MAX, SAME_MINIMUM, |place| &place.fit.pose)
-            .into_iter()
-            .map(|(_, place)| place)
-            .collect()
+        distinct(scored, usize::MAX, SAME_PLACE, |place| &place.fit.pose).into_iter().map(|(_, place)| place).collect()
     }
 }
 

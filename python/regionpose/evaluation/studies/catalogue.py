@@ -29,6 +29,24 @@ MESHES = (
 
 SYMMETRIES = ("asymmetric", "symmetric")
 SCANS = ("outline", "samples")
+SCANNED: Grid = {"templates": ("asymmetric",), "scan": ("samples",), "range_noise_m": (0.01,)}
+"""Regions that a lidar samples with the range noise of most."""
+
+SCAN_CHANGES: tuple[Grid, ...] = tuple(
+    {"planes": (3,), "lidar_beams": (64,), **changed}
+    for changed in (
+        {"range_noise_m": (0.0, 0.03)},
+        {"divergence_mrad": (3.0,)},
+        {"mislabelled": (0.03, 0.1)},
+        {"noise": (0.05,)},
+        {"camera": ("omnidirectional",)},
+        {"cut": ("scanner", "box")},
+        {"cut": ("scanner", "box"), "planes": (1,)},
+        {"lidar_beams": (512,)},
+    )
+)
+"""What else is wrong with a scan, each alone, and a dense one."""
+
 KNOWN = ("nothing", "up", "side", "near", "initial", "up and side")
 
 BY_NOISE = Chart("sorted", lines="noise", panels="planes")
@@ -110,15 +128,10 @@ _ALL = (
     _cut("truncation", "truncation", ("2d",), "Errors when the image border cuts the regions."),
     Study(
         "lidar",
-        "Errors by a lidar's beams and range noise, of outlines of its points and of all its beams as samples.",
+        "Errors of outlines of a lidar's points and of all its beams as samples, by beams and by what is wrong with them.",
         [
-            {
-                "templates": ("asymmetric",),
-                "scan": SCANS,
-                "planes": PLANES,
-                "range_noise_m": (0.0, 0.01, 0.03),
-                "lidar_beams": (16, 32, 64, 128),
-            }
+            {**SCANNED, "scan": SCANS, "planes": (1, 3), "lidar_beams": (16, 32, 64, 128)},
+            *({**SCANNED, **changed} for changed in SCAN_CHANGES),
         ],
         [
             Chart("sorted", lines="lidar_beams", panels="planes"),

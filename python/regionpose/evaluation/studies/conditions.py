@@ -19,6 +19,7 @@ Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage", "polygon"]
 Wrong = Literal["none", "shape", "place"]
 Scan = Literal["outline", "samples"]
+Cut = Literal["none", "scanner", "box"]
 Known = Literal["nothing", "up", "side", "near", "initial", "up and side"]
 NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
@@ -34,7 +35,10 @@ class Condition:
     region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas, or
     the true outline without any pixels.
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
-    `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`). `focal_error` (a
+    `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`); beams are
+    `divergence_mrad` across, and a share `mislabelled` of each region's returns is labelled wrong. `cut`: of the first
+    region the scanner's field of view ends at the middle, or a box before it hides a half from scanner and camera, in
+    the image marked as unknown. `focal_error` (a
     share) and `center_error_px`: standard deviations of the calibration that the estimate is given. `wrong`: one
     region, drawn by the seed, is another template's ("shape") or lies elsewhere ("place"), on `side`. `model`: what is
     disturbed where the seed draws how much (`mixes.py`). `grazing_deg`: angle between the first plane and the line of
@@ -53,6 +57,9 @@ class Condition:
     masks: Masks = "binary"
     lidar_beams: int | None = None
     range_noise_m: float = 0.0
+    divergence_mrad: float = 0.0
+    mislabelled: float = 0.0
+    cut: Cut = "none"
     scan: Scan = "outline"
     focal_error: float = 0.0
     center_error_px: float = 0.0

@@ -70,6 +70,8 @@ NAMES = {
     "turn_deg": "turn of the plane in itself, deg",
     "lidar_beams": "beams",
     "range_noise_m": "range noise, m",
+    "divergence_mrad": "beams' width, mrad",
+    "mislabelled": "wrong labels",
     "focal_error": "focal length error",
     "center_error_px": "principal point error, px",
 }

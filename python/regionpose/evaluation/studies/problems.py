@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
-from regionpose.evaluation.masks import Patch, Window, binary_patch, coverage_patch, image_size, project_region
+from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabelled
+from regionpose.evaluation.masks import (
+    Patch,
+    Window,
+    binary_mask,
+    binary_patch,
+    coverage_patch,
+    image_size,
+    project_region,
+)
 from regionpose.evaluation.measures import overlap_error
 from regionpose.evaluation.noise import (
-    LidarScan,
-    SpinningLidar,
-    lidar_scan,
     miscalibrate,
     occlude_mask,
     occlude_region,
@@ -25,7 +31,7 @@ from regionpose.evaluation.noise import (
     squares_on_region,
     truncate_masks,
 )
-from regionpose.evaluation.planar import PlaneFrame
+from regionpose.evaluation.planar import PlaneFrame, region_centroid
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
@@ -43,6 +49,9 @@ LIDAR_OFFSET_M = 0.3
 
 OUTLINE_TOLERANCE_PX = 1e-4
 """Precision of outlines that are given without pixels, where the camera bends their edges."""
+
+BOX_DEPTH = 0.9
+"""A box that hides a part of a region stands at this share of its distance."""
 
 LEAST_KEPT_SHARE = 0.5
 """A region that a border cuts to less than this share of its area is left out, as nobody would mark it."""
@@ -91,7 +100,8 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     rng = problem_generator(seed, "disturbance")
     true, given, shown = image_patches(seen, condition, rng)
     kept = [i for i, patch in enumerate(given) if patch.values.sum() > LEAST_KEPT_SHARE * true[i].values.sum()]
-    worlds = world_sides(known, kept, condition, rng)
+    box = box_before(scene, problem_generator(seed, "box")) if condition.cut == "box" else None
+    worlds = world_sides(known, kept, condition, rng, box)
     changes = [_world_change(known.regions[index], world) for index, world in worlds.items()]
     if "side" in condition.prior:
         viewpoint = Pose.from_parts(scene.rotation, scene.translation).camera_center
@@ -99,7 +109,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     return Problem(
         scene,
         given_camera(setup.camera, condition, rng),
-        [given_region(seen, index, given[index], condition, shown) for index in worlds],
+        [given_region(seen, index, given[index], condition, shown, box if index == 0 else None) for index in worlds],
         list(worlds.values()),
         list(worlds),
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
@@ -215,8 +225,14 @@ def truncated(
     return cut_patches, Window(*sides)
 
 
-def given_region(scene: Scene, index: int, patch: Patch, condition: Condition, shown: Window | None) -> ImageRegion:
-    """The image side of a region: from its mask, or its true outline."""
+def given_region(
+    scene: Scene, index: int, patch: Patch, condition: Condition, shown: Window | None, box: Array | None = None
+) -> ImageRegion:
+    """The image side of a region: from its mask, beside what a box (n, 3) hides, or its true outline."""
+    if box is not None:
+        size = image_size(scene.camera)
+        hidden = project_region(scene.camera, scene.rotation, scene.translation, [box], OUTLINE_TOLERANCE_PX)
+        return ImageRegion.from_mask(patch.whole(*size), unknown=binary_mask(hidden, *size))
     if condition.masks == "polygon":
         pose = scene.rotation, scene.translation
         return ImageRegion.from_polygon(project_region(scene.camera, *pose, scene.regions[index], OUTLINE_TOLERANCE_PX))
@@ -240,21 +256,44 @@ def image_region(patch: Patch, camera: Camera, shown: Window | None = None) -> I
     return ImageRegion(tuple(ring + corner for ring in rings), mask, border)
 
 
+def box_before(scene: Scene, rng: np.random.Generator) -> Array:
+    """The face (4, 3) of a box before the first region that hides the half of it that lies on a random side."""
+    rings = scene.regions[0]
+    frame = PlaneFrame.of_region(rings)
+    flat = [frame.flat(ring) for ring in rings]
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    ahead = np.array([np.cos(angle), np.sin(angle)])
+    aside = np.array([-ahead[1], ahead[0]])
+    middle = frame.flat(region_centroid(rings)[None])[0]
+    reach = 2.0 * float(max(np.linalg.norm(ring - middle, axis=1).max() for ring in flat))
+    sides = [-reach * aside, reach * aside, reach * (aside + ahead), reach * (ahead - aside)]
+    corners = frame.lifted(middle + np.array(sides))
+    camera = Pose.from_parts(scene.rotation, scene.translation).camera_center
+    face: Array = camera + BOX_DEPTH * (corners - camera)
+    return face
+
+
 def world_sides(
-    scene: Scene, kept: Sequence[int], condition: Condition, rng: np.random.Generator
+    scene: Scene, kept: Sequence[int], condition: Condition, rng: np.random.Generator, box: Array | None = None
 ) -> dict[int, WorldRegion]:
-    """The world side of each region, by its number.
+    """The world side of each region, by its number; a box (n, 3) may stand before them.
 
     A region that a lidar hits by one scan line is left out while there are others; ValueError says why none is left.
     """
     regions = [disturbed_rings(rings, condition, rng) for rings in scene.regions]
     if condition.lidar_beams is None:
         return {index: world_region(regions[index]) for index in kept}
-    lidar = SpinningLidar(beams=condition.lidar_beams, range_noise_m=condition.range_noise_m)
+    beams, noise = condition.lidar_beams, condition.range_noise_m
+    lidar = SpinningLidar(beams, range_noise_m=noise, divergence_mrad=condition.divergence_mrad)
     offset = rng.uniform(-LIDAR_OFFSET_M, LIDAR_OFFSET_M, size=3)
     position = scene.rotation.T @ (offset - scene.translation)
-    scan = lidar_scan(regions, position, rng, lidar, up=scene.rotation.T @ np.array([0.0, -1.0, 0.0]))
-    return scanned_regions(scan, position, kept, condition.scan)
+    up = scene.rotation.T @ np.array([0.0, -1.0, 0.0])
+    if condition.cut == "scanner":
+        way = region_centroid(regions[0]) - position
+        lidar = lidar.below(float(np.degrees(np.arcsin(way @ up / np.linalg.norm(way)))))
+    scan = lidar_scan([*regions, *([] if box is None else [[box]])], position, rng, lidar, up=up)
+    members = {index: mislabelled(scan, index, condition.mislabelled, rng) for index in kept}
+    return scanned_regions(scan, members, condition.scan)
 
 
 def disturbed_rings(rings: list[Array], condition: Condition, rng: np.random.Generator) -> list[Array]:
@@ -265,17 +304,16 @@ def disturbed_rings(rings: list[Array], condition: Condition, rng: np.random.Gen
     return change(rings, condition.noise, rng)
 
 
-def scanned_regions(scan: LidarScan, position: Array, kept: Sequence[int], known: Scan) -> dict[int, WorldRegion]:
-    """Regions of a scan from a position (3,), by number, but those hit too rarely; ValueError where all are."""
+def scanned_regions(scan: LidarScan, members: Mapping[int, NDArray[np.intp]], known: Scan) -> dict[int, WorldRegion]:
+    """Regions of a scan with these returns (k,), by number, but those hit too rarely; ValueError where all are."""
     worlds: dict[int, WorldRegion] = {}
     refused = None
-    for index in kept:
-        members = np.flatnonzero(scan.regions == index)
+    for index, own in members.items():
         try:
             if known == "samples":
-                worlds[index] = WorldRegion.from_scan(scan.points, members, sensor_origin=position)
+                worlds[index] = WorldRegion.from_scan(scan.points, own, sensor_origin=scan.origin)
             else:
-                worlds[index] = WorldRegion.from_points(scan.points[members], sensor_origin=position)
+                worlds[index] = WorldRegion.from_points(scan.points[own], sensor_origin=scan.origin)
         except ValueError as error:
             refused = error
     if refused is not None and not worlds:

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::CleanRing;
 use super::predicates::{contact, is_left_of_corner, lies_on, turn};
+use super::{CleanRing, rising};
 use crate::error::{Contact, Error, Result};
 
 /// One edge of one ring with its box, `along` the sweep axis and `across` it.
@@ -19,7 +19,7 @@ struct Edge {
 pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
     let edges = edges_for_sweep(rings);
     let mut active: Vec<&Edge> = Vec::new();
-    for edge in in_sweep_order(&edges) {
+    for edge in rising(edges.iter().map(|edge| edge.along[0])).map(|index| &edges[index]) {
         active.retain(|other| other.along[1] >= edge.along[0]);
         for other in &active {
             if other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
@@ -29,13 +29,6 @@ pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
         active.push(edge);
     }
     Ok(())
-}
-
-/// The edges by where they begin along the sweep, ties as they come.
-fn in_sweep_order(edges: &[Edge]) -> impl Iterator<Item = &Edge> {
-    let mut order: Vec<(f64, usize)> = edges.iter().map(|edge| edge.along[0]).zip(0..).collect();
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    order.into_iter().map(|(_, index)| &edges[index])
 }
 
 /// All edges, to be swept along the axis along which they are shorter, hence fewer at a time.

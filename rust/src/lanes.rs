@@ -15,7 +15,7 @@ pub(crate) fn vectorized<Work: NullaryFnOnce>(work: Work) -> Work::Output {
 pub(crate) const LANES: usize = 4;
 
 /// One number of each edge of a lane group.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Lanes(pub(crate) [f64; LANES]);
 
 impl Lanes {
