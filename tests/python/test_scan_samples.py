@@ -144,7 +144,8 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     poses = [rp.estimate_pose(camera, [image], [each]).pose for each in (region, without)]
-    np.testing.assert_allclose(poses[0].translation, poses[1].translation, atol=1e-5)
+    # A hundredth of the samples' spacing: which of them lead the starts is not the same.
+    np.testing.assert_allclose(poses[0].translation, poses[1].translation, atol=5e-4)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:

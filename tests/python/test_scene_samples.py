@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from regionpose.clouds import Cloud, write_ply
-from regionpose.evaluation.noise import lidar_scan
+from regionpose.evaluation.lidar import lidar_scan
 from regionpose.scene import estimate_scene, load_scene, scene_result, scene_sides
 from regionpose.scene.sides import WorldSide
 from scene_files import PLATES, POSE, scene_values, write_scene
