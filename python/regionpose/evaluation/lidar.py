@@ -107,8 +107,8 @@ def lidar_scan(
     """All returns of a lidar at `position` (3,) before planar regions, given by their (n, 3) rings, and a backdrop.
 
     A beam ends on the nearest region that it meets, or on a sphere of `BACKDROP_M` around the lidar. One that is a cone
-    ends on what sends most of it back; what else it meets within a pulse's length of that moves the range to the mean. The
-    turn starts at a random angle. `up`: the axis of rotation in the world.
+    ends on what sends most of it back; what else it meets within a pulse's length of that moves the range to the mean.
+    The turn starts at a random angle. `up`: the axis of rotation in the world.
     """
     sensor = SpinningLidar() if lidar is None else lidar
     origin = np.asarray(position, dtype=np.float64)

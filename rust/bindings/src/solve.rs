@@ -64,6 +64,8 @@ type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64
 
 type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
+type RegionsEnds<'py> = ([usize; 2], Bound<'py, PyArray2<f64>>);
+
 /// Where a least squares ended.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
@@ -218,7 +220,7 @@ impl Estimate {
 
     /// (regions, ends (2, 3)) of each edge that two regions share.
     #[getter]
-    fn creases<'py>(&self, py: Python<'py>) -> PyResult<Vec<([usize; 2], Bound<'py, PyArray2<f64>>)>> {
+    fn creases<'py>(&self, py: Python<'py>) -> PyResult<Vec<RegionsEnds<'py>>> {
         let creases = self.0.creases.iter();
         creases
             .map(|(regions, ends)| Ok((*regions, matrix(py, ends.iter().flatten().copied().collect(), [2, 3])?)))

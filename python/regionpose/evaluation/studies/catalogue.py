@@ -128,7 +128,7 @@ _ALL = (
     _cut("truncation", "truncation", ("2d",), "Errors when the image border cuts the regions."),
     Study(
         "lidar",
-        "Errors of outlines of a lidar's points and of all its beams as samples, by beams and by what is wrong with them.",
+        "Errors of outlines of a lidar's points and of all its beams as samples, by beams and by what is wrong.",
         [
             {**SCANNED, "scan": SCANS, "planes": (1, 3), "lidar_beams": (16, 32, 64, 128)},
             *({**SCANNED, **changed} for changed in SCAN_CHANGES),
