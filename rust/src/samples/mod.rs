@@ -1,9 +1,11 @@
 //! The pose from samples of regions: how likely they are, and the mean of what they leave possible (`docs/math.md`, section 17).
 
 pub mod belief;
+pub mod labels;
 pub mod normal;
 pub mod posterior;
 pub mod propagation;
 pub mod readings;
 pub mod signed_field;
 pub mod stretch;
+pub mod telling;

@@ -7,7 +7,8 @@ use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
-use crate::samples::posterior::{Led, Posterior, leading_step, led, log_likelihood, posteriors};
+use crate::samples::labels::{leading_step, log_likelihood};
+use crate::samples::posterior::{Led, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.

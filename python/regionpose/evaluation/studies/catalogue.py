@@ -17,7 +17,7 @@ CUTS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
 PLANES = (1, 2, 3)
 GRAZING_DEG = (1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0, 25.0, 30.0)
 TURNS_DEG = tuple(float(turn) for turn in range(-180, 180, 15))
-PAPER_START = 'prior={"up":[0,-1,0]} start=paper'
+PAPER_START = 'prior={"up":[0,-1,0]} refine=null start=paper'
 """The paper's start, right in the plane where the plane is not turned: the template's up is the world's -y."""
 
 INTEGRALS = ("", "integration=boundary system=sphere", "integration=mesh", "integration=mesh system=sphere")

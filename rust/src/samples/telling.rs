@@ -1,0 +1,432 @@
+//! The samples that tell something at a pose, and what is believed once they are heard (`docs/math.md`, section 17).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::belief::Belief;
+use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELLED, UNKNOWN, WEIGHT, log_likelihood};
+use super::propagation::{Label, Propagated, Site, Trust, propagated};
+use super::readings::{Reading, SampledRegion};
+use super::stretch::{Kind, Stretch, View};
+use crate::contour::fit::size;
+use crate::geometry::pose::{Pose, Tangent};
+use crate::prior::Gaussian;
+
+/// The finest blur, pixels: contours of binary masks scatter by as much.
+pub(super) const FINEST: f64 = 0.25;
+
+/// How far clean stretches of a contour are off at least, pixels: the quality of calibrations.
+const LEAST_OFF: f64 = 0.1;
+
+/// Largest such share: no more than a coin would err.
+const MOST_WRONG: f64 = 0.5;
+
+/// A relinearisation that moves by less than this many standard deviations is the last.
+const SETTLED: f64 = 0.1;
+
+/// Share of a step that is gone where the last one came from ahead.
+const RELAXED: f64 = 0.5;
+
+/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
+/// chance. What is farther is approached by half, so many times.
+const WORSE: f64 = 6.0;
+const HALVINGS: usize = 4;
+
+/// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
+const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
+
+/// Longest step, rad and share of the distance.
+const LONGEST: f64 = 0.3;
+
+/// A sample lies on the wrong side if by more than this many standard deviations.
+const CLEARLY: f64 = 2.0;
+
+/// How much wider the belief of some samples is taken before all of them have told theirs.
+const WIDER: f64 = 3.0;
+
+/// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
+const REACH: f64 = 6.0;
+
+/// Deviation of an increment from the start before anything is seen: a radian, and the distance.
+const ANCHOR: f64 = 1.0;
+
+/// A sample that tells something: its site, its region's place among those with samples, its number there, and the stretch of
+/// the contour that it lies beside.
+pub(super) struct Telling {
+    site: Site,
+    region: usize,
+    number: usize,
+    stretch: usize,
+}
+
+impl Telling {
+    /// Its region and the stretch that it lies beside.
+    fn place(&self) -> (usize, usize) {
+        (self.region, self.stretch)
+    }
+}
+
+impl AsRef<Site> for Telling {
+    fn as_ref(&self) -> &Site {
+        &self.site
+    }
+}
+
+impl AsMut<Site> for Telling {
+    fn as_mut(&mut self) -> &mut Site {
+        &mut self.site
+    }
+}
+
+/// The samples of several regions about a start.
+pub(super) struct Samples<'a, F> {
+    regions: &'a [SampledRegion],
+    /// What else is known at a pose.
+    others: &'a F,
+    start: Pose,
+    /// One sample in so many is taken.
+    step: usize,
+    /// Whether samples beside one stretch of a contour are off together.
+    joined: bool,
+    pub(super) telling: Vec<Telling>,
+    /// The stretches that these lie beside.
+    stretches: Vec<Stretch>,
+    /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
+    pub(super) trust: Vec<Trust>,
+    certain: Vec<Shown>,
+    /// Number of samples of which nothing is known.
+    unknown: usize,
+}
+
+/// What labels show together.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shown {
+    log_probability: f64,
+    mislabelled: f64,
+    disturbed: f64,
+    /// Numbers of labels: all, and those that could show a disturbed contour.
+    all: f64,
+    near: f64,
+}
+
+impl Shown {
+    fn add(&mut self, label: &Label, is_near: bool) {
+        let near = f64::from(u8::from(is_near));
+        self.log_probability += label.log_probability;
+        self.mislabelled += label.mislabelled;
+        self.disturbed += near * label.disturbed;
+        self.all += 1.0;
+        self.near += near;
+    }
+}
+
+/// A pose and what is believed of its left increment.
+#[derive(Clone, Copy)]
+pub(super) struct State {
+    pub(super) pose: Pose,
+    pub(super) belief: Belief,
+    pub(super) log_evidence: f64,
+}
+
+impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
+    /// Every `step`-th sample, each off by itself.
+    pub(super) fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
+        let (telling, stretches, certain) = (Vec::new(), Vec::new(), Vec::new());
+        let trust = vec![Trust::unknown(); regions.len()];
+        Self { regions, others, start, step, joined: false, telling, stretches, trust, certain, unknown: 0 }
+    }
+
+    /// All samples, trusted so far, those beside one stretch off together.
+    pub(super) fn all(regions: &'a [SampledRegion], others: &'a F, start: Pose, trust: Vec<Trust>) -> Self {
+        Self { joined: true, trust, ..Self::some(regions, others, start, 1) }
+    }
+
+    fn take_blur(&mut self, blur: f64) {
+        for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
+            let wide = if self.joined { trust.wide } else { FAR_OFF * sampled.size() };
+            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur));
+        }
+    }
+
+    /// Lets samples and stretches be trusted as far as was learned.
+    fn take_trust(&mut self) {
+        let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
+        self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
+        for stretch in self.stretches.iter_mut().filter(|_| self.joined) {
+            stretch.kinds = kinds(&self.trust[stretch.place.0]);
+        }
+    }
+
+    /// How far disturbed stretches of each region are off, as they show it, with one that is off by what was expected.
+    fn learn_wide(&mut self, views: &[Vec<View>]) {
+        let mut sums: Vec<(f64, f64)> =
+            self.regions.iter().map(|sampled| (1.0, (FAR_OFF * sampled.size()).powi(2))).collect();
+        for (stretch, views) in self.stretches.iter().zip(views) {
+            let (count, square) = &mut sums[stretch.place.0];
+            *count += stretch.odds[1];
+            *square += stretch.odds[1] * Stretch::square(&views[1]);
+        }
+        for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
+            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur);
+        }
+    }
+
+    /// How far the labels of a region's samples are to be trusted apart from the offset of their stretch.
+    fn own_trust(&self, region: usize) -> Trust {
+        let trust = self.trust[region];
+        if self.joined { Trust { disturbed: 0.0, ..trust } } else { trust }
+    }
+
+    /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may be
+    /// disturbed do not put out of reach.
+    fn look(&mut self, state: &State, blur: f64) {
+        let known = std::mem::take(&mut self.telling);
+        let mut known = known.iter().peekable();
+        self.take_blur(blur);
+        (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
+        let mut seen = Vec::new();
+        for (region, sampled) in self.regions.iter().enumerate() {
+            let trust = self.own_trust(region);
+            for number in (0..sampled.count()).step_by(self.step) {
+                let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
+                match sampled.read(&state.pose, number) {
+                    Reading::Seen(margin, slope) => {
+                        let (stretch, outwards) = self.beside(&state.pose, region, number);
+                        let site = Site::new(&slope, outwards, margin, trust);
+                        // The factors of margins stay what they are when these are linearised anew.
+                        let site = before.map_or(site, |before| site.with_factors_of(&before.site));
+                        seen.push(Telling { site, region, number, stretch });
+                    }
+                    Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
+                    Reading::Unknown => self.unknown += 1,
+                }
+            }
+        }
+        self.sort(seen, &state.belief, blur);
+        self.join();
+    }
+
+    /// The stretch that a sample lies beside, and how its margin grows as that moves outwards.
+    fn beside(&self, pose: &Pose, region: usize, number: usize) -> (usize, f64) {
+        let stretch = || self.regions[region].stretch(pose, number);
+        self.joined.then(stretch).flatten().unwrap_or((0, 0.0))
+    }
+
+    /// Keeps the samples that tell something under a belief.
+    fn sort(&mut self, seen: Vec<Telling>, belief: &Belief, blur: f64) {
+        let belief = Belief { mean: Tangent::zeros(), ..*belief }.beside_clean();
+        let margin = |telling: &Telling| {
+            let (mean, variance) = telling.site.margin_under(&belief);
+            (mean, (blur * blur + variance).sqrt())
+        };
+        // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
+        let is_wrong = |telling: &&Telling| {
+            let (mean, deviation) = margin(telling);
+            self.joined && mean < -CLEARLY * deviation
+        };
+        let doubtful: BTreeSet<_> = seen.iter().filter(is_wrong).map(Telling::place).collect();
+        for telling in seen {
+            let (mean, deviation) = margin(&telling);
+            let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
+            if mean.abs() > REACH * deviation.hypot(wide) {
+                let label = telling.site.label(&belief);
+                self.certain[telling.region].add(&label, mean < 0.0);
+            } else {
+                self.telling.push(telling);
+            }
+        }
+    }
+
+    /// Puts the telling samples beside their stretches, which keep what is known of their offsets.
+    fn join(&mut self) {
+        if !self.joined {
+            self.stretches = vec![Stretch::apart(self.telling.len())];
+            return;
+        }
+        let before: BTreeMap<_, _> = self.stretches.iter().map(|stretch| (stretch.place, stretch.odds)).collect();
+        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (index, telling) in self.telling.iter().enumerate() {
+            members.entry(telling.place()).or_default().push(index);
+        }
+        let stretch = |(place, members): ((usize, usize), Vec<usize>)| {
+            let stretch = Stretch::new(place, members, kinds(&self.trust[place.0]));
+            before.get(&place).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
+        };
+        self.stretches = members.into_iter().map(stretch).collect();
+    }
+
+    /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
+    fn linearise(&mut self, pose: &Pose) {
+        for telling in &mut self.telling {
+            if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
+                telling.site = telling.site.with_line(&slope, margin);
+            }
+        }
+    }
+
+    /// The lines that the margins of the telling samples follow best over the whole of a belief about a pose, and how far they
+    /// bend from these (statistical linear regression at the belief's sigma points).
+    fn regress(&mut self, state: &State) {
+        let Some(root) = state.belief.covariance.cholesky().map(|root| root.unpack()) else { return };
+        let ways: [Tangent; 6] = std::array::from_fn(|axis| root.column(axis) * SIGMA_POINTS);
+        let poses = ways.map(|way| [way, -way].map(|way| state.pose.moved(&way)));
+        let Some(inverse) = root.try_inverse() else { return };
+        for telling in &mut self.telling {
+            let mut margins = [[0.0; 2]; 6];
+            let mut seen = true;
+            for (margin, pose) in margins.iter_mut().flatten().zip(poses.iter().flatten()) {
+                match self.regions[telling.region].read(pose, telling.number) {
+                    Reading::Seen(value, _) => *margin = value,
+                    _ => seen = false,
+                }
+            }
+            if seen {
+                telling.site = regressed(&telling.site, &margins, &inverse);
+            }
+        }
+    }
+
+    /// Logarithm of the probability of the labels that move nothing.
+    fn log_certain(&self) -> f64 {
+        self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
+    }
+
+    /// What all labels show of each region under what is believed of the stretches.
+    fn shown(&self, views: &[Vec<View>]) -> Vec<Shown> {
+        let mut shown = self.certain.clone();
+        for (stretch, views) in self.stretches.iter().zip(views) {
+            for Telling { site, region, .. } in stretch.members.iter().map(|&member| &self.telling[member]) {
+                let of_kind = |(odds, view): (&f64, &View)| site.label(&view.belief) * *odds;
+                let label =
+                    stretch.odds.iter().zip(views).map(of_kind).fold(Label::default(), |sum, label| sum + label);
+                // Labels tell apart from their stretch that a contour is disturbed, or stretches that they are.
+                let disturbed = label.disturbed + stretch.odds[1];
+                shown[*region].add(&Label { disturbed, ..label }, true);
+            }
+        }
+        shown
+    }
+
+    /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
+    fn learn_trust(&mut self, views: &[Vec<View>]) {
+        let shown = self.shown(views);
+        let share =
+            |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
+        for (trust, shown) in self.trust.iter_mut().zip(shown) {
+            trust.mislabelled = share(shown.mislabelled, shown.all, MISLABELLED);
+            trust.disturbed = share(shown.disturbed, shown.near, DISTURBED);
+        }
+    }
+
+    /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at a pose.
+    pub(super) fn wrong(&self, state: &State) -> Vec<f64> {
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief }.beside_clean();
+        let share = |(region, sampled): (usize, &SampledRegion)| {
+            let trust = self.trust[region];
+            let (mut wrong, mut near) = (0.0, 0.0);
+            for reading in (0..sampled.count()).map(|number| sampled.read(&state.pose, number)) {
+                let (margin, deviation) = match reading {
+                    Reading::Seen(margin, slope) => {
+                        let (mean, variance) = Site::new(&slope, 0.0, margin, trust).margin_under(&belief);
+                        (mean, (trust.blur * trust.blur + variance).sqrt())
+                    }
+                    Reading::Behind(false) => (f64::NEG_INFINITY, 1.0),
+                    _ => continue,
+                };
+                let is_wrong = margin < -CLEARLY * deviation;
+                wrong += f64::from(u8::from(is_wrong));
+                near += f64::from(u8::from(is_wrong || margin < trust.wide));
+            }
+            wrong / f64::max(near, 1.0)
+        };
+        self.regions.iter().enumerate().map(share).collect()
+    }
+
+    /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
+    /// would tell.
+    fn guard(&self, state: &State, blur: f64) -> Gaussian {
+        let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
+        let unit = || {
+            let mut information = Matrix6::zeros();
+            for telling in &self.telling {
+                let slope = telling.site.slope.fixed_rows::<6>(0);
+                information.ger(1.0, &slope, &slope, 1.0);
+            }
+            information / (self.telling.len() as f64 * blur * blur)
+        };
+        Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
+    }
+
+    /// The pose after an increment, or after a part of it where all that is known is far less likely there.
+    fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
+        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step) + (self.others)(pose).offset;
+        let least = fit(from) - WORSE;
+        let poses = (0..HALVINGS).map(|halving| from.moved(&(increment * RELAXED.powi(halving as i32))));
+        poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)
+    }
+
+    /// The belief once its mean is where it was linearised; `None` where a direction is left free.
+    pub(super) fn settled(&mut self, mut state: State, blur: f64, rounds: usize, whole: bool) -> Option<State> {
+        let is_first = self.telling.is_empty();
+        self.look(&state, blur);
+        let (mut before, mut share) = (Tangent::zeros(), 1.0);
+        for round in 0..rounds {
+            if whole {
+                self.regress(&state);
+            } else if round > 0 {
+                self.linearise(&state.pose);
+            }
+            let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
+            let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
+            let Propagated { belief, views, log_evidence } =
+                propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
+            self.learn_trust(&views);
+            if self.joined {
+                self.learn_wide(&views);
+            }
+            self.take_trust();
+            let information = belief.covariance.cholesky()?;
+            // A mean that goes to and fro lies between.
+            if before.dot(&information.solve(&belief.mean)) < 0.0 {
+                share *= RELAXED;
+            }
+            before = belief.mean;
+            let way = belief.mean.dot(&information.solve(&belief.mean));
+            let pose = self.approached(&state.pose, &shortened(&(belief.mean * share), &state.pose), blur);
+            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
+            if way < SETTLED * SETTLED {
+                break;
+            }
+        }
+        Some(state)
+    }
+}
+
+/// The kinds of a region's stretches: clean ones are off by what blurs them beyond their pixels.
+fn kinds(trust: &Trust) -> Vec<Kind> {
+    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF);
+    vec![Kind { share: 1.0 - trust.disturbed, off }, Kind { share: trust.disturbed, off: trust.wide }]
+}
+
+/// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
+fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) -> Site {
+    let points = 2.0 * margins.len() as f64;
+    let mean = margins.iter().flatten().sum::<f64>() / points;
+    let squares = margins.iter().flatten().map(|margin| (margin - mean).powi(2)).sum::<f64>() / points;
+    let along = Vector6::from_iterator(margins.iter().map(|[ahead, behind]| (ahead - behind) / (2.0 * SIGMA_POINTS)));
+    let bent = (squares - along.norm_squared()).max(0.0);
+    Site { bent, ..site.with_line(&(inverse_root.transpose() * along), mean) }
+}
+
+/// The start as all that is known of a pose: without it, what the samples leave free would drift.
+fn anchor(start: &Pose, pose: &Pose) -> Gaussian {
+    let distance = start.translation.norm();
+    let [turn, way] = [ANCHOR, ANCHOR * distance];
+    Gaussian::normal(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
+}
+
+/// An increment no longer than the longest step.
+fn shortened(increment: &Tangent, pose: &Pose) -> Tangent {
+    increment * (LONGEST / size(increment, pose)).min(1.0)
+}
