@@ -32,6 +32,9 @@ const SINGLE_REGION_COST: f64 = 0.05;
 /// Starts of one region that are followed where other regions can tell them apart.
 const STARTS_PER_REGION: usize = 4;
 
+/// Starts of a region that the image's border cuts, of all the cuts that are tried.
+const STARTS_OF_CUT: usize = 48;
+
 /// Candidates whose equations are solved at most: those of an eightfold symmetry, from before and from behind, twice.
 pub const MOST_CANDIDATES: usize = 32;
 
@@ -100,7 +103,7 @@ fn region_poses(
 /// cut by lines from all sides.
 fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
     let poses = costs_of(std::slice::from_ref(region), cut_forms(problem, region, world));
-    sorted(poses).into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
+    sorted(poses).into_iter().take(STARTS_OF_CUT).map(|(_, pose)| pose).collect()
 }
 
 /// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have
