@@ -39,7 +39,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
     ("contours", "sample_fit", "segmentation", "solver"),
-    ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),
+    ("drawing", "evaluation", "intrinsics", "matching", "report", "sanity", "splat"),
     ("rig", "scene"),
     ("__init__",),
     ("demo",),

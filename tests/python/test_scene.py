@@ -131,7 +131,7 @@ def test_a_scene_of_polygons_gives_the_known_pose(tmp_path: Path) -> None:
     run = estimate_scene(load_scene(write_scene(tmp_path)))
     assert (run.estimate.pose.rotation * POSE.rotation.inv()).magnitude() < 1e-6
     np.testing.assert_allclose(run.estimate.pose.translation, POSE.translation, atol=1e-6)
-    assert set(run.seconds) == {"read files", "image regions", "world regions", "pose"}
+    assert set(run.seconds) == {"read files", "image regions", "world regions", "checks", "pose"}
 
 
 def test_map_coordinates_lose_no_accuracy(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_files_that_cannot_be_used_are_named_with_the_line(change: dict[str, Any
 def test_an_image_of_another_size_than_the_calibration_is_refused(tmp_path: Path) -> None:
     path = write_scene(tmp_path)
     Image.fromarray(np.zeros((10, 20, 3), dtype=np.uint8)).save(tmp_path / "image.png")
-    with pytest.raises(SceneError, match=r"image: found 20 x 10 pixels; needed 320 x 240"):
+    with pytest.raises(SceneError, match=r"image: found 20 x 10 pixels .cut, .*; needed the calibrated 320 x 240"):
         scene_sides(load_scene(path))
 
 

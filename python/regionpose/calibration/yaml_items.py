@@ -81,6 +81,11 @@ class YamlItem:
         """Whether the item holds named items."""
         return isinstance(self.node, yaml.MappingNode)
 
+    @property
+    def is_scalar(self) -> bool:
+        """Whether the item is a single value."""
+        return isinstance(self.node, yaml.ScalarNode)
+
     def _kind(self) -> str:
         kinds = {yaml.ScalarNode: "a single value", yaml.SequenceNode: "a sequence", yaml.MappingNode: "a mapping"}
         return kinds.get(type(self.node), "something else")
@@ -101,6 +106,9 @@ class YamlMapping:
         text = source.text
         if text.startswith(DIRECTIVES):
             text = text[text.find("\n") :] if "\n" in text else ""
+        if text.lstrip().startswith("{"):
+            # JSON is YAML but for tabs between values.
+            text = text.replace("\t", " ")
         try:
             node = next(iter(yaml.compose_all(text, Loader=yaml.SafeLoader)), None)
         except yaml.MarkedYAMLError as error:

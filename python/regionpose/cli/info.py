@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from regionpose.cli.console import say_json, say_rows
-from regionpose.cli.options import AsJson, CameraName
+from regionpose.cli.options import AsJson, CameraModel, CameraName
 
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
@@ -31,6 +32,7 @@ Facts = dict[str, Any]
 def info(
     file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
     camera_name: CameraName = None,
+    camera_model: CameraModel = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a cloud, a calibration, an image, a scene file or a result.
@@ -41,7 +43,7 @@ def info(
       regionpose info calib.yaml --camera-name cam1
       regionpose info scene.yaml --json
     """
-    facts = file_facts(file, camera_name)
+    facts = file_facts(file, camera_name, camera_model)
     if as_json:
         say_json(facts)
     else:
@@ -49,7 +51,7 @@ def info(
         say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
 
 
-def file_facts(path: Path, camera_name: str | None = None) -> Facts:
+def file_facts(path: Path, camera_name: str | None = None, camera_model: str | None = None) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
@@ -60,10 +62,10 @@ def file_facts(path: Path, camera_name: str | None = None) -> Facts:
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
         return _cloud_facts(path)
-    return _text_facts(path, camera_name)
+    return _text_facts(path, camera_name, camera_model)
 
 
-def _text_facts(path: Path, camera_name: str | None) -> Facts:
+def _text_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
@@ -77,7 +79,7 @@ def _text_facts(path: Path, camera_name: str | None) -> Facts:
         return _scene_facts(path)
     if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
         return _result_facts(path)
-    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name)]
+    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path))
     return _first_that_reads(readers)
@@ -114,6 +116,7 @@ def _cloud_facts(path: Path) -> Facts:
     from regionpose.clouds import read_cloud
 
     cloud = read_cloud(path)
+    spacing = _spacing(cloud.points)
     low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
     return {
         "kind": "cloud" if cloud.triangles is None else "mesh",
@@ -124,12 +127,21 @@ def _cloud_facts(path: Path) -> Facts:
         "extent_m": (high - low).tolist(),
         "local_origin_m": cloud.origin.tolist(),
         "sensor_origin_m": None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist(),
-        "spacing_m": _spacing(cloud.points),
+        "spacing_m": spacing,
+        "unit": _unit(cloud.triangles is not None, spacing, high - low),
         "colours": cloud.colours is not None,
         "intensity": cloud.intensity is not None,
         "fields": sorted(cloud.fields),
         "dropped_points": cloud.dropped,
     }
+
+
+def _unit(is_mesh: bool, spacing: float | None, extent: Any) -> str:
+    """What the size of a cloud says of its unit; the corners of a mesh are no samples."""
+    from regionpose.sanity import unit_remark
+
+    remark = None if is_mesh or spacing is None else unit_remark(spacing, math.hypot(*extent))
+    return "taken as metres" if remark is None else f"taken as metres, but {remark}"
 
 
 SPACING_SAMPLE = 2000
@@ -148,14 +160,14 @@ def _spacing(points: Any) -> float | None:
     return float(np.median(distances[:, 1]))
 
 
-def _camera_facts(path: Path, camera_name: str | None) -> Facts:
+def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
     from dataclasses import asdict
 
     import numpy as np
 
     from regionpose.calibration import load_camera
 
-    camera = load_camera(path, camera_name)
+    camera = load_camera(path, camera_name, model=camera_model)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
     facts: Facts = {"kind": "calibration", "model": type(camera).__name__, **json.loads(json.dumps(parameters))}
     facts["largest_angle_off_axis_deg"] = float(np.degrees(camera.max_angle))

@@ -66,8 +66,10 @@ def segment(
     if as_json:
         say_json(facts)
     else:
-        say_rows([(key.replace("_", " "), str(value)) for key, value in facts.items() if key != "regions"], indent="")
+        shown = [(key.replace("_", " "), str(value)) for key, value in facts.items() if not isinstance(value, list)]
+        say_rows(shown, indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
+        say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
 
 
 def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
@@ -134,6 +136,7 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
     from regionpose.scene import Stages, load_scene, scene_sides
     from regionpose.scene.result import plain, region_sizes
+    from regionpose.scene.verdict import with_names
 
     scene = load_scene(path)
     names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
@@ -142,7 +145,8 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
     with Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
     write_files(out, _scene_writers(scene, sides, out), force=force)
-    return {"written": str(out), "regions": plain(region_sizes(sides))}
+    remarks = [f"{warning.code}: {with_names(warning.message, sides.names)}" for warning in sides.warnings]
+    return {"written": str(out), "regions": plain(region_sizes(sides)), "warnings": remarks}
 
 
 def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:

@@ -90,14 +90,23 @@ def _choice(kind: Callable[[Any], str | None], needed: str) -> Discriminator:
     return Discriminator(kind, custom_error_type="choice", custom_error_message=needed)
 
 
-class CameraFile(Item):
+class _Camera(Item):
+    resized: bool = Field(
+        False, description="the image is a resized copy of the photos that were calibrated: the camera is scaled to it"
+    )
+
+
+class CameraFile(_Camera):
     """A calibration file, and which of its cameras."""
 
     file: FileName
     name: str | None = Field(None, description="which camera, where the file holds several")
+    model: Literal["pinhole", "fisheye", "unified", "ocam"] | None = Field(
+        None, description="the camera model, where the file doesn't say"
+    )
 
 
-class _Intrinsics(Item):
+class _Intrinsics(_Camera):
     fx: Positive
     fy: Positive
     cx: Number
@@ -128,7 +137,7 @@ class InlineUnified(_Intrinsics):
     distortion: list[Number] = Field(default_factory=list)
 
 
-class InlineOcam(Item):
+class InlineOcam(_Camera):
     """Scaramuzza's omnidirectional camera: bearing (x, y, a0 + a1 rho + ...), a0 > 0; center as [column, row]."""
 
     model: Literal["ocam"]
@@ -148,7 +157,7 @@ def _camera_kind(value: object) -> str | None:
     if isinstance(value, dict) and "file" in value:
         return "<file>"
     model = value.get("model") if isinstance(value, dict) else None
-    return f"<{model}>" if model in {"pinhole", "fisheye", "unified", "ocam"} else None
+    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam") else None
 
 
 CameraItem = Annotated[

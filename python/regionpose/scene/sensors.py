@@ -13,6 +13,7 @@ from PIL import Image
 
 from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
@@ -39,22 +40,43 @@ def scene_camera(scene: Scene) -> Camera:
     if isinstance(item, str):
         return named(scene, ("camera",), lambda: load_camera(scene.file(item)))
     if isinstance(item, CameraFile):
-        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name))
-    parameters: dict[str, Any] = item.model_dump(exclude={"model"})
+        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name, model=item.model))
+    parameters: dict[str, Any] = item.model_dump(exclude={"model", "resized"})
     tupled = {key: _tupled(value) for key, value in parameters.items()}
     return named(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
 
 
-def scene_image(scene: Scene, camera: Camera) -> Picture:
+def scene_image(scene: Scene) -> Picture:
     """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
-    image = named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
-    height, width = image.shape[:2]
-    if camera.width is not None and camera.height is not None and (width, height) != (camera.width, camera.height):
-        raise scene.error(
-            ("image",),
-            f"found {width} x {height} pixels; needed {camera.width} x {camera.height}, as the camera's calibration",
-        )
-    return image
+    return named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
+
+
+def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
+    """The camera for the scene's image: scaled to it where the scene says that it is resized.
+
+    SceneError where image and calibration are of different sizes otherwise.
+    """
+    size = (image.shape[1], image.shape[0])
+    if not isinstance(scene.model.camera, str) and scene.model.camera.resized:
+        return named(scene, ("camera", "resized"), lambda: camera.resized(*size))
+    remark = other_size(camera, size)
+    if remark is not None:
+        resizable = resize_factor((camera.width or 1, camera.height or 1), size) is not None
+        raise scene.error(("image",), remark + (", or camera.resized: true for a resized copy" if resizable else ""))
+    return camera
+
+
+def other_size(camera: Camera, size: tuple[int, int]) -> str | None:
+    """What is wrong with a photo of `size` (width, height) for a camera of another, and what to do; None if nothing."""
+    if camera.width is None or camera.height is None or size == (camera.width, camera.height):
+        return None
+    needed = f"needed the calibrated {camera.width} x {camera.height}"
+    factor = resize_factor((camera.width, camera.height), size)
+    if factor is not None:
+        return f"found {size[0]} x {size[1]} pixels, {factor:.4g} of the camera's; {needed}"
+    turned = resize_factor((camera.height, camera.width), size) is not None
+    how = "turned by a quarter" if turned else "cut, or another camera's: no one factor leads from one to the other"
+    return f"found {size[0]} x {size[1]} pixels ({how}); {needed}"
 
 
 def scene_cloud(scene: Scene) -> Cloud | None:

@@ -33,6 +33,9 @@ ORIGIN_STEP = 100.0
 SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 """Distance over their largest coordinate up to which two points are one: four roundings to the numbers of a file."""
 
+OUTSIDE_MARGIN = 1.0
+"""Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
+
 SEED_NEIGHBOURS = 9
 """Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
 it."""
@@ -86,7 +89,23 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
     if isinstance(item, ImageMask):
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
-    return named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
+    drawn = named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
+    return named(scene, (*place, "polygon"), lambda: _within(drawn, image))
+
+
+def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
+    """The region of a polygon that stays in the image; ValueError where it was drawn on a larger one."""
+    vertices = np.concatenate(drawn.rings) + 0.5
+    size = np.array([image.shape[1], image.shape[0]])
+    beyond = np.maximum(-vertices, vertices - size).max(axis=1)
+    if beyond.max() <= OUTSIDE_MARGIN:
+        return drawn
+    x, y = vertices[np.argmax(beyond)] - 0.5
+    larger = float((vertices / size).max())
+    cure = "a polygon cut at the photo's border"
+    if larger > 1.0:
+        cure += f", or, if it was drawn on a photo at least {larger:.3g} times as large, that photo"
+    raise ValueError(f"found [{x:g}, {y:g}] outside the photo of {size[0]} x {size[1]} pixels; needed {cure}")
 
 
 def world_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
