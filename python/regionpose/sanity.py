@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
 from regionpose.image_region import ImageRegion
 from regionpose.solver import PoseWarning
 from regionpose.world_region import WorldRegion
@@ -50,6 +51,9 @@ MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 half and more than the calibrated one it is elsewhere; cameras have it within a twentieth of the middle."""
 
 MILLIMETRE = 0.001
+
+SAME_UNIT = 1e-6
+"""Relative difference of two units that are one: the US survey foot and the international one differ by 2e-6."""
 
 
 def check_regions(
@@ -93,11 +97,23 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
     return (PoseWarning("odd-centre", message),)
 
 
+def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
+    """What the file of a cloud says against its coordinates being metres: `odd-unit`, with the factor to use."""
+    factor = cloud.metres_per_unit
+    if factor is None or abs(factor - 1.0) < SAME_UNIT:
+        return ()
+    message = (
+        f"the cloud's file states a unit of {factor:.7g} m: multiply its coordinates, and those of the scene, by that,"
+        " else what is said in metres is wrong"
+    )
+    return (PoseWarning("odd-unit", message),)
+
+
 def unit_remark(spacing: float, extent: float) -> str | None:
     """What a cloud's size says of its unit: None where it may well be the metre, else the factor to use.
 
     `spacing`: median distance of neighbouring points; `extent`: diagonal of the cloud; both in its unit. A foot is too
-    like a metre to be told so.
+    like a metre to be told so: `check_unit` reads it.
     """
     if spacing <= WIDEST_SPACING or extent <= LEAST_EXTENT:
         return None

@@ -234,6 +234,29 @@ def test_a_cloud_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     assert "millimetres" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
 
 
+WKT = 'COMPD_CS["x",PROJCS["p",GEOGCS["g",UNIT["degree",0.0174]],UNIT["{}",{}]],VERT_CS["v",UNIT["metre",1.0]]]'
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "is_told"), [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)]
+)
+def test_a_cloud_whose_file_states_feet_is_told(
+    name: str, factor: float, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laspy = pytest.importorskip("laspy")
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(WKT.format(name, factor)))
+    stored = laspy.LasData(header)
+    stored.x, stored.y, stored.z = np.random.default_rng(0).uniform(0.0, 9.0, (3, 50))
+    stored.write(tmp_path / "cloud.las")
+    assert rp.clouds.read_cloud(tmp_path / "cloud.las").metres_per_unit == pytest.approx(factor)
+    code, said = told(["info", str(tmp_path / "cloud.las")], capsys)
+    assert code == 0
+    assert ("states a unit of 0.3048006 m: multiply its coordinates" in said) == is_told
+    sides = scene_sides(load_scene(write_scene(tmp_path, scene_values() | {"cloud": "cloud.las"})))
+    assert [warning.code for warning in sides.warnings] == ["odd-unit"] * is_told
+
+
 def test_wide_scans_in_metres_are_not_taken_for_millimetres() -> None:
     """A terrestrial scan of 1 km, an airborne one of 5 km, a few far points."""
     for spacing, extent in ((0.3, 1000.0), (0.7, 7000.0), (5.0, 40.0)):

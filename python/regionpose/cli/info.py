@@ -6,12 +6,15 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from regionpose.cli.console import say_json, say_rows
 from regionpose.cli.options import AsJson, CameraModel, CameraName
+
+if TYPE_CHECKING:
+    from regionpose.clouds import Cloud
 
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
@@ -128,7 +131,7 @@ def _cloud_facts(path: Path) -> Facts:
         "local_origin_m": cloud.origin.tolist(),
         "sensor_origin_m": None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist(),
         "spacing_m": spacing,
-        "unit": _unit(cloud.triangles is not None, spacing, high - low),
+        "unit": _unit(cloud, spacing),
         "colours": cloud.colours is not None,
         "intensity": cloud.intensity is not None,
         "fields": sorted(cloud.fields),
@@ -136,12 +139,15 @@ def _cloud_facts(path: Path) -> Facts:
     }
 
 
-def _unit(is_mesh: bool, spacing: float | None, extent: Any) -> str:
-    """What the size of a cloud says of its unit; the corners of a mesh are no samples."""
-    from regionpose.sanity import unit_remark
+def _unit(cloud: Cloud, spacing: float | None) -> str:
+    """What the file of a cloud or its size say of its unit; the corners of a mesh are no samples."""
+    from regionpose.sanity import check_unit, unit_remark
 
-    remark = None if is_mesh or spacing is None else unit_remark(spacing, math.hypot(*extent))
-    return "taken as metres" if remark is None else f"taken as metres, but {remark}"
+    remarks = [warning.message for warning in check_unit(cloud)]
+    if not remarks and cloud.triangles is None and spacing is not None:
+        extent = math.hypot(*(cloud.points.max(axis=0) - cloud.points.min(axis=0)))
+        remarks = [remark for remark in [unit_remark(spacing, extent)] if remark is not None]
+    return f"taken as metres, but {remarks[0]}" if remarks else "taken as metres"
 
 
 SPACING_SAMPLE = 2000

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +40,17 @@ RECORD_SIZE, LATE_RECORD_SIZE = 54, 60
 COMPRESSED_BITS = 0b1100_0000
 """Bits of the point format that are set when the points are compressed."""
 
+WKT_UNIT = re.compile(r'\bUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)|\bLENGTHUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)')
+WKT_VERTICAL = re.compile(r"\bVERT(_CS|CRS)\s*\[")
+ANGLES = ("deg", "rad", "grad", "arc")
+"""What the names of angular units begin with."""
+
+LINEAR_UNITS_KEY = 3076
+"""ProjLinearUnitsGeoKey of GeoTIFF."""
+
+EPSG_METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+"""Metres in EPSG's metre, international foot and US survey foot."""
+
 RAW_COORDINATES = ("X", "Y", "Z")
 
 
@@ -52,6 +67,7 @@ def read_las(path: Path) -> Cloud:
         named = {name: np.asarray(stored[name]) for name in names if name not in RAW_COORDINATES}
         coordinates = {name.lower(): np.asarray(stored[name.lower()]) for name in RAW_COORDINATES}
         stated = int(stored.header.point_count)
+        unit = _metres_per_unit([*stored.header.vlrs, *(stored.evlrs or [])])
     except (KeyboardInterrupt, SystemExit):
         raise
     # Damage shows as errors of laspy, lazrs, numpy and struct, and as a panic, which is no Exception.
@@ -59,7 +75,31 @@ def read_las(path: Path) -> Cloud:
         raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
     if len(coordinates["x"]) != stated:
         raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
-    return cloud_of_columns(path, coordinates | _flat(named))
+    return replace(cloud_of_columns(path, coordinates | _flat(named)), metres_per_unit=unit)
+
+
+def _metres_per_unit(records: Sequence[Any]) -> float | None:
+    """Metres in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
+    for record in records:
+        for key in getattr(record, "geo_keys", ()):
+            if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METRES:
+                return EPSG_METRES[key.value_offset]
+        unit = _wkt_metres(str(getattr(record, "string", "")))
+        if unit is not None:
+            return unit
+    return None
+
+
+def _wkt_metres(text: str) -> float | None:
+    """Metres in the last length unit before the vertical system, which is that of the projection."""
+    found = WKT_UNIT.findall(WKT_VERTICAL.split(text)[0])
+    named = [(old or new, factor or other) for old, factor, new, other in found]
+    lengths = [factor for name, factor in named if not name.lower().startswith(ANGLES)]
+    try:
+        metres = float(lengths[-1])
+    except (IndexError, ValueError):
+        return None
+    return metres if np.isfinite(metres) and metres > 0.0 else None
 
 
 def _checked_header(path: Path, content: Scalars) -> dict[str, int]:

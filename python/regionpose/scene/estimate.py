@@ -17,7 +17,7 @@ from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
 from regionpose.prior import Prior
 from regionpose.sample_fit import SampleFit, sample_fit
-from regionpose.sanity import check_camera, check_regions
+from regionpose.sanity import check_camera, check_regions, check_unit
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import (
@@ -187,7 +187,8 @@ def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
         for remark in side.remarks
     )
     regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
-    return (*check_camera(sides.camera, size), *regions, *sparse)
+    unit = () if sides.cloud is None else check_unit(sides.cloud)
+    return (*check_camera(sides.camera, size), *unit, *regions, *sparse)
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:
