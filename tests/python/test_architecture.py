@@ -33,6 +33,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
+    ("reading",),
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "pens", "plane_fit", "prior", "ring_arrays"),
     ("mask", "outline", "pixel_edges"),

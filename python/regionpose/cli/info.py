@@ -100,19 +100,10 @@ def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:
 
 
 def _image_facts(path: Path) -> Facts:
-    from PIL import Image, UnidentifiedImageError
+    from regionpose.reading import picture_header
 
-    try:
-        with Image.open(path) as picture:
-            return {
-                "kind": "image",
-                "width_px": picture.width,
-                "height_px": picture.height,
-                "mode": picture.mode,
-                "format": picture.format,
-            }
-    except UnidentifiedImageError as error:
-        raise ValueError(f"{path}: found no picture; needed PNG, JPEG, TIFF or the like") from error
+    width, height, mode, form = picture_header(path)
+    return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
 
 
 def _cloud_facts(path: Path) -> Facts:
@@ -207,11 +198,21 @@ def _region_line(region: Any) -> str:
 
 
 def _result_facts(path: Path) -> Facts:
-    held = json.loads(path.read_text(encoding="utf-8"))
+    from regionpose.reading import read_json
+
+    held = read_json(path)
     facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}
-    facts["regions"] = [region["name"] for region in held.get("regions", [])]
-    facts["warnings"] = [warning["code"] for warning in held.get("warnings", [])]
+    facts["regions"] = _column(path, held, "regions", "name")
+    facts["warnings"] = _column(path, held, "warnings", "code")
     return facts
+
+
+def _column(path: Path, held: Facts, key: str, name: str) -> list[str]:
+    """The value at `name` of each item of a list in a result."""
+    items = held.get(key, [])
+    if not (isinstance(items, list) and all(isinstance(item, dict) and name in item for item in items)):
+        raise ValueError(f"{path}: {key}: found something else; needed a list of items, each with a {name}")
+    return [item[name] for item in items]
 
 
 def _shown(value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,8 @@ import numpy as np
 
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import COLOUR_NAMES, cloud_of_columns
-from regionpose.clouds.errors import cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.reading import unfolding_error
 
 HEADER = np.dtype(
     {
@@ -39,6 +41,12 @@ RECORD_SIZE, LATE_RECORD_SIZE = 54, 60
 
 COMPRESSED_BITS = 0b1100_0000
 """Bits of the point format that are set when the points are compressed."""
+
+LASZIP_USER, LASZIP_RECORD, LASZIP_ITEMS_AT = b"laszip encoded", 22204, 34
+LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
+BYTES_ITEM, VARIOUS_SIZES = 14, 0xFFFFFFFF
+"""Layers of LASzip's items: point, RGB, RGB with infrared, wave packet; the item with one a byte; the chunk size
+that stands for various ones."""
 
 WKT_UNIT = re.compile(r'\bUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)|\bLENGTHUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)')
 WKT_VERTICAL = re.compile(r"\bVERT(_CS|CRS)\s*\[")
@@ -123,7 +131,10 @@ def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
         needed = f"{max(records_end, late_end, points_end)} at least, as the header says"
         raise cloud_error(path, "size", f"{size} bytes", needed)
     if header["format"] & COMPRESSED_BITS:
-        _check_chunks(path, content, header)
+        _check_layers(path, content, header, _chunk_count(path, content, header))
+        wrong = unfolding_error(path, header["count"] * header["point_size"])
+        if wrong is not None:
+            raise CloudError(f"{path}: points: {wrong}")
     return header
 
 
@@ -133,8 +144,8 @@ def _numbers(content: Scalars, kind: np.dtype[np.void]) -> dict[str, int]:
     return {name: int(record[name]) for name in kind.names or ()}
 
 
-def _check_chunks(path: Path, content: Scalars, header: dict[str, int]) -> None:
-    """CloudError unless the table of compressed chunks lies in the file and lists no more than fit there."""
+def _chunk_count(path: Path, content: Scalars, header: dict[str, int]) -> int:
+    """How many compressed chunks the table lists; CloudError unless it lies in the file and they fit there."""
     size, points_at = len(content), header["points_at"]
     table_at = int.from_bytes(content[points_at : points_at + 8].tobytes(), "little", signed=True)
     if table_at == -1:
@@ -146,6 +157,40 @@ def _check_chunks(path: Path, content: Scalars, header: dict[str, int]) -> None:
     most = (table_at - points_at) // max(1, header["point_size"])
     if chunks > most:
         raise cloud_error(path, "chunk table", f"{chunks} chunks", f"at most {most}, by the file's size")
+    return chunks
+
+
+def _check_layers(path: Path, content: Scalars, header: dict[str, int], chunks: int) -> None:
+    """CloudError where one of the compressed chunks states layers that the file doesn't hold.
+
+    Chunks of point formats from 6 begin with a point, the number of points and the size of each layer, for which lazrs
+    takes memory at once: up to 4 GB each, or it aborts the process.
+    """
+    chunk_size, layers = _layers(path, content, header)
+    if chunk_size != VARIOUS_SIZES:
+        chunks = -(-header["count"] // chunk_size)
+    at = header["points_at"] + 8
+    for _ in range(chunks if layers else 0):
+        at += header["point_size"] + 4
+        sizes = np.frombuffer(content[at : at + 4 * layers].tobytes().ljust(4 * layers, b"\xff"), "<u4")
+        at += 4 * layers + int(sizes.sum(dtype=np.int64))
+        if at > len(content):
+            raise cloud_error(path, "compressed chunk", f"layers up to byte {at}", f"the file's {len(content)} bytes")
+
+
+def _layers(path: Path, content: Scalars, header: dict[str, int]) -> tuple[int, int]:
+    """Points of a compressed chunk, and its number of layers: 0 of point formats below 6."""
+    at = header["header_size"]
+    for _ in range(header["records"]):
+        user, number, length = struct.unpack_from("<2x16sHH", content[at : at + RECORD_SIZE].tobytes().ljust(54, b"\0"))
+        record = content[at + RECORD_SIZE : at + RECORD_SIZE + length].tobytes()
+        at += RECORD_SIZE + length
+        if user.rstrip(b"\0") == LASZIP_USER and number == LASZIP_RECORD and len(record) >= LASZIP_ITEMS_AT:
+            chunk_size, items = *struct.unpack_from("<12xI", record), record[LASZIP_ITEMS_AT:]
+            pairs = [struct.unpack_from("<HH", items, start) for start in range(0, len(items) - 5, 6)]
+            layers = sum(size if kind == BYTES_ITEM else LAYERS.get(kind, 0) for kind, size in pairs)
+            return max(1, chunk_size), layers
+    raise cloud_error(path, "records", "none of LASzip's", "one, since the points are compressed")
 
 
 def _flat(named: dict[str, Scalars]) -> dict[str, Scalars]:

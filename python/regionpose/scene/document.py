@@ -9,6 +9,8 @@ from pathlib import Path
 
 import yaml
 
+from regionpose.reading import json_value, refuse_halves
+
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
 
@@ -110,6 +112,7 @@ def _yaml_document(path: Path, text: str) -> Document:
         loader = _Loader(text)
         node = loader.get_single_node()
         value = None if node is None else loader.construct_document(node)
+        refuse_halves(text, value)
     except yaml.MarkedYAMLError as error:
         line = 1 if error.problem_mark is None else error.problem_mark.line + 1
         raise SceneError(f"{path}:{line}: {error.problem}; needed YAML") from error
@@ -120,13 +123,13 @@ def _yaml_document(path: Path, text: str) -> Document:
 
 def _json_document(path: Path, text: str) -> Document:
     try:
-        value = json.loads(text)
+        value = json_value(text)
         # JSON is YAML but for tabs between values; strings hold none.
         node = yaml.compose(text.replace("\t", " "), Loader=yaml.SafeLoader)
     except json.JSONDecodeError as error:
         raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise SceneError(f"{path}: found {type(error).__name__}; needed JSON") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed JSON") from error
     return Document(path, value, _lines(path, node))
 
 

@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.reading import read_pixels
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, InlinePinhole, InlineUnified
@@ -22,9 +22,6 @@ from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, Inlin
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Value = TypeVar("Value")
-
-MOST_PIXELS = 400_000_000
-"""Largest picture opened: above any camera's, below what fills a machine's memory."""
 
 MODELS: dict[type, Callable[..., Camera]] = {
     InlinePinhole: PinholeCamera,
@@ -104,18 +101,8 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 
 def read_picture(path: Path) -> Picture:
-    """The picture (h, w, 3) uint8 of an image file; ValueError when it is none."""
-    try:
-        with Image.open(path) as picture:
-            if picture.width * picture.height > MOST_PIXELS:
-                raise ValueError(
-                    f"{path}: found {picture.width} x {picture.height} pixels; needed at most {MOST_PIXELS}"
-                )
-            return np.asarray(picture.convert("RGB"))
-    except FileNotFoundError:
-        raise
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{path}: found no picture ({error}); needed PNG, JPEG, TIFF or the like") from error
+    """The picture (h, w, 3) uint8 of an image file; errors as of `read_pixels`."""
+    return read_pixels(path, "RGB").values
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.image_region import ImageRegion
 from regionpose.outline import SparseSamplingWarning
+from regionpose.reading import read_array
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
@@ -235,8 +236,8 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     if path.suffix.lower() not in {".npy", ".npz"}:
         other = read_cloud(path)
         return _placed(other.points + (other.origin - scan.origin), item, scan)
-    values = _array(path)
-    if values.ndim == 2:
+    values = read_array(path)
+    if values.ndim == 2 and values.dtype.kind in "biuf":
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
 
@@ -261,17 +262,6 @@ def _found_in(cloud: Array, points: Array) -> Indices | None:
     distances, nearest = cKDTree(cloud[around]).query(points)
     found: Indices = np.unique(around[nearest])
     return found if float(np.max(distances)) <= same else None
-
-
-def _array(path: Path) -> NDArray[np.generic]:
-    """The array of a .npy file, or the only one of a .npz file."""
-    loaded = np.load(path, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        return loaded
-    with loaded:
-        if len(loaded.files) != 1:
-            raise ValueError(f"{path}: found {len(loaded.files)} arrays; needed one")
-        return np.asarray(loaded[loaded.files[0]])
 
 
 def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: Cloud | None) -> Indices:
