@@ -13,7 +13,7 @@ import typer
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import refuse_existing, text_writer, write_file, write_files
+from regionpose.cli.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneSides
@@ -141,10 +141,9 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
     scene = load_scene(path)
     names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
     names.append(SCENE_FILE)
-    refuse_existing([out / name for name in names], force)
-    with Progress(quiet) as progress:
+    with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
-    write_files(out, _scene_writers(scene, sides, out), force=force)
+        claim.write(_scene_writers(scene, sides, out))
     remarks = [f"{warning.code}: {with_names(warning.message, sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": plain(region_sizes(sides)), "warnings": remarks}
 
