@@ -68,6 +68,13 @@ BAD = {
         ":2: solver.system: found 'cube'",
     ),
     "a number for a name": ("name: sign", "name: 7", ":10: regions[1].name: found 7; needed a string"),
+    "a name of two lines": ("name: sign", 'name: "a\\nb"', ":10: regions[1].name: found the character U+000A; needed"),
+    "a name that turns what follows": (
+        "name: sign",
+        'name: "a\\u202e"',
+        ":10: regions[1].name: found the character U+202E",
+    ),
+    "a long name": ("name: sign", f"name: {'x' * 201}", ":10: regions[1].name: found 'xxx"),
     "an infinite number": ("[1.0, 2.0, 3.0]", "[1.0, .inf, 3.0]", ":9: regions[0].world.seed: found inf"),
 }
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from regionpose.scene.document import brief
@@ -54,6 +55,13 @@ Quaternion = Annotated[
 Row = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
 Coefficients4 = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
 Pair = Annotated[list[Number], BeforeValidator(_numbers(2, "2 numbers")), Field(min_length=2, max_length=2)]
+
+
+HIDDEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+"""Control characters, breaks of lines, and turns of the direction of writing."""
+
+LONGEST_NAME = 200
+"""Characters of a region's name: what a line and a table hold."""
 
 
 class Item(BaseModel):
@@ -324,10 +332,19 @@ WorldSide = Annotated[
 ]
 
 
+def _visible(name: str) -> str:
+    """A check that a name has no characters that break lines or turn the direction of what follows."""
+    hidden = HIDDEN.search(name)
+    if hidden is not None:
+        message = "found the character U+{code}; needed a name without control characters"
+        raise PydanticCustomError("numbers", message, {"code": f"{ord(hidden.group()):04X}"})
+    return name
+
+
 class RegionItem(Item):
     """One planar region, in the image and in the world."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_visible)]
     image: ImageSide
     world: WorldSide
 
