@@ -33,13 +33,14 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
+    ("reading",),
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "pens", "plane_fit", "prior", "ring_arrays"),
     ("mask", "outline", "pixel_edges"),
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
     ("contours", "sample_fit", "segmentation", "solver"),
-    ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),
+    ("drawing", "evaluation", "intrinsics", "matching", "report", "sanity", "splat"),
     ("rig", "scene"),
     ("__init__",),
     ("demo",),

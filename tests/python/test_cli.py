@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -148,6 +149,83 @@ def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytes
     assert main(["estimate", str(scene), "--out", str(out), "--force", "--quiet"]) == 130
     assert [path.name for path in out.iterdir()] == ["report.html"]
     assert (out / "report.html").read_text(encoding="utf-8") == "mine"
+
+
+def started(scene: Path, out: Path) -> subprocess.Popen[str]:
+    """A run of the command that has claimed its files."""
+    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("read files")
+    return process
+
+
+@pytest.fixture
+def slow_scene(tmp_path: Path) -> Path:
+    """A scene whose image is a pipe that nobody writes to: its run waits there."""
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("needs named pipes")
+    path = write_scene(tmp_path)
+    (tmp_path / "image.png").unlink()
+    os.mkfifo(tmp_path / "image.png")
+    return path
+
+
+def test_sigterm_leaves_nothing_behind(slow_scene: Path, tmp_path: Path) -> None:
+    before = sorted(tmp_path.iterdir())
+    process = started(slow_scene, tmp_path / "out")
+    process.terminate()
+    assert process.wait(timeout=60) == 143
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(slow_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = started(slow_scene, out)
+    process.kill()
+    process.wait(timeout=60)
+    assert [path.name.startswith(".regionpose-") for path in out.iterdir()] == [True]
+    write_files(out, {"a": text_writer("new")}, force=False)
+    assert [path.name for path in out.iterdir()] == ["a"]
+
+
+def test_of_two_runs_into_one_folder_one_is_refused(slow_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = started(slow_scene, out)
+    try:
+        with pytest.raises(FileExistsError, match=r"report\.html: found another run that is about to write it"):
+            write_files(out, {"report.html": text_writer("other")}, force=True)
+        assert write_files(out, {"notes.txt": text_writer("mine")}, force=False) == [out / "notes.txt"]
+    finally:
+        process.terminate()
+        process.wait(timeout=60)
+    assert [path.name for path in out.iterdir()] == ["notes.txt"]
+
+
+def test_a_link_in_the_output_folder_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "result.json").symlink_to(tmp_path / "mine.txt")
+    write_files(out, {"result.json": text_writer("new")}, force=True)
+    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
+    assert not (out / "result.json").is_symlink()
+
+
+def test_region_names_stay_in_the_output_folder(tmp_path: Path) -> None:
+    values = scene_values()
+    for region, name in zip(values["regions"], ("../../x", "/etc/passwd"), strict=True):
+        region["name"] = name
+        region["image"] = {"seed": [20.0, 20.0]}
+    scene = write_scene(tmp_path, values)
+    before = {path for path in tmp_path.rglob("*")}
+    assert main(["segment", str(scene), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    made = {path for path in tmp_path.rglob("*")} - before - {tmp_path / "out"}
+    assert sorted(path.relative_to(tmp_path / "out").as_posix() for path in made) == [
+        "01-x.png",
+        "02-etc-passwd.png",
+        "scene.yaml",
+    ]
 
 
 def test_a_full_disk_is_one_line_and_a_mistake_of_ours_is_raised(

@@ -9,7 +9,7 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import refuse_existing, write_files
+from regionpose.cli.outputs import claimed
 
 if TYPE_CHECKING:
     from regionpose.scene import SceneEstimate
@@ -54,12 +54,11 @@ def run_scene(
     from regionpose.scene.bundle import bundle, file_names
 
     scene = load_scene(path)
-    refuse_existing([out / name for name in file_names(scene)], force)
-    with Progress(quiet) as progress:
+    with claimed(out, file_names(scene), force=force) as claim, Progress(quiet) as progress:
         stages = Stages(progress.begin)
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth)
-        written = write_files(out, files.writers, force=force)
+        written = claim.write(files.writers)
     if as_json:
         say_json(files.result)
     else:
