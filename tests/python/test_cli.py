@@ -274,9 +274,10 @@ def one_square(folder: Path, names: Sequence[str] = ("square",), **more: object)
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     camera = load_camera(demo_folder() / "camera_info.yaml")
     values["camera"], values["image"] = str(demo_folder() / "camera_info.yaml"), str(demo_folder() / "image.jpg")
-    pixels = camera.project(POSE.transform(square)).tolist()
-    sides = {"image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}
-    values["regions"] = [{"name": name, **sides} for name in names]
+    pixels = camera.project(POSE.transform(square))
+    values["regions"] = [
+        {"name": name, "image": {"polygon": pixels.tolist()}, "world": {"polygon": square.tolist()}} for name in names
+    ]
     return write_scene(folder, values)
 
 
@@ -344,7 +345,8 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
     assert result["truth_errors"]["camera_center_m"] < 0.03
     assert max(region["overlap_error"] for region in result["regions"]) < 0.08
     names = {path.name for path in demo_out.iterdir()}
-    assert names == {"cloud.ply", "depth.png", "overlay.png", "report.html", "result.json"}
+    assert names == {"cloud.ply", "depth.png", "edges.png", "overlay.png", "report.html", "result.json"}
+    assert result["scene_agreement"]["log_odds"] > 1.0 and result["verdict"]["level"] == "trusted"
     cloud = read_cloud(demo_out / "cloud.ply")
     assert cloud.colours is not None
     assert cloud.colours[cloud.fields["visible"] > 0].mean() > 40
