@@ -169,12 +169,12 @@ def test_arrays_of_another_kind_are_no_points(values: object, tmp_path: Path) ->
         scene_sides(load_scene(write_scene(tmp_path, held)))
 
 
-def laz() -> bytearray:
+def laz(count: int = 20) -> bytearray:
     """A LAZ file of some points in one chunk, of a point format in layers."""
     laspy = pytest.importorskip("laspy")
     pytest.importorskip("lazrs")
     stored = laspy.LasData(laspy.LasHeader(version="1.4", point_format=6))
-    stored.x, stored.y, stored.z = np.random.default_rng(1).uniform(0.0, 9.0, (3, 20))
+    stored.x, stored.y, stored.z = np.random.default_rng(1).uniform(0.0, 9.0, (3, 1)) * np.ones(count)
     buffer = io.BytesIO()
     stored.write(buffer, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
     return bytearray(buffer.getvalue())
@@ -201,6 +201,25 @@ def test_a_laz_file_of_more_points_than_likely_is_refused(tmp_path: Path) -> Non
     path = tmp_path / "cloud.laz"
     path.write_bytes(content)
     with pytest.raises(CloudError, match=r"cloud\.laz: "):
+        read_cloud(path)
+
+
+@pytest.mark.parametrize("kind", ["laz", "e57"])
+def test_scans_are_compared_with_the_budget(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A budget below what 2,000 equal points take, which compress to little."""
+    monkeypatch.setattr("regionpose.reading.FREE_BYTES", 1000)
+    monkeypatch.setattr("regionpose.reading.MOST_RATIO", 1)
+    path = tmp_path / f"cloud.{kind}"
+    if kind == "laz":
+        path.write_bytes(laz(2000))
+    else:
+        pye57 = pytest.importorskip("pye57")
+        file = pye57.E57(str(path), mode="w")
+        file.write_scan_raw({f"cartesian{axis}": np.ones(2000) for axis in "XYZ"})
+        file.close()
+    with pytest.raises(
+        CloudError, match=rf"cloud\.{kind}: (points|scans): found \d+ bytes in a file of \d+; needed at most"
+    ):
         read_cloud(path)
 
 
