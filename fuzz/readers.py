@@ -75,7 +75,7 @@ def run(given: argparse.Namespace) -> Counter[tuple[str, str]]:
     with tempfile.TemporaryDirectory() as name:
         while time.monotonic() < end and count < given.files:
             sample = chosen[count % len(chosen)]
-            content = mutated(sample.content, random)
+            content = sample.seal(mutated(sample.content, random))
             what = find(sample, content, Path(name))
             count += 1
             if what is not None:
