@@ -41,9 +41,11 @@ if TYPE_CHECKING:
         estimate_pose,
         estimate_poses,
     )
+    from regionpose.witness import Alignment, check_alignment
     from regionpose.world_region import WorldRegion
 
 __all__ = [
+    "Alignment",
     "Alternative",
     "CameraRefinement",
     "Crease",
@@ -67,6 +69,7 @@ __all__ = [
     "__version__",
     "alpha_shape",
     "blend_colors",
+    "check_alignment",
     "check_camera",
     "check_regions",
     "colorize",
@@ -123,6 +126,7 @@ _MODULES = {
         "estimate_pose",
         "estimate_poses",
     ),
+    "witness": ("Alignment", "check_alignment"),
     "world_region": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

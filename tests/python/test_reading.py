@@ -172,6 +172,11 @@ def test_arrays_of_another_kind_are_no_points(values: object, tmp_path: Path) ->
         scene_sides(load_scene(write_scene(tmp_path, held)))
 
 
+def test_a_file_name_too_long_for_the_system_is_a_missing_file(tmp_path: Path) -> None:
+    path = write_scene(tmp_path, scene_values() | {"image": "9" * 5000})
+    assert [len(Path(name).name) for name in file_facts(path)["missing_files"]] == [5000]
+
+
 def laz(count: int = 20) -> bytearray:
     """A LAZ file of some points in one chunk, of a point format in layers."""
     laspy = pytest.importorskip("laspy")

@@ -31,7 +31,9 @@ from regionpose.scene.sensors import (
     sensor_origin,
 )
 from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
+from regionpose.scene.witness import SceneWitness, Witnessed, witnessed
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
+from regionpose.witness import Alignment, Photo, check_alignment
 
 Array = NDArray[np.float64]
 
@@ -85,6 +87,7 @@ class SceneEstimate:
     sides: SceneSides
     estimate: PoseEstimate
     seconds: dict[str, float]
+    witness: SceneWitness | None = None
 
     @property
     def prior(self) -> Prior:
@@ -144,7 +147,11 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
             estimate = _estimate(sides)
         except ValueError as error:
             raise _explained(error, sides) from error
-    return SceneEstimate(sides, estimate, stages.seconds)
+    if sides.cloud is None or not scene.model.solver.witness:
+        return SceneEstimate(sides, estimate, stages.seconds)
+    with stages.stage("witness"):
+        heard = _witnessed(sides, sides.cloud, estimate)
+    return SceneEstimate(sides, heard.estimate, stages.seconds, heard.witness)
 
 
 def _explained(error: ValueError, sides: SceneSides) -> ValueError:
@@ -170,13 +177,28 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
     return problem.overlap_errors(pose.rotation.as_matrix(), pose.translation)
 
 
-def _estimate(sides: SceneSides) -> PoseEstimate:
+def _witnessed(sides: SceneSides, cloud: Cloud, estimate: PoseEstimate) -> Witnessed:
+    """The estimate after photo and cloud were compared at each of its answers."""
+    photo = Photo.of(sides.image)
+
+    def align(pose: Pose) -> Alignment:
+        local = _moved(pose, -sides.origin)
+        return check_alignment(photo, cloud.points, sides.camera, local, regions=sides.image_regions)
+
+    return witnessed(estimate, align, lambda pose: _estimate(sides, pose))
+
+
+def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
+    """The estimate by the regions alone; with the answer first that is nearest to a pose, if one is given."""
     model = sides.scene.model.solver
+    prior = scene_prior(sides.scene, sides.sensor_origin)
+    if nearest is not None:
+        prior = replace(prior, initial=nearest, initial_sigma=None)
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
-        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
+        prior=prior.about(sides.origin),
         start=model.start,
         system=model.system,
         integration=model.integration,

@@ -425,6 +425,9 @@ class SolverItem(Item):
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
     ] = "global"
+    witness: Annotated[
+        bool, Field(description="whether photo and cloud are compared away from the regions, where both are there")
+    ] = True
 
 
 class SceneModel(Item):
