@@ -28,6 +28,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("problem",),
     ("search",),
     ("verdict",),
+    ("witness",),
 )
 """Folders and files of the crate; each uses those of the layers before its own only."""
 
@@ -39,7 +40,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("mask", "outline", "pixel_edges"),
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
-    ("contours", "sample_fit", "segmentation", "solver"),
+    ("contours", "sample_fit", "segmentation", "solver", "witness"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "sanity", "splat"),
     ("rig", "scene"),
     ("__init__",),

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -267,25 +268,39 @@ def test_what_is_taken_of_the_scanner_is_said(tmp_path: Path, capsys: pytest.Cap
     assert code == 0 and "scanner at" in said and "the camera stands near" not in said
 
 
-def one_square(folder: Path) -> Path:
-    """A scene of one square, which looks the same from several poses."""
-    values: dict[str, Any] = scene_values()
+def one_square(folder: Path, names: Sequence[str] = ("square",), **more: object) -> Path:
+    """A scene of one square, which looks the same from several poses, under some names, with more keys."""
+    values: dict[str, Any] = {**scene_values(), **more}
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     camera = load_camera(demo_folder() / "camera_info.yaml")
     values["camera"], values["image"] = str(demo_folder() / "camera_info.yaml"), str(demo_folder() / "image.jpg")
     pixels = camera.project(POSE.transform(square)).tolist()
-    values["regions"] = [{"name": "square", "image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}]
+    sides = {"image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}
+    values["regions"] = [{"name": name, **sides} for name in names]
     return write_scene(folder, values)
 
 
-def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_doubtful_pose_is_written_and_ends_with_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = one_square(tmp_path)
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
-    assert code == 0 and "doubtful:" in said and "warning: " in said
+    assert code == 3 and "doubtful:" in said and "warning: " in said
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
-    assert code == 1
-    assert json.loads(said)["warnings"][0]["code"] == "ambiguous"
+    result = json.loads(said)
+    assert code == 3 and result["warnings"][0]["code"] == "ambiguous"
+    assert result["verdict"]["level"] == "doubtful" and result["verdict"]["reasons"][0]["advice"]
+    assert result["scene_agreement"] is None
     assert (tmp_path / "b" / "result.json").exists()
+
+
+def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    initial = {"camera_from_world": {"matrix": POSE.matrix.tolist()}}
+    sigma = {"rotation_deg": 5.0, "camera_center_m": 0.2}
+    # The same place twice is warned of; the pose is right.
+    scene = one_square(tmp_path, ["square", "again"], prior={"initial": initial, "initial_sigma": sigma})
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
+    assert code == 0 and "check: " in said and "warning: " in said
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
+    assert code == 1 and json.loads(said)["verdict"]["level"] == "check"
 
 
 def test_no_pose_ends_with_3_and_writes_nothing(

@@ -63,7 +63,7 @@ class Alignment:
         """How far the score lies above those of the turned poses, in their standard deviations; NaN where nothing is
         said.
         """
-        return self._lead / self._deviation if len(self.turned) else float("nan")
+        return self.lead / self.deviation
 
     @property
     def share_worse(self) -> float:
@@ -75,15 +75,17 @@ class Alignment:
         """Logarithm of the odds for the pose against one elsewhere that the agreement makes; 0 where nothing is
         said.
         """
-        return log_odds(self._lead, self._deviation) if len(self.turned) else 0.0
+        return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
 
     @property
-    def _lead(self) -> float:
-        return self.score - float(self.turned.mean())
+    def lead(self) -> float:
+        """How far the score lies above the mean of those of the turned poses; NaN where nothing is said."""
+        return self.score - float(self.turned.mean()) if len(self.turned) else float("nan")
 
     @property
-    def _deviation(self) -> float:
-        return float(self.turned.std(ddof=1))
+    def deviation(self) -> float:
+        """Standard deviation of the scores of the turned poses; NaN where nothing is said."""
+        return float(self.turned.std(ddof=1)) if len(self.turned) else float("nan")
 
     def __repr__(self) -> str:
         """What it says, in numbers."""
