@@ -3,8 +3,9 @@
     python fuzz/readers.py --seconds 60
     python fuzz/readers.py --kind pcd --files 100000 --seed 3
 
-A find is a foreign exception, a message without the file's name, a file below a megabyte that takes more than 500 MB,
-or one that takes over ten seconds. It is written to the folder of `--keep`; the exit code is 1 if there were any.
+A find is a foreign exception, a message without the file's name, a file left open, and a file below a megabyte that
+takes more than 500 MB or over ten seconds. It is written to the folder of `--keep`; the exit code is 1 if there were
+any. Runs on Linux.
 """
 
 from __future__ import annotations
@@ -69,11 +70,12 @@ def run(given: argparse.Namespace) -> Counter[tuple[str, str]]:
     if not chosen:
         sys.exit(f"--kind: found {given.kind!r}; needed part of a sample's name")
     random, found = Random(given.seed), Counter[tuple[str, str]]()
+    handles = len(os.listdir("/proc/self/fd"))
     end, count = time.monotonic() + given.seconds, 0
     with tempfile.TemporaryDirectory() as name:
         while time.monotonic() < end and count < given.files:
             sample = chosen[count % len(chosen)]
-            content = mutated(sample.content, random)
+            content = sample.seal(mutated(sample.content, random))
             what = find(sample, content, Path(name))
             count += 1
             if what is not None:
@@ -83,6 +85,9 @@ def run(given: argparse.Namespace) -> Counter[tuple[str, str]]:
                     (given.keep / f"{len(found)}-{sample.name}").write_bytes(content)
                 found[key] += 1
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+    left = len(os.listdir("/proc/self/fd")) - handles
+    if left > 0:
+        found["any", f"{left} files left open"] += 1
     print(f"{count} files of {len(chosen)} kinds with the seed {given.seed}; most memory {most} MB; {len(found)} finds")
     return found
 

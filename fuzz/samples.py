@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import seals
 import yaml
 from PIL import Image
 
@@ -19,11 +20,12 @@ Reader = Callable[[Path], object]
 
 
 class Sample(NamedTuple):
-    """A whole file: its name, whose ending counts, its content and what reads it."""
+    """A whole file: its name, whose ending counts, its content, what reads it, and what puts its checksums right."""
 
     name: str
     content: bytes
     read: Reader
+    seal: Callable[[bytes], bytes] = seals.as_given
 
 
 POINTS = np.random.default_rng(7).uniform(-5.0, 5.0, (24, 3))
@@ -97,7 +99,11 @@ def _clouds() -> list[Sample]:
         "cloud.e57": _e57(),
         **{f"mesh.{kind}": _mesh(kind) for kind in ("obj", "stl", "glb")},
     }
-    return [Sample(name, content, read_cloud) for name, content in files.items()]
+    sealed = [
+        Sample("sealed.e57", files["cloud.e57"], read_cloud, seals.e57),
+        Sample("sealed.npz", files["cloud.npy"], read_cloud, seals.zipped),
+    ]
+    return [*(Sample(name, content, read_cloud) for name, content in files.items()), *sealed]
 
 
 def _pictures() -> list[Sample]:
@@ -116,6 +122,9 @@ def _pictures() -> list[Sample]:
     return [
         *photos,
         Sample("labels.png", _image(LABELS, "png"), masks_from_file),
+        Sample("sealed.png", _image(LABELS, "png"), masks_from_file, seals.png),
+        Sample("sealed_photo.png", _image(colours, "png"), read_picture, seals.png),
+        Sample("sealed_depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth, seals.png),
         Sample("colours.png", _image(colours, "png"), masks_from_file),
         Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
         Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
@@ -160,7 +169,9 @@ def _calibrations(folder: Path) -> list[Sample]:
     from regionpose.calibration import load_camera, load_lidar_pose
 
     held = [Sample(path.name, path.read_bytes(), load_camera) for path in sorted(folder.iterdir())]
-    lidar = [Sample(f"lidar_{name}", content, load_lidar_pose) for name, content, _ in held if name.startswith("kitti")]
+    lidar = [
+        each._replace(name=f"lidar_{each.name}", read=load_lidar_pose) for each in held if each.name.startswith("kitti")
+    ]
     return [*held, *lidar, Sample("opencv.json", _json(CALIBRATION | {"model": "pinhole"}), load_camera)]
 
 

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 FREE_BYTES = 10**8
-"""Bytes to which any file may unfold, however small: a mask of 100 megapixels, in memory four times that with what
-is made of it."""
+"""Bytes to which any file may unfold, however small: a mask of 100 megapixels. With what is made of them in
+between, pictures at this limit take 280 to 440 MB."""
 
 MOST_RATIO = 100
 """Bytes to which each byte of a larger file may unfold. Photos, clouds and archives of numbers stay below 20, but empty
@@ -80,31 +80,32 @@ def unfolding_error(path: Path, bytes_promised: int) -> str | None:
     return f"found {bytes_promised} bytes in a file of {path.stat().st_size}; needed at most {most}"
 
 
-def read_pixels(path: Path, mode: str | None = None) -> Pixels:
+def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1) -> Pixels:
     """The first picture of an image file, converted to Pillow's `mode` where one is given.
 
+    `per_pixel`: a quarter of the bytes that the caller makes of each pixel, where that is more than it has in the file.
     FileError where it is damaged, none, or larger than twice `PIL.Image.MAX_IMAGE_PIXELS`, which raises the limit, or
     than its file makes likely. FileNotFoundError.
     """
-    with _opened(path) as picture:
+    with _opened(path, per_pixel) as picture:
         values = np.array(picture if mode is None else picture.convert(mode))
         return Pixels(values, picture.mode, picture.format)
 
 
 def picture_header(path: Path) -> PictureHeader:
     """What an image file's header says; errors as of `read_pixels`."""
-    with _opened(path) as picture:
+    with _opened(path, 1) as picture:
         return PictureHeader(picture.width, picture.height, picture.mode, picture.format)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Image.Image]:
+def _opened(path: Path, per_pixel: int) -> Iterator[Image.Image]:
     """A picture whose pixels fit the budget; whatever fails inside is the file's fault."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as picture:
-                _check_pixels(path, picture)
+                _check_pixels(path, picture, per_pixel)
                 yield picture
     except (FileNotFoundError, FileError):
         raise
@@ -114,9 +115,10 @@ def _opened(path: Path) -> Iterator[Image.Image]:
         raise FileError(f"{path}: found no picture ({_described(error)}); needed {needed}") from error
 
 
-def _check_pixels(path: Path, picture: Image.Image) -> None:
+def _check_pixels(path: Path, picture: Image.Image, per_pixel: int) -> None:
     depth = 4 if picture.mode in {"I", "F"} else 2 if picture.mode.startswith("I;16") else 1
-    wrong = unfolding_error(path, picture.width * picture.height * len(picture.getbands()) * depth)
+    held = max(len(picture.getbands()) * depth, per_pixel)
+    wrong = unfolding_error(path, picture.width * picture.height * held)
     if wrong is not None:
         raise FileError(f"{path}: {picture.width} x {picture.height} pixels: {wrong}")
 

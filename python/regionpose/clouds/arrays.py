@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
 from regionpose.clouds.errors import CloudError, cloud_error
-from regionpose.reading import FileError, read_archive
+from regionpose.reading import FileError, read_archive, unfolding_error
 
 KITTI_COLUMNS = ("x", "y", "z", "intensity")
 NUSCENES_COLUMNS = ("x", "y", "z", "intensity", "ring")
@@ -66,6 +66,10 @@ def _archive(path: Path) -> dict[str, Scalars]:
         arrays = read_archive(path)
     except FileError as error:
         raise CloudError(str(error)) from error
+    # Small types become doubles.
+    wrong = unfolding_error(path, sum(array.size for array in arrays.values()) * np.dtype(np.float64).itemsize)
+    if wrong is not None:
+        raise CloudError(f"{path}: archive: {wrong}")
     unreadable = [name for name, array in arrays.items() if array.dtype.kind not in "biufUS"]
     if unreadable or not arrays:
         raise cloud_error(path, "archive", ", ".join(unreadable) or "no array", "arrays of numbers")

@@ -15,6 +15,9 @@ from regionpose.reading import FileError, read_pixels
 DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 """Pillow's modes of images with one channel of more than 8 bits."""
 
+PER_PIXEL = 25
+"""A quarter of the bytes that a pixel takes on its way to a point."""
+
 Distance = Literal["z", "range"]
 
 
@@ -96,7 +99,7 @@ def _metres(values: Scalars, scale: float | None, source: Path | None) -> Array:
 def _image(path: Path) -> Scalars:
     """The values of an image file with one channel of more than 8 bits."""
     try:
-        values, mode, _ = read_pixels(path)
+        values, mode, _ = read_pixels(path, per_pixel=PER_PIXEL)
     except FileError as error:
         raise CloudError(str(error)) from error
     if mode not in DEPTH_MODES:

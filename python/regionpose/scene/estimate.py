@@ -143,12 +143,24 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     stages = stages or Stages()
     sides = scene_sides(scene, stages)
     with stages.stage("pose"):
-        estimate = _estimate(sides)
+        try:
+            estimate = _estimate(sides)
+        except ValueError as error:
+            raise _explained(error, sides) from error
     if sides.cloud is None or not scene.model.solver.witness:
         return SceneEstimate(sides, estimate, stages.seconds)
     with stages.stage("witness"):
         heard = _witnessed(sides, sides.cloud, estimate)
     return SceneEstimate(sides, heard.estimate, stages.seconds, heard.witness)
+
+
+def _explained(error: ValueError, sides: SceneSides) -> ValueError:
+    """The error about a scene without a pose, with what spoke against its regions beforehand: often the cause."""
+    # The verdict is on what this module makes.
+    from regionpose.scene.verdict import with_names
+
+    remarks = "; ".join(with_names(warning.message, sides.names) for warning in sides.warnings)
+    return type(error)(f"{error}; {remarks}") if remarks else error
 
 
 def overlap_errors(sides: SceneSides, pose: Pose) -> Array:

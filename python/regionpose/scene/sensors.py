@@ -102,7 +102,7 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 def read_picture(path: Path) -> Picture:
     """The picture (h, w, 3) uint8 of an image file; errors as of `read_pixels`."""
-    return read_pixels(path, "RGB").values
+    return read_pixels(path, "RGB", per_pixel=3).values
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:

@@ -229,6 +229,7 @@ def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
         raise ValueError(f"{path} is a JPEG, which changes the labels; needed a lossless format, as PNG")
     if pixels.ndim == 3:
         packed = _packed(pixels)
+        del pixels  # Large pictures fit the budget of memory but for this.
         grey = np.asarray(packed % 256 * 0x010101 == packed).all()
         return (packed % 256, "{}") if grey else (packed, "#{:06x}")
     if pixels.dtype.kind == "f" and not (np.isfinite(pixels).all() and (pixels == np.round(pixels)).all()):
@@ -238,11 +239,13 @@ def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
 
 def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """Colours (h, w, 2 to 4) as one number 0xRRGGBB; transparent pixels count as black."""
-    channels = pixels.astype(np.uint32)
-    colours = channels[..., :3] if channels.shape[2] >= 3 else np.repeat(channels[..., :1], 3, axis=2)
-    packed = (colours[..., 0] << 16) | (colours[..., 1] << 8) | colours[..., 2]
-    shown = channels[..., -1] > 0 if channels.shape[2] in {2, 4} else True
-    return np.asarray(np.where(shown, packed, 0), dtype=np.uint32)
+    packed = np.zeros(pixels.shape[:2], dtype=np.uint32)
+    for channel in (0, 1, 2) if pixels.shape[2] >= 3 else (0, 0, 0):
+        packed <<= 8
+        packed |= pixels[..., channel]
+    if pixels.shape[2] in {2, 4}:
+        packed[pixels[..., -1] == 0] = 0
+    return packed
 
 
 def _json_items(path: Path, image: str | int | None) -> Iterator[_Item]:
