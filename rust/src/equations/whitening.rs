@@ -58,7 +58,10 @@ impl BoundaryCovariance {
             System::Sphere => sphere_products(chart, rings),
         };
         let pixel = pixel_area.sqrt().recip();
-        let scaled = |values: Vec<f64>, factor: f64| values.into_iter().map(|value| value * factor).collect();
+        let scaled = |mut values: Vec<f64>, factor: f64| {
+            values.iter_mut().for_each(|value| *value *= factor);
+            values
+        };
         Self {
             first: scaled(products.values, pixel.powi(3)),
             second: scaled(products.slopes, 0.5 * pixel.powi(5)),
@@ -198,22 +201,28 @@ struct BoundaryNode {
 }
 
 /// The points of a quadrature along a boundary.
-fn boundary_nodes(rings: &PlaneRings) -> impl Iterator<Item = BoundaryNode> {
-    rings.edges().flat_map(|(a, b)| {
+fn boundary_nodes(rings: &PlaneRings) -> Vec<BoundaryNode> {
+    let mut nodes = Vec::with_capacity(rings.rings().iter().map(Vec::len).sum());
+    rings.edges().for_each(|(a, b)| {
         let length = (b - a).norm();
         let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
-        let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
-        let node = move |&(at, weight): &Node| BoundaryNode { at: a + (b - a) * at, weight: weight * length, normal };
-        nodes.iter().map(node)
-    })
+        let rule: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
+        let node = |&(at, weight): &Node| BoundaryNode { at: a + (b - a) * at, weight: weight * length, normal };
+        nodes.extend(rule.iter().map(node));
+    });
+    nodes
 }
 
 /// Functions of the sphere system.
 const SPHERE_COUNT: usize = SPHERE_EXPONENTS.len();
 
-/// Powers up to the degree of a product of two of the plane system's functions, and of two of their derivatives.
+/// Degrees up to that of a product of two of the plane system's functions, and of two of their derivatives.
 const VALUE_SIZE: usize = 2 * HIGHEST_ORDER + 1;
 const SLOPE_SIZE: usize = VALUE_SIZE - 2;
+
+/// Monomials below a degree.
+const VALUES: usize = monomials(VALUE_SIZE);
+const SLOPES: usize = monomials(SLOPE_SIZE);
 
 /// Entries of the plane system's covariance by [`packed`].
 const ENTRIES: usize = packed(PLANE_EXPONENTS.len(), 0);
@@ -221,50 +230,113 @@ const ENTRIES: usize = packed(PLANE_EXPONENTS.len(), 0);
 /// Groups of nodes worked on together: sums are then read and written once for all of them.
 const GROUPS: usize = 2;
 
-/// Sums of `x^i y^j`, by i and then by j, for `i + j < SIZE`.
-type Sums<const SIZE: usize> = [[f64; SIZE]; SIZE];
-
-/// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree below `SIZE`.
-struct MonomialSums<'a, const SIZE: usize, F> {
-    nodes: &'a [BoundaryNode],
-    of_normal: F,
+/// Number of the monomials below a degree.
+const fn monomials(degree: usize) -> usize {
+    degree * (degree + 1) / 2
 }
 
-impl<const SIZE: usize, F: Fn(&Vector2<f64>) -> f64> NullaryFnOnce for MonomialSums<'_, SIZE, F> {
-    type Output = Sums<SIZE>;
+/// Place of `x^i y^j` among the monomials below a degree, by i and then by j.
+const fn monomial(degree: usize, [i, j]: [usize; 2]) -> usize {
+    monomials(degree) - monomials(degree - i) + j
+}
+
+/// Sums over a boundary's nodes of their weight times each monomial, by [`monomial`].
+struct Sums {
+    plain: [f64; VALUES],
+    /// Times the square of the normal's x, and times the product of its x and y.
+    squared: [f64; SLOPES],
+    mixed: [f64; SLOPES],
+}
+
+/// Takes the sums over nodes.
+struct MonomialSums<'a>(&'a [BoundaryNode]);
+
+impl NullaryFnOnce for MonomialSums<'_> {
+    type Output = Sums;
 
     #[inline(always)]
-    fn call(self) -> Sums<SIZE> {
-        let mut sums = [[Lanes::ZERO; SIZE]; SIZE];
-        for block in self.nodes.chunks(GROUPS * LANES) {
-            let (first, second) = block.split_at(block.len().min(LANES));
-            let x = [lanes(first, |node| node.at.x), lanes(second, |node| node.at.x)];
-            let y = [lanes(first, |node| node.at.y), lanes(second, |node| node.at.y)];
-            let weight = |node: &BoundaryNode| node.weight * (self.of_normal)(&node.normal);
-            let mut row = [lanes(first, weight), lanes(second, weight)];
-            for (i, sums) in sums.iter_mut().enumerate() {
-                add_powers(row, &y, &mut sums[..SIZE - i]);
-                row = [row[0] * x[0], row[1] * x[1]];
-            }
+    fn call(self) -> Sums {
+        let (mut plain, mut squared, mut mixed) = ([Lanes::ZERO; VALUES], [Lanes::ZERO; SLOPES], [Lanes::ZERO; SLOPES]);
+        for block in self.0.chunks(GROUPS * LANES) {
+            let x = lanes(block, |node| node.at.x);
+            let y = lanes(block, |node| node.at.y);
+            let weight = lanes(block, |node| node.weight);
+            let of_x = times(weight, &lanes(block, |node| node.normal.x));
+            add_monomials::<VALUE_SIZE>(weight, &x, &y, &mut plain);
+            add_monomials::<SLOPE_SIZE>(times(of_x, &lanes(block, |node| node.normal.x)), &x, &y, &mut squared);
+            add_monomials::<SLOPE_SIZE>(times(of_x, &lanes(block, |node| node.normal.y)), &x, &y, &mut mixed);
         }
-        sums.map(|row| row.map(Lanes::sum))
+        Sums { plain: totals(&plain), squared: totals(&squared), mixed: totals(&mixed) }
     }
 }
 
-/// A number of each node of a group, zero past its last.
 #[inline(always)]
-fn lanes(group: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> Lanes {
-    let mut lanes = Lanes::ZERO;
-    for (lane, node) in lanes.0.iter_mut().zip(group) {
-        *lane = number(node);
+fn totals<const COUNT: usize>(sums: &[Lanes; COUNT]) -> [f64; COUNT] {
+    let mut totals = [0.0; COUNT];
+    for (total, sum) in totals.iter_mut().zip(sums) {
+        *total = sum.sum();
+    }
+    totals
+}
+
+#[inline(always)]
+fn times(mut a: [Lanes; GROUPS], b: &[Lanes; GROUPS]) -> [Lanes; GROUPS] {
+    for g in 0..GROUPS {
+        a[g] = a[g] * b[g];
+    }
+    a
+}
+
+/// A number of each node of a block, zero past its last.
+#[inline(always)]
+fn lanes(block: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> [Lanes; GROUPS] {
+    let mut lanes = [Lanes::ZERO; GROUPS];
+    for (k, node) in block.iter().enumerate() {
+        lanes[k / LANES].0[k % LANES] = number(node);
     }
     lanes
 }
 
-/// Adds `term y^j` to each sum.
+/// Adds `row x^i y^j` to the sum of each monomial below a degree, 13 at most.
 #[inline(always)]
-fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]) {
-    for sum in sums {
+fn add_monomials<const DEGREE: usize>(
+    mut row: [Lanes; GROUPS],
+    x: &[Lanes; GROUPS],
+    y: &[Lanes; GROUPS],
+    sums: &mut [Lanes],
+) {
+    // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
+    let mut rest = sums;
+    rest = add_row::<DEGREE>(0, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(1, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(2, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(3, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(4, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(5, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(6, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(7, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(8, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(9, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(10, &mut row, x, y, rest);
+    rest = add_row::<DEGREE>(11, &mut row, x, y, rest);
+    add_row::<DEGREE>(12, &mut row, x, y, rest);
+}
+
+/// Adds `row y^j` to each sum of a power of x, and multiplies the row by x; the sums of the powers to come.
+#[inline(always)]
+fn add_row<'a, const DEGREE: usize>(
+    i: usize,
+    row: &mut [Lanes; GROUPS],
+    x: &[Lanes; GROUPS],
+    y: &[Lanes; GROUPS],
+    sums: &'a mut [Lanes],
+) -> &'a mut [Lanes] {
+    if i >= DEGREE {
+        return sums;
+    }
+    let (here, rest) = sums.split_at_mut(DEGREE - i);
+    let mut term = *row;
+    for sum in here {
         let mut total = *sum;
         for g in 0..GROUPS {
             total += term[g];
@@ -272,34 +344,32 @@ fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]
         }
         *sum = total;
     }
+    *row = times(*row, x);
+    rest
 }
 
-/// What an entry of the plane system's covariance takes of the sums: the monomial of the values, and of the slopes
-/// `(derivatives along x, across, along y)` the monomials and their factors.
+/// What an entry of the plane system's covariance takes of the sums: the place of the values' monomial, and of the slopes'
+/// the places and their factors.
 #[derive(Clone, Copy)]
 struct Entry {
-    values: [usize; 2],
-    slopes: [([usize; 2], f64); 3],
+    value: usize,
+    /// Derivatives along x, and across.
+    along_x: (usize, f64),
+    across: (usize, f64),
+    /// Derivatives along y: the normal's squares have the sum 1.
+    along_y: ([usize; 2], f64),
 }
 
 /// All entries by [`packed`] (`docs/math.md`, eq. 6.8).
 static PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
 
 const fn plane_entries() -> [Entry; ENTRIES] {
-    let mut entries = [Entry { values: [0; 2], slopes: [([0; 2], 0.0); 3] }; ENTRIES];
+    let mut entries = [Entry { value: 0, along_x: (0, 0.0), across: (0, 0.0), along_y: ([0; 2], 0.0) }; ENTRIES];
     let mut a = 0;
     while a < PLANE_EXPONENTS.len() {
         let mut b = 0;
         while b <= a {
-            let ([i, j], [k, l]) = (PLANE_EXPONENTS[a], PLANE_EXPONENTS[b]);
-            let (x, y) = (i + k, j + l);
-            // A monomial with an exponent below zero has the factor zero: any other does in its place.
-            let slopes = [
-                (if i * k == 0 { [0; 2] } else { [x - 2, y] }, (i * k) as f64),
-                (if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] }, (i * l + j * k) as f64),
-                (if j * l == 0 { [0; 2] } else { [x, y - 2] }, (j * l) as f64),
-            ];
-            entries[packed(a, b)] = Entry { values: [x, y], slopes };
+            entries[packed(a, b)] = plane_entry(PLANE_EXPONENTS[a], PLANE_EXPONENTS[b]);
             b += 1;
         }
         a += 1;
@@ -307,23 +377,31 @@ const fn plane_entries() -> [Entry; ENTRIES] {
     entries
 }
 
+const fn plane_entry([i, j]: [usize; 2], [k, l]: [usize; 2]) -> Entry {
+    let (x, y) = (i + k, j + l);
+    // A monomial with an exponent below zero has the factor zero: any other does in its place.
+    let along_x = if i * k == 0 { [0; 2] } else { [x - 2, y] };
+    let across = if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] };
+    let along_y = if j * l == 0 { [0; 2] } else { [x, y - 2] };
+    Entry {
+        value: monomial(VALUE_SIZE, [x, y]),
+        along_x: (monomial(SLOPE_SIZE, along_x), (i * k) as f64),
+        across: (monomial(SLOPE_SIZE, across), (i * l + j * k) as f64),
+        along_y: ([monomial(VALUE_SIZE, along_y), monomial(SLOPE_SIZE, along_y)], (j * l) as f64),
+    }
+}
+
 /// The plane system's: the entries are a few integrals of monomials each.
 fn plane_products(rings: &PlaneRings) -> Products {
-    let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
-    let nodes = nodes.as_slice();
-    let plain: Sums<VALUE_SIZE> = vectorized(MonomialSums { nodes, of_normal: |_: &Vector2<f64>| 1.0 });
-    let of_normal = |normal: &Vector2<f64>| normal.x * normal.x;
-    let squared: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
-    let of_normal = |normal: &Vector2<f64>| normal.x * normal.y;
-    let mixed: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
-    let (mut values, mut slopes) = (Vec::with_capacity(ENTRIES), Vec::with_capacity(ENTRIES));
-    for Entry { values: [x, y], slopes: [(along_x, of_x), (across, of_both), (along_y, of_y)] } in &PLANE_ENTRIES {
-        values.push(plain[*x][*y]);
-        let [along_x, along_y] =
-            [(along_x, &squared), (along_y, &squared)].map(|([x, y], sums)| (sums[*x][*y], plain[*x][*y]));
-        slopes.push(of_x * along_x.0 + of_both * mixed[across[0]][across[1]] + of_y * (along_y.1 - along_y.0));
-    }
-    Products { values, slopes, bias: plane_bias(rings) }
+    let Sums { plain, squared, mixed } = vectorized(MonomialSums(&boundary_nodes(rings)));
+    let slope = |entry: &Entry| {
+        let ([all, of_x], factor) = entry.along_y;
+        entry.along_x.1 * squared[entry.along_x.0]
+            + entry.across.1 * mixed[entry.across.0]
+            + factor * (plain[all] - squared[of_x])
+    };
+    let values = PLANE_ENTRIES.iter().map(|entry| plain[entry.value]).collect();
+    Products { values, slopes: PLANE_ENTRIES.iter().map(slope).collect(), bias: plane_bias(rings) }
 }
 
 /// The integrals of the normal derivatives along the boundary: of the Laplacians over the region.
@@ -339,8 +417,8 @@ fn sphere_products(chart: &Chart, rings: &PlaneRings) -> Products {
     let count = SPHERE_EXPONENTS.len();
     let entries = packed(count, 0);
     let mut sums = Products { values: vec![0.0; entries], slopes: vec![0.0; entries], bias: vec![0.0; count] };
-    for BoundaryNode { at, weight, normal } in boundary_nodes(rings) {
-        let (values, slopes) = sphere_functions(chart, &at, &normal);
+    for BoundaryNode { at, weight, normal } in &boundary_nodes(rings) {
+        let (values, slopes) = sphere_functions(chart, at, normal);
         for a in 0..count {
             let (value, slope) = (weight * values[a], weight * slopes[a]);
             sums.bias[a] += slope;
@@ -413,7 +491,10 @@ mod tests {
                 };
                 let values = |node: BoundaryNode| node.weight * value(&node.at, i, j) * value(&node.at, k, l);
                 let slopes = |node: BoundaryNode| node.weight * slope(&node, i, j) * slope(&node, k, l);
-                let expected = [boundary_nodes(&rings).map(values).sum(), boundary_nodes(&rings).map(slopes).sum()];
+                let expected = [
+                    boundary_nodes(&rings).into_iter().map(values).sum(),
+                    boundary_nodes(&rings).into_iter().map(slopes).sum(),
+                ];
                 let found = [products.values[packed(a, b)], products.slopes[packed(a, b)]];
                 for (found, expected) in found.into_iter().zip::<[f64; 2]>(expected) {
                     assert!(
