@@ -162,10 +162,8 @@ impl Descent {
             self.radius = self.radius.min(step.norm());
         }
         let pose = self.pose.moved(&step.component_mul(&back));
-        // The radius that this step would leave ends the iteration: what is beyond it needs no look.
         if damping == 0.0 && 2.0 * step.norm() <= stopping.tolerance * self.sizes.norm() {
-            let promise = Gain::new(&model, &step, damping, self.equations.cost, None).predicted;
-            (self.pose, self.equations.cost) = (pose, self.equations.cost * (1.0 - promise).max(0.0));
+            self.take_unseen(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
             return Some(Termination::PoseTolerance);
         }
         let reached = evaluate(&pose);
@@ -178,6 +176,12 @@ impl Descent {
             self.resize();
         }
         termination
+    }
+
+    /// Takes a step whose radius would end the iteration without evaluating where it leads: what is left is of its square.
+    fn take_unseen(&mut self, pose: Pose, promise: f64) {
+        self.pose = pose;
+        self.equations.cost *= (1.0 - promise).max(0.0);
     }
 
     /// What a parameter of size one is in the pose's increment; nothing for one that nothing depends on.

@@ -86,12 +86,12 @@ impl Group {
     #[inline(always)]
     fn squares(&self, point: &[Lanes; 2]) -> [Lanes; GROUP / LANES] {
         let mut squares = [Lanes::ZERO; GROUP / LANES];
-        for k in 0..GROUP / LANES {
+        for (k, square) in squares.iter_mut().enumerate() {
             let [x, y] = [point[0] - self.start[k][0], point[1] - self.start[k][1]];
             let [dx, dy] = self.step[k];
             let share = ((x * dx + y * dy) * self.inverse[k]).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
             let (x, y) = (x - dx * share, y - dy * share);
-            squares[k] = x * x + y * y;
+            *square = x * x + y * y;
         }
         squares
     }
@@ -149,17 +149,16 @@ impl NullaryFnOnce for Nearest<'_> {
         let point = in_lanes(point);
         let (mut square, mut first) = (f64::INFINITY, 0);
         for (k, boxes) in boxes.iter().enumerate() {
-            for (lane, other) in boxes.squares(&point).0.into_iter().enumerate() {
-                (square, first) = if other < square { (other, k * LANES + lane) } else { (square, first) };
+            // Of points that are not finite those past the last group may seem near, too.
+            for (number, other) in (k * LANES..groups.len()).zip(boxes.squares(&point).0) {
+                (square, first) = if other < square { (other, number) } else { (square, first) };
             }
         }
         let mut best = Found::of(&groups[first], first, &point);
         for (k, boxes) in boxes.iter().enumerate() {
-            let squares = boxes.squares(&point).0;
-            for ((lane, square), group) in squares.into_iter().enumerate().zip(&groups[k * LANES..]) {
-                let number = k * LANES + lane;
+            for (number, square) in (k * LANES..groups.len()).zip(boxes.squares(&point).0) {
                 if square <= best.square && number != first {
-                    let found = Found::of(group, number, &point);
+                    let found = Found::of(&groups[number], number, &point);
                     let nearer = (found.square, number) < (best.square, best.group);
                     best = if nearer { found } else { best };
                 }
