@@ -3,10 +3,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+SECONDS := 60
+SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint fuzz bench clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -23,6 +25,10 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest regionpose._core
+
+# Mutated files through every reader, for SECONDS; what is found is kept in fuzz/found.
+fuzz: $(STAMP)
+	$(BIN)/python fuzz/readers.py --seconds $(SECONDS) --seed $(SEED) --keep fuzz/found
 
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'

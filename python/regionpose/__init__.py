@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from regionpose.pose import Pose
     from regionpose.prior import Prior
     from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
+    from regionpose.sanity import check_camera, check_regions
     from regionpose.segmentation.cloud import grow_plane
     from regionpose.segmentation.image import grow_image_region
     from regionpose.segmentation.masks import (
@@ -40,9 +41,11 @@ if TYPE_CHECKING:
         estimate_pose,
         estimate_poses,
     )
+    from regionpose.witness import Alignment, check_alignment
     from regionpose.world_region import WorldRegion
 
 __all__ = [
+    "Alignment",
     "Alternative",
     "CameraRefinement",
     "Crease",
@@ -66,6 +69,9 @@ __all__ = [
     "__version__",
     "alpha_shape",
     "blend_colors",
+    "check_alignment",
+    "check_camera",
+    "check_regions",
     "colorize",
     "estimate_pose",
     "estimate_poses",
@@ -100,6 +106,7 @@ _MODULES = {
     "pose": ("Pose",),
     "prior": ("Prior",),
     "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),
+    "sanity": ("check_camera", "check_regions"),
     "segmentation.cloud": ("grow_plane",),
     "segmentation.image": ("grow_image_region",),
     "segmentation.masks": (
@@ -119,6 +126,7 @@ _MODULES = {
         "estimate_pose",
         "estimate_poses",
     ),
+    "witness": ("Alignment", "check_alignment"),
     "world_region": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -68,6 +68,22 @@ def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bo
 def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.int64]:
     """Index (m,) of the edge of closed rings (n, 2) nearest to each of the points (m, 2), counted ring after ring."""
 
+def depth_steps(
+    points: ArrayLike, cell: float, gap: float, share: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond."""
+
+def edge_agreement(
+    strength: NDArray[np.float32],
+    pixels: ArrayLike,
+    moved: ArrayLike,
+    directions: NDArray[np.int64],
+    turns: ArrayLike,
+) -> NDArray[np.float64]:
+    """Mean strength (t,) of a photo's edges under depth steps, for the camera turned by each of some rotation
+    vectors.
+    """
+
 def triangulate(
     rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

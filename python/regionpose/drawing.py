@@ -33,12 +33,15 @@ from regionpose.pens import (
 )
 from regionpose.pose import Pose
 from regionpose.sample_fit import sample_fit
+from regionpose.witness import Alignment
 from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 
 OBSERVED: Colour = (64, 176, 255)
 PROJECTED: Colour = (255, 140, 0)
+AGREES: Colour = (0, 230, 90)
+DISAGREES: Colour = (255, 0, 200)
 OUTSIDE: Colour = (255, 255, 255)
 """A blue, an orange and white: told apart with every common colour blindness (after Okabe and Ito 2008)."""
 
@@ -46,6 +49,9 @@ PAPER: Colour = (255, 255, 255)
 
 LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
+
+STEP_SHARE = 1 / 600
+"""Radius of a depth step's dot over the image's diagonal: seen without hiding the edge that it lies on."""
 
 THINNEST_LINE = 1.5
 """Pixels; what is thinner can't be seen."""
@@ -147,6 +153,17 @@ def overlay_depth(
         shades = np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
         picture[top : top + STRIP_ROWS][covered] = depth_colours()[shades]
     return _with_bar(picture, near, far)
+
+
+def overlay_steps(image: ArrayLike, alignment: Alignment) -> Bytes:
+    """The image (h, w, 3) with the depth steps of an `Alignment`: green where an edge of the photo stands out, magenta
+    where none does.
+    """
+    picture = checked_image(image).copy()
+    radius = STEP_SHARE * float(np.hypot(*picture.shape[:2]))
+    for agrees, colour in ((False, DISAGREES), (True, AGREES)):
+        draw_dots(picture, alignment.places[alignment.agrees == agrees], radius, colour)
+    return picture
 
 
 def _dimmed(colours: Bytes) -> Bytes:

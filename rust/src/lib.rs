@@ -65,6 +65,8 @@ pub mod search;
 pub mod verdict;
 #[doc(hidden)]
 pub mod view;
+#[doc(hidden)]
+pub mod witness;
 
 #[cfg(feature = "batch")]
 pub use batch::in_parallel;

@@ -1,6 +1,6 @@
 //! Regions seen in one image and known in the world, paired and ready to be solved.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::Vector3;
 
@@ -47,6 +47,9 @@ pub struct Problem {
     worlds: Arc<[WorldRegion]>,
     contours: Arc<[Contour]>,
     sampled: Arc<[SampledRegion]>,
+    /// Worked out when they are first asked for.
+    coarse: OnceLock<Arc<[RegionEquations]>>,
+    creases: OnceLock<Arc<[Crease]>>,
 }
 
 impl Problem {
@@ -94,12 +97,18 @@ impl Problem {
         let contours = Contour::all(&regions, worlds, &origin).into();
         let pairs = regions.iter().zip(worlds).enumerate();
         let sampled = pairs.filter_map(|(index, (region, world))| SampledRegion::new(index, region, world, &origin));
-        Ok(Self { sampled: sampled.collect(), origin, contours, worlds: worlds.into(), regions })
+        let (coarse, creases) = (OnceLock::new(), OnceLock::new());
+        Ok(Self { sampled: sampled.collect(), origin, contours, worlds: worlds.into(), regions, coarse, creases })
     }
 
     /// The equations of each region.
     pub fn regions(&self) -> &[RegionEquations] {
         &self.regions
+    }
+
+    /// The same with the world sides by fewer vertices, for first looks.
+    pub(crate) fn coarse(&self) -> &[RegionEquations] {
+        self.coarse.get_or_init(|| self.regions.iter().map(RegionEquations::coarse).collect())
     }
 
     /// The world side of each region.
@@ -123,8 +132,8 @@ impl Problem {
     }
 
     /// The straight edges that two regions share, as far as their outlines and planes show any.
-    pub fn creases(&self) -> Vec<Crease> {
-        creases(&self.regions, &self.worlds, &self.origin)
+    pub fn creases(&self) -> &[Crease] {
+        self.creases.get_or_init(|| creases(&self.regions, &self.worlds, &self.origin).into())
     }
 
     /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.

@@ -28,18 +28,20 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("problem",),
     ("search",),
     ("verdict",),
+    ("witness",),
 )
 """Folders and files of the crate; each uses those of the layers before its own only."""
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
+    ("reading",),
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "pens", "plane_fit", "prior", "ring_arrays"),
     ("mask", "outline", "pixel_edges"),
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
-    ("contours", "sample_fit", "segmentation", "solver"),
-    ("drawing", "evaluation", "intrinsics", "matching", "report", "splat"),
+    ("contours", "sample_fit", "segmentation", "solver", "witness"),
+    ("drawing", "evaluation", "intrinsics", "matching", "report", "sanity", "splat"),
     ("rig", "scene"),
     ("__init__",),
     ("demo",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,26 @@ def test_any_camera_sees_each_direction_once(camera: Camera, seed: int) -> None:
     near = np.hypot(*(pixels - CENTRE).T) < 1e5
     assert np.isfinite(pixels).all()
     assert np.allclose(camera.bearings(pixels[near]), rays[near], rtol=0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=repr)
+def test_a_resized_camera_sees_what_the_photo_shows(camera: Camera) -> None:
+    """A pixel u of the calibrated photo is s (u + 0.5) - 0.5 of the resized one, with the same bearing."""
+    known = replace(camera, width=WIDTH, height=HEIGHT)  # type: ignore[type-var]
+    smaller = known.resized(427, 320)
+    factors = np.array([427 / WIDTH, 320 / HEIGHT])
+    pixels = image_grid(64.0)
+    moved = factors * (pixels + 0.5) - 0.5
+    np.testing.assert_allclose(smaller.bearings(moved), known.bearings(pixels), rtol=0.0, atol=1e-9)
+    assert (smaller.width, smaller.height) == (427, 320)
+
+
+def test_a_camera_is_resized_by_one_factor_only() -> None:
+    camera = PinholeCamera(500.0, 500.0, *CENTRE, WIDTH, HEIGHT)
+    with pytest.raises(ValueError, match="size: found 640 x 400 pixels for 1280 x 960; needed both sides"):
+        camera.resized(640, 400)
+    with pytest.raises(ValueError, match="camera: found no width and height"):
+        PinholeCamera(500.0, 500.0, *CENTRE).resized(640, 480)
 
 
 def test_a_pinhole_pixel_one_focal_length_off_centre_is_seen_at_45_degrees() -> None:

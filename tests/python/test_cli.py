@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +152,83 @@ def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytes
     assert (out / "report.html").read_text(encoding="utf-8") == "mine"
 
 
+def started(scene: Path, out: Path) -> subprocess.Popen[str]:
+    """A run of the command that has claimed its files."""
+    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("read files")
+    return process
+
+
+@pytest.fixture
+def slow_scene(tmp_path: Path) -> Path:
+    """A scene whose image is a pipe that nobody writes to: its run waits there."""
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("needs named pipes")
+    path = write_scene(tmp_path)
+    (tmp_path / "image.png").unlink()
+    os.mkfifo(tmp_path / "image.png")
+    return path
+
+
+def test_sigterm_leaves_nothing_behind(slow_scene: Path, tmp_path: Path) -> None:
+    before = sorted(tmp_path.iterdir())
+    process = started(slow_scene, tmp_path / "out")
+    process.terminate()
+    assert process.wait(timeout=60) == 143
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(slow_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = started(slow_scene, out)
+    process.kill()
+    process.wait(timeout=60)
+    assert [path.name.startswith(".regionpose-") for path in out.iterdir()] == [True]
+    write_files(out, {"a": text_writer("new")}, force=False)
+    assert [path.name for path in out.iterdir()] == ["a"]
+
+
+def test_of_two_runs_into_one_folder_one_is_refused(slow_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = started(slow_scene, out)
+    try:
+        with pytest.raises(FileExistsError, match=r"report\.html: found another run that is about to write it"):
+            write_files(out, {"report.html": text_writer("other")}, force=True)
+        assert write_files(out, {"notes.txt": text_writer("mine")}, force=False) == [out / "notes.txt"]
+    finally:
+        process.terminate()
+        process.wait(timeout=60)
+    assert [path.name for path in out.iterdir()] == ["notes.txt"]
+
+
+def test_a_link_in_the_output_folder_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "result.json").symlink_to(tmp_path / "mine.txt")
+    write_files(out, {"result.json": text_writer("new")}, force=True)
+    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
+    assert not (out / "result.json").is_symlink()
+
+
+def test_region_names_stay_in_the_output_folder(tmp_path: Path) -> None:
+    values = scene_values()
+    for region, name in zip(values["regions"], ("../../x", "/etc/passwd"), strict=True):
+        region["name"] = name
+        region["image"] = {"seed": [20.0, 20.0]}
+    scene = write_scene(tmp_path, values)
+    before = {path for path in tmp_path.rglob("*")}
+    assert main(["segment", str(scene), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    made = {path for path in tmp_path.rglob("*")} - before - {tmp_path / "out"}
+    assert sorted(path.relative_to(tmp_path / "out").as_posix() for path in made) == [
+        "01-x.png",
+        "02-etc-passwd.png",
+        "scene.yaml",
+    ]
+
+
 def test_a_full_disk_is_one_line_and_a_mistake_of_ours_is_raised(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,25 +268,39 @@ def test_what_is_taken_of_the_scanner_is_said(tmp_path: Path, capsys: pytest.Cap
     assert code == 0 and "scanner at" in said and "the camera stands near" not in said
 
 
-def one_square(folder: Path) -> Path:
-    """A scene of one square, which looks the same from several poses."""
-    values: dict[str, Any] = scene_values()
+def one_square(folder: Path, names: Sequence[str] = ("square",), **more: object) -> Path:
+    """A scene of one square, which looks the same from several poses, under some names, with more keys."""
+    values: dict[str, Any] = {**scene_values(), **more}
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     camera = load_camera(demo_folder() / "camera_info.yaml")
     values["camera"], values["image"] = str(demo_folder() / "camera_info.yaml"), str(demo_folder() / "image.jpg")
     pixels = camera.project(POSE.transform(square)).tolist()
-    values["regions"] = [{"name": "square", "image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}]
+    sides = {"image": {"polygon": pixels}, "world": {"polygon": square.tolist()}}
+    values["regions"] = [{"name": name, **sides} for name in names]
     return write_scene(folder, values)
 
 
-def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_doubtful_pose_is_written_and_ends_with_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = one_square(tmp_path)
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
-    assert code == 0 and "doubtful:" in said and "warning: " in said
+    assert code == 3 and "doubtful:" in said and "warning: " in said
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
-    assert code == 1
-    assert json.loads(said)["warnings"][0]["code"] == "ambiguous"
+    result = json.loads(said)
+    assert code == 3 and result["warnings"][0]["code"] == "ambiguous"
+    assert result["verdict"]["level"] == "doubtful" and result["verdict"]["reasons"][0]["advice"]
+    assert result["scene_agreement"] is None
     assert (tmp_path / "b" / "result.json").exists()
+
+
+def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    initial = {"camera_from_world": {"matrix": POSE.matrix.tolist()}}
+    sigma = {"rotation_deg": 5.0, "camera_center_m": 0.2}
+    # The same place twice is warned of; the pose is right.
+    scene = one_square(tmp_path, ["square", "again"], prior={"initial": initial, "initial_sigma": sigma})
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
+    assert code == 0 and "check: " in said and "warning: " in said
+    code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
+    assert code == 1 and json.loads(said)["verdict"]["level"] == "check"
 
 
 def test_no_pose_ends_with_3_and_writes_nothing(

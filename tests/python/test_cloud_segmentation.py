@@ -198,7 +198,7 @@ def test_ray_meets_the_surface_in_front() -> None:
         (20_000_000, {}, "seed is 20000000; needed an index from 0"),
         ([1.0, 2.0], {}, "needed an index or 3 finite"),
         ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
-        ([500.0, 0.0, 0.0], {}, "the nearest point is"),
+        ([500.0, 0.0, 0.0], {}, "490 m from the nearest point"),
         (0, {"distance": 0.0}, "distance is 0.0"),
         (0, {"radius": -1.0}, "radius is -1.0"),
         (0, {"angle_deg": np.nan}, "angle_deg is nan"),

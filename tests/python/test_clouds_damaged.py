@@ -121,7 +121,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
         "compressed data: found .*needed a whole LZF",
     ),
     ("lzf_less.pcd", PACKED + struct.pack("<II", 24, 24) + b"\x16" + LITERAL[1:-1], "needed a whole LZF"),
-    ("lzf_none.pcd", PACKED + struct.pack("<II", 0, 24), "needed a whole LZF"),
+    ("lzf_none.pcd", PACKED + struct.pack("<II", 0, 24), "compressed data: found 0 bytes; needed 1"),
     # Arrays
     ("kind.npy", GARBAGE, "array: found"),
     ("short.npy", npy(np.ones((9, 3)))[:-5], "array: found"),
@@ -134,7 +134,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("objects.npy", npy(np.array([None, 1], dtype=object)), "array: found"),
     ("short.npz", npz(points=np.ones((9, 3)))[:-30], "archive: found"),
     ("crc.npz", npz(points=np.ones((9, 3))).replace(b"\x93", b"\x94"), "archive: found|table: found"),
-    ("objects.npz", npz(points=np.array([None])), "archive: found"),
+    ("objects.npz", npz(points=np.array([None])), "points.npy: found object values"),
     ("columns.npz", npz(a=np.ones(3), b=np.ones(3)), "missing: x, y, z"),
     ("points.npz", npz(points=np.ones((3, 4)), b=np.ones(3)), "points: found"),
     ("colours.npz", npz(points=np.ones((3, 3)), colours=np.ones((2, 3))), "colours: found"),
@@ -297,7 +297,7 @@ def test_damaged_depth_images(tmp_path: Path) -> None:
     whole = path.read_bytes()
     for content in (whole[:40], b"", GARBAGE, zlib.compress(whole)):
         path.write_bytes(content)
-        with pytest.raises(CloudError, match=r"depth\.png: depth image: found"):
+        with pytest.raises(CloudError, match=r"depth\.png: found no picture"):
             cloud_from_depth(path, CAMERA, scale=1e-3)
     Image.fromarray(np.ones((3, 3, 3), dtype=np.uint8)).save(path)
     with pytest.raises(CloudError, match="mode RGB"):

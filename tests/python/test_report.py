@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import re
 from base64 import b64decode
+from html import escape
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +13,7 @@ from PIL import Image
 from regionpose.report import Figure, Report, data_url, report_html
 from regionpose.scene import SceneEstimate, estimate_scene, load_scene, scene_result
 from regionpose.splat import BACKGROUND, View, splatted, viewpoints
-from scene_files import write_scene
+from scene_files import scene_values, write_scene
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,19 @@ def test_text_from_files_is_escaped(run: SceneEstimate) -> None:
     html = page(run, "<script>alert(1)</script>")
     assert "<script>" not in html and "<b>weak" not in html
     assert "&lt;b&gt;weak&lt;/b&gt; &amp; poor" in html
+
+
+@pytest.mark.parametrize("name", ["<script>alert(1)</script>", "\"'><img src=x>", "&lt;", "\u200frtl\u200f", "x" * 200])
+def test_region_names_are_text_alone(name: str, tmp_path: Path) -> None:
+    """A page with any name holds the same elements as one with a plain name."""
+    values = scene_values()
+    elements = []
+    for given in ("plain", name):
+        values["regions"][0]["name"] = given
+        html = page(estimate_scene(load_scene(write_scene(tmp_path, values))))
+        elements.append([tag for tag in re.findall(r"<[^>]*>", html) if "base64" not in tag])
+        assert escape(given) in html
+    assert elements[0] == elements[1]
 
 
 def test_the_report_says_what_the_result_holds(run: SceneEstimate) -> None:

@@ -143,9 +143,11 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     assert len(enclosed) > 20 and len(samples[0]) == len(inside)
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
-    poses = [rp.estimate_pose(camera, [image], [each]).pose for each in (region, without)]
-    # A hundredth of the samples' spacing: which of them lead the starts is not the same.
-    np.testing.assert_allclose(poses[0].translation, poses[1].translation, atol=5e-4)
+    with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
+    # Which samples lead the starts is not the same: the poses agree to a share of the best held axis's deviation.
+    sigma = float(np.sqrt(np.linalg.eigvalsh(alone.covariance[3:, 3:])[0]))
+    np.testing.assert_allclose(with_them.pose.translation, alone.pose.translation, atol=1e-3 * sigma)
+    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=1e-3)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:

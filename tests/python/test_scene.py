@@ -68,6 +68,13 @@ BAD = {
         ":2: solver.system: found 'cube'",
     ),
     "a number for a name": ("name: sign", "name: 7", ":10: regions[1].name: found 7; needed a string"),
+    "a name of two lines": ("name: sign", 'name: "a\\nb"', ":10: regions[1].name: found the character U+000A; needed"),
+    "a name that turns what follows": (
+        "name: sign",
+        'name: "a\\u202e"',
+        ":10: regions[1].name: found the character U+202E",
+    ),
+    "a long name": ("name: sign", f"name: {'x' * 201}", ":10: regions[1].name: found 'xxx"),
     "an infinite number": ("[1.0, 2.0, 3.0]", "[1.0, .inf, 3.0]", ":9: regions[0].world.seed: found inf"),
 }
 
@@ -131,7 +138,7 @@ def test_a_scene_of_polygons_gives_the_known_pose(tmp_path: Path) -> None:
     run = estimate_scene(load_scene(write_scene(tmp_path)))
     assert (run.estimate.pose.rotation * POSE.rotation.inv()).magnitude() < 1e-6
     np.testing.assert_allclose(run.estimate.pose.translation, POSE.translation, atol=1e-6)
-    assert set(run.seconds) == {"read files", "image regions", "world regions", "pose"}
+    assert set(run.seconds) == {"read files", "image regions", "world regions", "checks", "pose"}
 
 
 def test_map_coordinates_lose_no_accuracy(tmp_path: Path) -> None:
@@ -182,7 +189,7 @@ def test_files_that_cannot_be_used_are_named_with_the_line(change: dict[str, Any
 def test_an_image_of_another_size_than_the_calibration_is_refused(tmp_path: Path) -> None:
     path = write_scene(tmp_path)
     Image.fromarray(np.zeros((10, 20, 3), dtype=np.uint8)).save(tmp_path / "image.png")
-    with pytest.raises(SceneError, match=r"image: found 20 x 10 pixels; needed 320 x 240"):
+    with pytest.raises(SceneError, match=r"image: found 20 x 10 pixels .cut, .*; needed the calibrated 320 x 240"):
         scene_sides(load_scene(path))
 
 

@@ -45,7 +45,7 @@ fn faces_of_a_box_share_the_edge_where_their_planes_meet() {
         let scene = scene(&mut random);
         let problem = problem(&scene.observed, &scene.worlds);
         let creases = problem.creases();
-        let [crease] = &creases[..] else { panic!("{} creases", creases.len()) };
+        let [crease] = creases else { panic!("{} creases", creases.len()) };
         assert_eq!(crease.regions, [0, 1]);
         let pose = problem.centred(&scene.pose);
         assert!(residuals(crease, &pose).amax() < 1e-6, "{}", residuals(crease, &pose));

@@ -13,6 +13,9 @@ const ROUNDING: f64 = 1e-12;
 /// Share of the extent, beyond the rings on each side, up to which points are drawn: within the grid and about its rim.
 const AROUND: f64 = 0.5;
 
+/// Times that a point is asked for again: more than a field takes to list the edges of its cell.
+const ASKED: usize = 4;
+
 type Point = Vector2<f64>;
 
 fn edges(rings: &[Ring]) -> Vec<(Point, Point)> {
@@ -25,9 +28,12 @@ fn distance((a, b): &(Point, Point), point: &Point) -> f64 {
     (a + step * share - point).norm()
 }
 
-/// Distances of a point from the edge that the field names and from the nearest of all.
+/// Distances of a point from the edge that the field names and from the nearest of all; the field names the same one each time,
+/// be it from all edges, as for the first points of a cell, or from the cell's own.
 fn found_and_nearest(field: &EdgeField, edges: &[(Point, Point)], point: &Point) -> [f64; 2] {
-    let found = distance(&edges[field.nearest_edge(point)], point);
+    let first = field.nearest_edge(point);
+    assert!((0..ASKED).all(|_| field.nearest_edge(point) == first), "{point} is told another edge when asked again");
+    let found = distance(&edges[first], point);
     [found, edges.iter().map(|edge| distance(edge, point)).fold(f64::INFINITY, f64::min)]
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from regionpose.calibration import colmap, kalibr, kitti, ocamcalib, opencv, ros
+from regionpose.calibration.models import checked_model, model_of
 from regionpose.calibration.text import CalibrationError, CalibrationText
 from regionpose.calibration.yaml_items import YamlMapping
 from regionpose.cameras import Camera
@@ -23,22 +24,34 @@ YAML_KINDS = (
 )
 
 
-def load_camera(path: str | Path, name: str | None = None) -> Camera:
+def load_camera(path: str | Path, name: str | None = None, *, model: str | None = None) -> Camera:
     """The camera that the calibration file at `path` describes, in OpenCV's pixels (integer = centre of a pixel).
 
     The kind is told from the content. `name` selects among several cameras:
 
-    - OpenCV YAML: the key of the matrix (`camera_matrix`, `M1`, ...).
+    - OpenCV YAML, or JSON with its keys: the key of the matrix (`camera_matrix`, `M1`, `K`, ...).
     - ROS camera_info, as a message or as a file of camera_calibration: its `camera_name`.
     - Kalibr camchain: `cam0`, `cam1`, ...
     - COLMAP cameras.txt: the camera's id. Half a pixel is taken off the centre, which COLMAP counts from the corner.
     - OCamCalib calib_results.txt: `ocam`. OcamCamera says how rows, columns and signs are converted.
     - KITTI: `P0` to `P3` (`P2` without a name), `P_rect_00` to `P_rect_03` (`P_rect_02` without a name).
 
+    A file is read in the camera model that it names. `model` ("pinhole", "fisheye", "unified", "ocam") says it for
+    files of OpenCV's, which need not: four coefficients may be a pinhole's or a fisheye's.
+
     FileNotFoundError when the file is missing; CalibrationError, a ValueError, when it is of no known kind, is cut or
-    holds wrong counts, when `name` is not in it, or when it is needed to choose: the message lists the names.
+    holds wrong counts, when `name` is not in it, or when it is needed to choose: the message lists the names; when its
+    model is unknown, untold or not `model`.
     """
-    source = CalibrationText.read(path)
+    needed = checked_model(model)
+    source = CalibrationText.read(path, needed)
+    camera = _read(source, name)
+    if needed is not None and model_of(camera) != needed:
+        raise source.error("camera model", model_of(camera), f"{needed}, or another model=")
+    return camera
+
+
+def _read(source: CalibrationText, name: str | None) -> Camera:
     for describes, read_camera in TEXT_KINDS:
         if describes(source):
             return read_camera(source, name)

@@ -49,7 +49,10 @@ def load_lidar_pose(path: str | Path, name: str | None = None) -> tuple[Array, A
     pose = _matrix(source, entries, "Tr_velo_to_cam" if "Tr_velo_to_cam" in entries else "Tr", (3, 4))
     if "R0_rect" in entries:
         pose = _matrix(source, entries, "R0_rect", (3, 3)) @ pose
-    offset = np.linalg.solve(projection[:, :3], projection[:, 3])
+    try:
+        offset = np.linalg.solve(projection[:, :3], projection[:, 3])
+    except np.linalg.LinAlgError as error:
+        raise source.error("projection matrix", "one that is singular", "a camera's") from error
     return _rotation(source, pose[:, :3]), pose[:, 3] + offset
 
 

@@ -22,13 +22,14 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class CalibrationText:
-    """The text of a calibration file with its path."""
+    """The text of a calibration file with its path, and the model that its reader's caller says it is of."""
 
     path: Path
     text: str
+    model: str | None = None
 
     @classmethod
-    def read(cls, path: str | Path) -> CalibrationText:
+    def read(cls, path: str | Path, model: str | None = None) -> CalibrationText:
         """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large."""
         if not isinstance(path, str | os.PathLike):
             raise CalibrationError(f"path is a {type(path).__name__}; needed the path of a calibration file")
@@ -47,7 +48,7 @@ class CalibrationText:
             raise CalibrationError(f"{location}: found a binary file; needed calibration text in UTF-8")
         if not text.strip():
             raise CalibrationError(f"{location}: found an empty file; needed a calibration")
-        return cls(location, text)
+        return cls(location, text, model)
 
     @property
     def lines(self) -> list[str]:

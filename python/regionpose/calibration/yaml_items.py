@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import yaml
 
 from regionpose.calibration.text import CalibrationError, CalibrationText
+from regionpose.reading import YamlLoader, check_yaml
 
 DIRECTIVES = ("%YAML:1.0", "%YAML 1.0", "%YAML 1.1", "%YAML 1.2")
 """First lines that OpenCV and others write; OpenCV's colon is not YAML."""
@@ -81,6 +82,11 @@ class YamlItem:
         """Whether the item holds named items."""
         return isinstance(self.node, yaml.MappingNode)
 
+    @property
+    def is_scalar(self) -> bool:
+        """Whether the item is a single value."""
+        return isinstance(self.node, yaml.ScalarNode)
+
     def _kind(self) -> str:
         kinds = {yaml.ScalarNode: "a single value", yaml.SequenceNode: "a sequence", yaml.MappingNode: "a mapping"}
         return kinds.get(type(self.node), "something else")
@@ -101,8 +107,12 @@ class YamlMapping:
         text = source.text
         if text.startswith(DIRECTIVES):
             text = text[text.find("\n") :] if "\n" in text else ""
+        if text.lstrip().startswith("{"):
+            # JSON is YAML but for tabs between values.
+            text = text.replace("\t", " ")
         try:
-            node = next(iter(yaml.compose_all(text, Loader=yaml.SafeLoader)), None)
+            check_yaml(text, aliases=True)
+            node = next(iter(yaml.compose_all(text, Loader=YamlLoader)), None)
         except yaml.MarkedYAMLError as error:
             line = None if error.problem_mark is None else error.problem_mark.line + 1
             raise source.error("YAML", error.problem or "an error", "a complete calibration file", line) from error

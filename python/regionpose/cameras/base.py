@@ -6,7 +6,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import SupportsFloat
+from typing import Self, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +45,24 @@ class Camera(ABC):
         """
         return _map_rows(self._project, _rows(points, "points", 3), 2)
 
+    def resized(self, width: int, height: int) -> Self:
+        """The camera of the same photos resized to `width` by `height` pixels, as by cv2.resize.
+
+        Outer corners go to outer corners, so that a pixel `u` goes to `s (u + 0.5) - 0.5`. ValueError for a camera
+        without a size, and where no one factor, to a pixel of rounding, leads from its size to the other.
+        """
+        size = image_length("width", width), image_length("height", height)
+        if self.width is None or self.height is None:
+            raise ValueError("camera: found no width and height; needed the size of the photos that were calibrated")
+        if resize_factor((self.width, self.height), (width, height)) is None:
+            found = f"{width} x {height} pixels for {self.width} x {self.height}"
+            raise ValueError(f"size: found {found}; needed both sides by one factor, a resized photo without a cut")
+        return self._scaled(width / self.width, height / self.height, size)
+
+    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> Self:
+        """The camera of photos whose sides are scaled by two factors to `size`, width and height."""
+        raise ValueError(f"camera: found a {type(self).__name__}; needed one that knows how to be resized")
+
     @property
     @abstractmethod
     def max_angle(self) -> float:
@@ -62,6 +80,16 @@ class Camera(ABC):
     @abstractmethod
     def _project(self, x: Array, y: Array, z: Array) -> Components:
         """Pixel coordinates of points, NaN where not visible."""
+
+
+def resize_factor(size: tuple[int, int], other: tuple[int, int]) -> float | None:
+    """The factor that leads from one width and height to another, each rounded by less than a pixel; None if none does.
+
+    Of the factors that do, the middle one.
+    """
+    low = max((there - 1.0) / here for here, there in zip(size, other, strict=True))
+    high = min((there + 1.0) / here for here, there in zip(size, other, strict=True))
+    return 0.5 * (low + high) if low < high else None
 
 
 def _rows(values: ArrayLike, name: str, columns: int) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,6 +100,20 @@ class OcamCamera(Camera):
     @cached_property
     def _inverse_stretch(self) -> Array:
         return np.linalg.inv(np.asarray(self.stretch))
+
+    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> OcamCamera:
+        # With rho in pixels of the new size, g(rho) grows by the mean factor; the stretch takes what differs from it.
+        mean = math.sqrt(horizontal * vertical)
+        (xx, xy), (yx, yy) = self.stretch
+        across, down = horizontal / mean, vertical / mean
+        return replace(
+            self,
+            polynomial=tuple(a * mean ** (1 - power) for power, a in enumerate(self.polynomial)),
+            center=(horizontal * (self.center[0] + 0.5) - 0.5, vertical * (self.center[1] + 0.5) - 0.5),
+            stretch=((across * xx, across * xy), (down * yx, down * yy)),
+            width=size[0],
+            height=size[1],
+        )
 
     def _bearings(self, u: Array, v: Array) -> Components:
         (xx, xy), (yx, yy) = self._inverse_stretch

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,17 @@ class PinholeCamera(Camera):
     @cached_property
     def _distortion(self) -> RadialTangential:
         return distortion_of(self.distortion)
+
+    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> PinholeCamera:
+        return replace(
+            self,
+            fx=horizontal * self.fx,
+            fy=vertical * self.fy,
+            cx=horizontal * (self.cx + 0.5) - 0.5,
+            cy=vertical * (self.cy + 0.5) - 0.5,
+            width=size[0],
+            height=size[1],
+        )
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)

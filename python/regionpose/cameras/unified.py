@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -97,6 +97,17 @@ class UnifiedCamera(Camera):
     def _plane_limit(self) -> float:
         """Largest radius before the distortion: infinite, or the outline of the sphere when xi > 1."""
         return 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else math.inf
+
+    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> UnifiedCamera:
+        return replace(
+            self,
+            fx=horizontal * self.fx,
+            fy=vertical * self.fy,
+            cx=horizontal * (self.cx + 0.5) - 0.5,
+            cy=vertical * (self.cy + 0.5) - 0.5,
+            width=size[0],
+            height=size[1],
+        )
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -10,7 +13,7 @@ import typer
 from regionpose import __version__
 from regionpose.cli import demo, estimate, evaluate, fuse, info, project, schema, segment
 
-FINE, BAD_INPUT, NO_POSE, INTERRUPTED = 0, 2, 3, 130
+FINE, BAD_INPUT, NO_POSE, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 
 HELP = """Absolute pose of a central camera from planar regions, without correspondences.
 
@@ -27,6 +30,7 @@ Exit codes:
   2  bad input, or a file that would be overwritten
   3  no pose shows the regions as they were observed
   130  interrupted (Ctrl-C); nothing was written
+  143  terminated (SIGTERM); nothing was written
 """
 
 app = typer.Typer(
@@ -67,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Expected errors (bad input, files, a missing extra) are one line on standard error; others are raised.
     """
+    with _terminated_cleanly():
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         app(args=None if arguments is None else list(arguments), prog_name="regionpose")
     except SystemExit as end:
@@ -80,6 +89,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         return _failed(_one_line(error), BAD_INPUT)
     return FINE
+
+
+@contextmanager
+def _terminated_cleanly() -> Iterator[None]:
+    """SIGTERM ends the block as an exception does, so that nothing half made stays; in the main thread alone."""
+
+    def end(*_: object) -> None:
+        raise SystemExit(TERMINATED)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _is_missing_extra(error: ImportError) -> bool:

@@ -9,14 +9,14 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import refuse_existing, write_files
+from regionpose.cli.outputs import claimed
 
 if TYPE_CHECKING:
     from regionpose.scene import SceneEstimate
     from regionpose.scene.bundle import Truth
 
-WARNED = 1
-"""Exit code of a pose with warnings, under --strict."""
+WARNED, DOUBTED = 1, 3
+"""Exit codes of a pose with warnings, under --strict, and of one that is doubtful."""
 
 
 def estimate(
@@ -33,7 +33,8 @@ def estimate(
 ) -> None:
     """Estimate the pose of a scene's camera.
 
-    Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png and cloud.ply (coloured).
+    Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png, edges.png and cloud.ply
+    (coloured).
     Where the scene gives an initial pose, overlay_before.png shows the regions projected with that.
 
     \b
@@ -52,18 +53,20 @@ def run_scene(
     """Estimate a scene, write its files to the folder `out`, and say the result."""
     from regionpose.scene import Stages, estimate_scene, load_scene
     from regionpose.scene.bundle import bundle, file_names
+    from regionpose.scene.verdict import DOUBTFUL, verdict
 
     scene = load_scene(path)
-    refuse_existing([out / name for name in file_names(scene)], force)
-    with Progress(quiet) as progress:
+    with claimed(out, file_names(scene), force=force) as claim, Progress(quiet) as progress:
         stages = Stages(progress.begin)
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth)
-        written = write_files(out, files.writers, force=force)
+        written = claim.write(files.writers)
     if as_json:
         say_json(files.result)
     else:
         _say(run, files.result, written)
+    if verdict(run).level == DOUBTFUL:
+        raise typer.Exit(DOUBTED)
     if strict and run.estimate.warnings:
         raise typer.Exit(WARNED)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.options import AsJson, CameraNames, CameraPaths, Force, PosePaths, Quiet
+from regionpose.cli.options import AsJson, CameraModel, CameraNames, CameraPaths, Force, PosePaths, Quiet
 from regionpose.cli.outputs import refuse_existing, write_file
 
 
@@ -19,6 +19,7 @@ def fuse(
     pose: PosePaths,
     out: Annotated[Path, typer.Option("--out", "-o", help="PLY file to write.")] = Path("coloured.ply"),
     camera_name: CameraNames = None,
+    camera_model: CameraModel = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -40,7 +41,7 @@ def fuse(
     from regionpose.clouds import read_cloud, write_ply
     from regionpose.fusion import coloured_cloud
 
-    files = view_files(images, camera, pose, camera_name or [])
+    files = view_files(images, camera, pose, camera_name or [], camera_model)
     with Progress(quiet) as progress:
         progress.begin("read cloud")
         points = read_cloud(cloud)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from regionpose.cli.console import say_json, say_rows
-from regionpose.cli.options import AsJson, CameraName
+from regionpose.cli.options import AsJson, CameraModel, CameraName
+
+if TYPE_CHECKING:
+    from regionpose.clouds import Cloud
 
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
@@ -31,6 +35,7 @@ Facts = dict[str, Any]
 def info(
     file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
     camera_name: CameraName = None,
+    camera_model: CameraModel = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a cloud, a calibration, an image, a scene file or a result.
@@ -41,7 +46,7 @@ def info(
       regionpose info calib.yaml --camera-name cam1
       regionpose info scene.yaml --json
     """
-    facts = file_facts(file, camera_name)
+    facts = file_facts(file, camera_name, camera_model)
     if as_json:
         say_json(facts)
     else:
@@ -49,7 +54,7 @@ def info(
         say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
 
 
-def file_facts(path: Path, camera_name: str | None = None) -> Facts:
+def file_facts(path: Path, camera_name: str | None = None, camera_model: str | None = None) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
@@ -60,10 +65,10 @@ def file_facts(path: Path, camera_name: str | None = None) -> Facts:
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
         return _cloud_facts(path)
-    return _text_facts(path, camera_name)
+    return _text_facts(path, camera_name, camera_model)
 
 
-def _text_facts(path: Path, camera_name: str | None) -> Facts:
+def _text_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
@@ -77,7 +82,7 @@ def _text_facts(path: Path, camera_name: str | None) -> Facts:
         return _scene_facts(path)
     if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
         return _result_facts(path)
-    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name)]
+    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path))
     return _first_that_reads(readers)
@@ -95,25 +100,17 @@ def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:
 
 
 def _image_facts(path: Path) -> Facts:
-    from PIL import Image, UnidentifiedImageError
+    from regionpose.reading import picture_header
 
-    try:
-        with Image.open(path) as picture:
-            return {
-                "kind": "image",
-                "width_px": picture.width,
-                "height_px": picture.height,
-                "mode": picture.mode,
-                "format": picture.format,
-            }
-    except UnidentifiedImageError as error:
-        raise ValueError(f"{path}: found no picture; needed PNG, JPEG, TIFF or the like") from error
+    width, height, mode, form = picture_header(path)
+    return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
 
 
 def _cloud_facts(path: Path) -> Facts:
     from regionpose.clouds import read_cloud
 
     cloud = read_cloud(path)
+    spacing = _spacing(cloud.points)
     low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
     return {
         "kind": "cloud" if cloud.triangles is None else "mesh",
@@ -124,12 +121,24 @@ def _cloud_facts(path: Path) -> Facts:
         "extent_m": (high - low).tolist(),
         "local_origin_m": cloud.origin.tolist(),
         "sensor_origin_m": None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist(),
-        "spacing_m": _spacing(cloud.points),
+        "spacing_m": spacing,
+        "unit": _unit(cloud, spacing),
         "colours": cloud.colours is not None,
         "intensity": cloud.intensity is not None,
         "fields": sorted(cloud.fields),
         "dropped_points": cloud.dropped,
     }
+
+
+def _unit(cloud: Cloud, spacing: float | None) -> str:
+    """What the file of a cloud or its size say of its unit; the corners of a mesh are no samples."""
+    from regionpose.sanity import check_unit, unit_remark
+
+    remarks = [warning.message for warning in check_unit(cloud)]
+    if not remarks and cloud.triangles is None and spacing is not None:
+        extent = math.hypot(*(cloud.points.max(axis=0) - cloud.points.min(axis=0)))
+        remarks = [remark for remark in [unit_remark(spacing, extent)] if remark is not None]
+    return f"taken as metres, but {remarks[0]}" if remarks else "taken as metres"
 
 
 SPACING_SAMPLE = 2000
@@ -148,14 +157,14 @@ def _spacing(points: Any) -> float | None:
     return float(np.median(distances[:, 1]))
 
 
-def _camera_facts(path: Path, camera_name: str | None) -> Facts:
+def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
     from dataclasses import asdict
 
     import numpy as np
 
     from regionpose.calibration import load_camera
 
-    camera = load_camera(path, camera_name)
+    camera = load_camera(path, camera_name, model=camera_model)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
     facts: Facts = {"kind": "calibration", "model": type(camera).__name__, **json.loads(json.dumps(parameters))}
     facts["largest_angle_off_axis_deg"] = float(np.degrees(camera.max_angle))
@@ -189,11 +198,21 @@ def _region_line(region: Any) -> str:
 
 
 def _result_facts(path: Path) -> Facts:
-    held = json.loads(path.read_text(encoding="utf-8"))
+    from regionpose.reading import read_json
+
+    held = read_json(path)
     facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}
-    facts["regions"] = [region["name"] for region in held.get("regions", [])]
-    facts["warnings"] = [warning["code"] for warning in held.get("warnings", [])]
+    facts["regions"] = _column(path, held, "regions", "name")
+    facts["warnings"] = _column(path, held, "warnings", "code")
     return facts
+
+
+def _column(path: Path, held: Facts, key: str, name: str) -> list[str]:
+    """The value at `name` of each item of a list in a result."""
+    items = held.get(key, [])
+    if not (isinstance(items, list) and all(isinstance(item, dict) and name in item for item in items)):
+        raise ValueError(f"{path}: {key}: found something else; needed a list of items, each with a {name}")
+    return [item[name] for item in items]
 
 
 def _shown(value: object) -> str:

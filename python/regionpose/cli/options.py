@@ -19,6 +19,14 @@ CameraPath = Annotated[Path, typer.Option("--camera", help=CAMERA_HELP, show_def
 CameraName = Annotated[
     str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
 ]
+CameraModel = Annotated[
+    str | None,
+    typer.Option(
+        "--camera-model",
+        help="pinhole, fisheye, unified or ocam, where the calibration doesn't say.",
+        show_default=False,
+    ),
+]
 PosePath = Annotated[Path, typer.Option("--pose", help=POSE_HELP, show_default=False)]
 CameraPaths = Annotated[
     list[Path],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from regionpose.pose import Pose
+from regionpose.reading import read_array, read_json
 
 NEEDED = (
     "result.json, a 3 x 4 or 4 x 4 matrix camera_from_world (.txt, .npy), "
@@ -19,12 +19,16 @@ LIKE_ROTATION = 1e-3
 """Largest entry of R^T R - 1 of a rotation written with few digits, which is then made exact."""
 
 
+LEAST_NORM = 1e-6
+"""Length of a quaternion below which it tells no rotation; written ones have 1."""
+
+
 def read_pose(path: Path, camera_name: str | None = None) -> Pose:
     """The pose camera_from_world of a file; FileNotFoundError, or ValueError when it holds none."""
     if path.suffix.lower() == ".json":
         return _json_pose(path)
     if path.suffix.lower() == ".npy":
-        return _matrix_pose(path, np.load(path, allow_pickle=False))
+        return _matrix_pose(path, read_array(path))
     try:
         rows = np.loadtxt(path, ndmin=2)
     except (ValueError, UnicodeDecodeError):
@@ -33,10 +37,7 @@ def read_pose(path: Path, camera_name: str | None = None) -> Pose:
 
 
 def _json_pose(path: Path) -> Pose:
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: found no JSON; needed {NEEDED}") from error
+    held = read_json(path)
     held = held if isinstance(held, dict) else {}
     for holder in (held, held.get("results"), held.get("exports")):
         pose = _pose_of(path, holder) if isinstance(holder, dict) else None
@@ -51,13 +52,21 @@ def _pose_of(path: Path, held: dict[str, Any]) -> Pose | None:
 
     stored = held.get("camera_from_world")
     if isinstance(stored, dict) and "matrix" in stored:
-        return _matrix_pose(path, np.asarray(stored["matrix"]))
+        return _matrix_pose(path, _numbers(path, "camera_from_world.matrix", stored["matrix"]))
     if "T_lidar_camera" not in held:
         return None
-    numbers = np.asarray(held["T_lidar_camera"], dtype=np.float64)
-    if numbers.shape != (7,) or not np.isfinite(numbers).all() or not numbers[3:].any():
+    numbers = _numbers(path, "T_lidar_camera", held["T_lidar_camera"])
+    if numbers.shape != (7,) or not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < LEAST_NORM:
         raise ValueError(f"{path}: T_lidar_camera: found {numbers.tolist()}; needed [tx, ty, tz, qx, qy, qz, qw]")
     return Pose(Rotation.from_quat(numbers[3:]), numbers[:3]).inverse()
+
+
+def _numbers(path: Path, item: str, values: object) -> np.ndarray[Any, Any]:
+    """The numbers that lists of a file hold."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{path}: {item}: found something else than numbers; needed {NEEDED}") from error
 
 
 def _matrix_pose(path: Path, matrix: np.ndarray[Any, Any]) -> Pose:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.options import AsJson, CameraName, CameraPath, Force, PosePath, Quiet
+from regionpose.cli.options import AsJson, CameraModel, CameraName, CameraPath, Force, PosePath, Quiet
 from regionpose.cli.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def project(
         "projected.png"
     ),
     camera_name: CameraName = None,
+    camera_model: CameraModel = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -52,7 +53,7 @@ def project(
     with Progress(quiet) as progress:
         progress.begin("read files")
         points = read_cloud(cloud)
-        view = read_view(ViewFiles(image, camera, pose, camera_name), points)
+        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model), points)
         progress.begin("projection")
         rows = _rows_inside(points, view)
         write_file(out, lambda path: _write(path, rows, points, view), force=force)

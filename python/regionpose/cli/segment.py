@@ -13,7 +13,7 @@ import typer
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import refuse_existing, text_writer, write_file, write_files
+from regionpose.cli.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneSides
@@ -66,8 +66,10 @@ def segment(
     if as_json:
         say_json(facts)
     else:
-        say_rows([(key.replace("_", " "), str(value)) for key, value in facts.items() if key != "regions"], indent="")
+        shown = [(key.replace("_", " "), str(value)) for key, value in facts.items() if not isinstance(value, list)]
+        say_rows(shown, indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
+        say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
 
 
 def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
@@ -134,15 +136,16 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
     from regionpose.scene import Stages, load_scene, scene_sides
     from regionpose.scene.result import plain, region_sizes
+    from regionpose.scene.verdict import with_names
 
     scene = load_scene(path)
     names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
     names.append(SCENE_FILE)
-    refuse_existing([out / name for name in names], force)
-    with Progress(quiet) as progress:
+    with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
-    write_files(out, _scene_writers(scene, sides, out), force=force)
-    return {"written": str(out), "regions": plain(region_sizes(sides))}
+        claim.write(_scene_writers(scene, sides, out))
+    remarks = [f"{warning.code}: {with_names(warning.message, sides.names)}" for warning in sides.warnings]
+    return {"written": str(out), "regions": plain(region_sizes(sides)), "warnings": remarks}
 
 
 def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:

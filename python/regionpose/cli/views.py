@@ -11,7 +11,7 @@ from regionpose.cli.poses import read_pose
 from regionpose.clouds import Cloud
 from regionpose.fusion import View
 from regionpose.pose import Pose
-from regionpose.scene.sensors import read_picture
+from regionpose.scene.sensors import other_size, read_picture
 
 Item = TypeVar("Item")
 
@@ -23,19 +23,26 @@ class ViewFiles(NamedTuple):
     camera: Path
     pose: Path
     camera_name: str | None
+    camera_model: str | None = None
 
 
 def view_files(
-    images: Sequence[Path], cameras: Sequence[Path], poses: Sequence[Path], names: Sequence[str]
+    images: Sequence[Path],
+    cameras: Sequence[Path],
+    poses: Sequence[Path],
+    names: Sequence[str],
+    model: str | None = None,
 ) -> list[ViewFiles]:
-    """The files of each image; one camera, and one name, may be that of all. ValueError for other counts."""
+    """The files of each image; one camera, and one name, may be that of all,
+    `model` is that of all. ValueError for other counts.
+    """
     if len(poses) != len(images):
         raise ValueError(f"--pose: found {len(poses)} for {len(images)} images; needed one for each, in their order")
     named: Sequence[str | None] = names or [None]
     chosen = zip(
         images, _one_each("--camera", cameras, images), poses, _one_each("--camera-name", named, images), strict=True
     )
-    return [ViewFiles(*files) for files in chosen]
+    return [ViewFiles(*files, model) for files in chosen]
 
 
 def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Sequence[Item]:
@@ -46,10 +53,9 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
 
 def read_view(files: ViewFiles, cloud: Cloud) -> View:
     """The image, its camera, and the pose for points about the cloud's local origin."""
-    camera, picture = load_camera(files.camera, files.camera_name), read_picture(files.image)
-    size = camera.width, camera.height
-    if None not in size and size != (picture.shape[1], picture.shape[0]):
-        found = f"{picture.shape[1]} x {picture.shape[0]}"
-        raise ValueError(f"{files.image}: found {found} pixels; needed {size[0]} x {size[1]}, as in {files.camera}")
+    camera, picture = load_camera(files.camera, files.camera_name, model=files.camera_model), read_picture(files.image)
+    remark = other_size(camera, (picture.shape[1], picture.shape[0]))
+    if remark is not None:
+        raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
     world = read_pose(files.pose, files.camera_name)
     return View(picture, camera, Pose(world.rotation, world.transform(cloud.origin[None])[0]))

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
-from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.errors import CloudError, cloud_error
+from regionpose.reading import FileError, read_archive
 
 KITTI_COLUMNS = ("x", "y", "z", "intensity")
 NUSCENES_COLUMNS = ("x", "y", "z", "intensity", "ring")
@@ -62,11 +63,9 @@ def read_npz(path: Path, columns: Sequence[str] | None) -> Cloud:
 def _archive(path: Path) -> dict[str, Scalars]:
     """The arrays of an archive by name."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: np.asarray(archive[name]) for name in archive.files}
-    # Damaged archives fail in zipfile, zlib, struct and numpy alike.
-    except Exception as error:
-        raise cloud_error(path, "archive", f"{type(error).__name__}: {error}", "whole arrays of numbers") from error
+        arrays = read_archive(path)
+    except FileError as error:
+        raise CloudError(str(error)) from error
     unreadable = [name for name, array in arrays.items() if array.dtype.kind not in "biufUS"]
     if unreadable or not arrays:
         raise cloud_error(path, "archive", ", ".join(unreadable) or "no array", "arrays of numbers")

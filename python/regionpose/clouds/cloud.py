@@ -39,7 +39,8 @@ class Cloud:
     the coordinates are large. `colours`: (n, 3) uint8 or None. `intensity`: (n,) float64 in the file's own scale, or
     None. `fields`: other scalars (n,) by name. `triangles`: (k, 3) int64 indices of a mesh, or None. `source`: the file
     read. `dropped`: points left out since a coordinate was NaN or infinite. `sensor_origin`: (3,) where the scanner
-    stood, about `origin` like the points; None where the file doesn't say, or holds scans from several places. The
+    stood, about `origin` like the points; None where the file doesn't say, or holds scans from several places.
+    `metres_per_unit`: of the coordinates, which are left as they are; None where the file doesn't say. The
     arrays are read-only views. CloudError for shapes that disagree, coordinates that are not finite, and triangles that
     name no point.
     """
@@ -53,6 +54,7 @@ class Cloud:
     source: Path | None = None
     dropped: int = 0
     sensor_origin: Array | None = None
+    metres_per_unit: float | None = None
 
     def __post_init__(self) -> None:
         """Check the parts and keep read-only views of them."""

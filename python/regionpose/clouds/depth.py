@@ -7,10 +7,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from PIL import Image
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
-from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.errors import CloudError, cloud_error
+from regionpose.reading import FileError, read_pixels
 
 DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 """Pillow's modes of images with one channel of more than 8 bits."""
@@ -95,13 +95,10 @@ def _metres(values: Scalars, scale: float | None, source: Path | None) -> Array:
 
 def _image(path: Path) -> Scalars:
     """The values of an image file with one channel of more than 8 bits."""
-    with path.open("rb") as file:
-        try:
-            with Image.open(file) as image:
-                mode, values = image.mode, np.array(image)
-        # Damage shows as errors of every type.
-        except Exception as error:
-            raise cloud_error(path, "depth image", f"{type(error).__name__}: {error}", "a whole image") from error
+    try:
+        values, mode, _ = read_pixels(path)
+    except FileError as error:
+        raise CloudError(str(error)) from error
     if mode not in DEPTH_MODES:
         raise cloud_error(path, "depth image", f"mode {mode}", "one channel of 16-bit integers or of floats")
     return values

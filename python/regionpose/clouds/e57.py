@@ -9,7 +9,8 @@ import numpy as np
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.columns import COORDINATES, cloud_of_columns
-from regionpose.clouds.errors import cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.reading import unfolding_error
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -34,10 +35,16 @@ def read_e57(path: Path) -> Cloud:
         try:
             nodes = [image.root()["data3D"][index] for index in range(len(image.root()["data3D"]))]
             headers = [pye57.ScanHeader(node) for node in nodes]
+            values = sum(int(header.point_count) * len(header.point_fields) for header in headers)
+            wrong = unfolding_error(path, values * np.dtype(np.float64).itemsize)
+            if wrong is not None:
+                raise CloudError(f"{path}: scans: {wrong}")
             scans = [_scan(pye57, image, header) for header in headers]
             places = [_place(header) for header in headers]
         finally:
             image.close()
+    except CloudError:
+        raise
     # Damage shows as the library's own errors, each of its own type.
     except Exception as error:
         raise cloud_error(path, "scans", f"{type(error).__name__}: {error}", "a whole E57 file") from error

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import COLOUR_NAMES, cloud_of_columns
-from regionpose.clouds.errors import cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.reading import unfolding_error
 
 HEADER = np.dtype(
     {
@@ -36,6 +42,23 @@ RECORD_SIZE, LATE_RECORD_SIZE = 54, 60
 COMPRESSED_BITS = 0b1100_0000
 """Bits of the point format that are set when the points are compressed."""
 
+LASZIP_USER, LASZIP_RECORD, LASZIP_ITEMS_AT = b"laszip encoded", 22204, 34
+LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
+BYTES_ITEM, VARIOUS_SIZES = 14, 0xFFFFFFFF
+"""Layers of LASzip's items: point, RGB, RGB with infrared, wave packet; the item with one a byte; the chunk size
+that stands for various ones."""
+
+WKT_UNIT = re.compile(r'\bUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)|\bLENGTHUNIT\s*\[\s*"([^"]*)"\s*,\s*([-+.\deE]+)')
+WKT_VERTICAL = re.compile(r"\bVERT(_CS|CRS)\s*\[")
+ANGLES = ("deg", "rad", "grad", "arc")
+"""What the names of angular units begin with."""
+
+LINEAR_UNITS_KEY = 3076
+"""ProjLinearUnitsGeoKey of GeoTIFF."""
+
+EPSG_METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+"""Metres in EPSG's metre, international foot and US survey foot."""
+
 RAW_COORDINATES = ("X", "Y", "Z")
 
 
@@ -52,6 +75,7 @@ def read_las(path: Path) -> Cloud:
         named = {name: np.asarray(stored[name]) for name in names if name not in RAW_COORDINATES}
         coordinates = {name.lower(): np.asarray(stored[name.lower()]) for name in RAW_COORDINATES}
         stated = int(stored.header.point_count)
+        unit = _metres_per_unit([*stored.header.vlrs, *(stored.evlrs or [])])
     except (KeyboardInterrupt, SystemExit):
         raise
     # Damage shows as errors of laspy, lazrs, numpy and struct, and as a panic, which is no Exception.
@@ -59,7 +83,31 @@ def read_las(path: Path) -> Cloud:
         raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
     if len(coordinates["x"]) != stated:
         raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
-    return cloud_of_columns(path, coordinates | _flat(named))
+    return replace(cloud_of_columns(path, coordinates | _flat(named)), metres_per_unit=unit)
+
+
+def _metres_per_unit(records: Sequence[Any]) -> float | None:
+    """Metres in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
+    for record in records:
+        for key in getattr(record, "geo_keys", ()):
+            if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METRES:
+                return EPSG_METRES[key.value_offset]
+        unit = _wkt_metres(str(getattr(record, "string", "")))
+        if unit is not None:
+            return unit
+    return None
+
+
+def _wkt_metres(text: str) -> float | None:
+    """Metres in the last length unit before the vertical system, which is that of the projection."""
+    found = WKT_UNIT.findall(WKT_VERTICAL.split(text)[0])
+    named = [(old or new, factor or other) for old, factor, new, other in found]
+    lengths = [factor for name, factor in named if not name.lower().startswith(ANGLES)]
+    try:
+        metres = float(lengths[-1])
+    except (IndexError, ValueError):
+        return None
+    return metres if np.isfinite(metres) and metres > 0.0 else None
 
 
 def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
@@ -83,7 +131,10 @@ def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
         needed = f"{max(records_end, late_end, points_end)} at least, as the header says"
         raise cloud_error(path, "size", f"{size} bytes", needed)
     if header["format"] & COMPRESSED_BITS:
-        _check_chunks(path, content, header)
+        _check_layers(path, content, header, _chunk_count(path, content, header))
+        wrong = unfolding_error(path, header["count"] * header["point_size"])
+        if wrong is not None:
+            raise CloudError(f"{path}: points: {wrong}")
     return header
 
 
@@ -93,8 +144,8 @@ def _numbers(content: Scalars, kind: np.dtype[np.void]) -> dict[str, int]:
     return {name: int(record[name]) for name in kind.names or ()}
 
 
-def _check_chunks(path: Path, content: Scalars, header: dict[str, int]) -> None:
-    """CloudError unless the table of compressed chunks lies in the file and lists no more than fit there."""
+def _chunk_count(path: Path, content: Scalars, header: dict[str, int]) -> int:
+    """How many compressed chunks the table lists; CloudError unless it lies in the file and they fit there."""
     size, points_at = len(content), header["points_at"]
     table_at = int.from_bytes(content[points_at : points_at + 8].tobytes(), "little", signed=True)
     if table_at == -1:
@@ -106,6 +157,40 @@ def _check_chunks(path: Path, content: Scalars, header: dict[str, int]) -> None:
     most = (table_at - points_at) // max(1, header["point_size"])
     if chunks > most:
         raise cloud_error(path, "chunk table", f"{chunks} chunks", f"at most {most}, by the file's size")
+    return chunks
+
+
+def _check_layers(path: Path, content: Scalars, header: dict[str, int], chunks: int) -> None:
+    """CloudError where one of the compressed chunks states layers that the file doesn't hold.
+
+    Chunks of point formats from 6 begin with a point, the number of points and the size of each layer, for which lazrs
+    takes memory at once: up to 4 GB each, or it aborts the process.
+    """
+    chunk_size, layers = _layers(path, content, header)
+    if chunk_size != VARIOUS_SIZES:
+        chunks = -(-header["count"] // chunk_size)
+    at = header["points_at"] + 8
+    for _ in range(chunks if layers else 0):
+        at += header["point_size"] + 4
+        sizes = np.frombuffer(content[at : at + 4 * layers].tobytes().ljust(4 * layers, b"\xff"), "<u4")
+        at += 4 * layers + int(sizes.sum(dtype=np.int64))
+        if at > len(content):
+            raise cloud_error(path, "compressed chunk", f"layers up to byte {at}", f"the file's {len(content)} bytes")
+
+
+def _layers(path: Path, content: Scalars, header: dict[str, int]) -> tuple[int, int]:
+    """Points of a compressed chunk, and its number of layers: 0 of point formats below 6."""
+    at = header["header_size"]
+    for _ in range(header["records"]):
+        user, number, length = struct.unpack_from("<2x16sHH", content[at : at + RECORD_SIZE].tobytes().ljust(54, b"\0"))
+        record = content[at + RECORD_SIZE : at + RECORD_SIZE + length].tobytes()
+        at += RECORD_SIZE + length
+        if user.rstrip(b"\0") == LASZIP_USER and number == LASZIP_RECORD and len(record) >= LASZIP_ITEMS_AT:
+            chunk_size, items = *struct.unpack_from("<12xI", record), record[LASZIP_ITEMS_AT:]
+            pairs = [struct.unpack_from("<HH", items, start) for start in range(0, len(items) - 5, 6)]
+            layers = sum(size if kind == BYTES_ITEM else LAYERS.get(kind, 0) for kind, size in pairs)
+            return max(1, chunk_size), layers
+    raise cloud_error(path, "records", "none of LASzip's", "one, since the points are compressed")
 
 
 def _flat(named: dict[str, Scalars]) -> dict[str, Scalars]:

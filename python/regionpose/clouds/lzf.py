@@ -14,6 +14,9 @@ LONG_REFERENCE = 7
 SHORTEST_REFERENCE = 2
 """Added to the length that a reference spells."""
 
+MOST_RATIO = 88
+"""Bytes that a compressed one stands for at the most: the longest reference is 264 bytes by 3."""
+
 
 def decompress(compressed: bytes, size: int) -> bytes | bytearray:
     """The `size` bytes that `compressed` stands for; ValueError when it is damaged or stands for another number.

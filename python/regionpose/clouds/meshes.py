@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
-from regionpose.clouds.errors import cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.reading import json_value, unfolding_error
+
+ELEMENT_BYTES = 12
+"""Bytes of a vertex or a triangle, the elements that a mesh holds most of."""
 
 
 def read_mesh(path: Path, kind: str) -> Cloud:
@@ -17,6 +21,8 @@ def read_mesh(path: Path, kind: str) -> Cloud:
     The parts of a scene are placed by their transforms and joined; coinciding corners of an STL become one vertex.
     """
     trimesh = load_extra("trimesh", "mesh", f"{path}: {kind.upper()}")
+    if kind == "glb":
+        _check_accessors(path)
     options = {"skip_materials": True} if kind == "obj" else {}
     try:
         with path.open("rb") as file:
@@ -35,6 +41,23 @@ def read_mesh(path: Path, kind: str) -> Cloud:
         triangles=np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]),
         source=path,
     )
+
+
+def _check_accessors(path: Path) -> None:
+    """CloudError where the arrays of a GLB file are larger than it makes likely: those without data are zeros.
+
+    What else is wrong with the file is for its reader to find.
+    """
+    content = path.read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    try:
+        held = json_value(content[20 : 20 + length].decode("utf-8"))
+        counts = [int(accessor["count"]) for accessor in held.get("accessors", [])]
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+        return
+    wrong = unfolding_error(path, ELEMENT_BYTES * sum(count for count in counts if count > 0))
+    if wrong is not None:
+        raise CloudError(f"{path}: accessors: {wrong}")
 
 
 def _parts(trimesh: Any, scene: Any, merge: bool) -> list[tuple[Array, Scalars, Scalars]]:

@@ -13,6 +13,7 @@ from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import SKIPPED, cloud_of_columns
 from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.text import rows_of_text
+from regionpose.reading import whole_number
 
 LONGEST_HEADER = 1 << 20
 """Bytes within which the header ends; it takes some hundreds."""
@@ -22,6 +23,9 @@ KINDS = {
     for letter, code, sizes in (("F", "f", (4, 8)), ("I", "i", (1, 2, 4, 8)), ("U", "u", (1, 2, 4, 8)))
     for size in sizes
 }
+
+MOST_VALUES = 65536
+"""Values in a row; the widest descriptors of the Point Cloud Library have 640."""
 
 PACKED_COLOURS = ("rgb", "rgba")
 """Fields of 4 bytes that hold blue, green, red and alpha, from the lowest byte, whatever type they claim."""
@@ -82,9 +86,10 @@ def _header(path: Path, start: bytes) -> PcdHeader:
 def _whole_numbers(path: Path, entries: dict[str, list[str]], key: str) -> list[int]:
     """The whole numbers at `key`."""
     words = entries.get(key, [])
-    if not all(word.isdecimal() for word in words):
+    numbers = [number for word in words if (number := whole_number(word)) is not None]
+    if len(numbers) < len(words):
         raise cloud_error(path, key, " ".join(words), "whole numbers")
-    return [int(word) for word in words]
+    return numbers
 
 
 def _sensor_origin(path: Path, entries: dict[str, list[str]]) -> list[float] | None:
@@ -118,13 +123,16 @@ def _row_type(path: Path, names: list[str], kinds: list[tuple[str, int]], counts
     """The type of a row; padding fields get names of their own, and other names may come once."""
     parts: list[tuple[str, str, tuple[int, ...]]] = []
     for index, (name, kind, count) in enumerate(zip(names, kinds, counts, strict=True)):
-        if kind not in KINDS or count < 1:
+        if kind not in KINDS or not 1 <= count <= MOST_VALUES:
             found = f"TYPE {kind[0]}, SIZE {kind[1]}, COUNT {count}"
-            raise cloud_error(path, f"field {name}", found, "F of 4 or 8, or I or U of 1, 2, 4 or 8, at least once")
+            needed = f"F of 4 or 8, or I or U of 1, 2, 4 or 8, 1 to {MOST_VALUES} times"
+            raise cloud_error(path, f"field {name}", found, needed)
         own = f"{SKIPPED}{index}" if name == SKIPPED else name
         if own in {part[0] for part in parts}:
             raise cloud_error(path, "FIELDS", f"{name} twice", "each name once")
         parts.append((own, KINDS[kind], (count,) if count > 1 else ()))
+    if sum(counts) > MOST_VALUES:
+        raise cloud_error(path, "COUNT", f"{sum(counts)} values a row", f"at most {MOST_VALUES}")
     return np.dtype(parts)
 
 
@@ -159,6 +167,8 @@ def _compressed_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
     size = header.count * header.row.itemsize
     if plain != size:
         raise cloud_error(path, "plain size", f"{plain} bytes", f"{size} for {header.count} points")
+    if plain > lzf.MOST_RATIO * compressed:
+        raise cloud_error(path, "compressed data", f"{compressed} bytes", f"{-(-plain // lzf.MOST_RATIO)} at least")
     try:
         content = lzf.decompress(data[COMPRESSED_SIZES.itemsize :][:compressed].tobytes(), plain)
     except ValueError as error:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import cloud_of_columns
 from regionpose.clouds.errors import cloud_error
+from regionpose.reading import whole_number
 
 LONGEST_HEADER = 1 << 20
 """Bytes within which the header ends; it takes some hundreds."""
@@ -137,8 +138,8 @@ def _header(path: Path, start: bytes) -> tuple[str, list[Element], int]:
                 continue
             case ["format", given, _] if given in ORDERS and not form:
                 form = given
-            case ["element", name, count] if count.isdecimal() and name not in elements:
-                elements[name] = (int(count), [])
+            case ["element", name, word] if (count := whole_number(word)) is not None and name not in elements:
+                elements[name] = (count, [])
             case ["property", *described] if elements:
                 properties = next(reversed(elements.values()))[1]
                 properties.append(_property(path, described, properties))

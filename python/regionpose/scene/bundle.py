@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, write_ply
-from regionpose.drawing import overlay_depth, overlay_regions, save_png
+from regionpose.drawing import overlay_depth, overlay_regions, overlay_steps, save_png
 from regionpose.fusion import coloured_cloud
 from regionpose.pose import Pose
 from regionpose.report import Figure, Report, report_html
@@ -26,7 +26,12 @@ from regionpose.splat import splatted, viewpoints
 Colours = NDArray[np.uint8]
 
 RESULT, REPORT, OVERLAY, BEFORE = "result.json", "report.html", "overlay.png", "overlay_before.png"
-DEPTH, CLOUD = "depth.png", "cloud.ply"
+DEPTH, EDGES, CLOUD = "depth.png", "edges.png", "cloud.ply"
+
+EDGES_CAPTION = (
+    "Where the cloud's surfaces end before farther ones, away from the regions: green where an edge of the photo"
+    " stands out there, magenta where none does."
+)
 
 UNSEEN = 0.35
 """Brightness of points that the camera doesn't see, in the report's views: there, but behind the coloured ones."""
@@ -50,7 +55,8 @@ class Bundle:
 def file_names(scene: Scene) -> list[str]:
     """The names of the files of a scene's bundle."""
     before = [] if given_pose(scene) is None else [BEFORE]
-    return [RESULT, REPORT, OVERLAY, *before, *([DEPTH, CLOUD] if scene.model.cloud is not None else [])]
+    edges = [EDGES] if scene.model.solver.witness else []
+    return [RESULT, REPORT, OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
 
 
 def read_truth(path: Path) -> Truth:
@@ -81,10 +87,10 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
             cloud, visible = coloured_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
             views = cloud_views(run, cloud, visible)
         writers[CLOUD] = lambda path: write_ply(path, cloud)
-    result = scene_result(run)
+    judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
+    result = scene_result(run) | {"verdict": judged.values}
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
-    judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
     figures = list(drawn.values())
     html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, views))
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
@@ -114,6 +120,8 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     if sides.cloud is not None:
         depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
+    if run.witness is not None:
+        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.alignment), EDGES_CAPTION)
     return made
 
 

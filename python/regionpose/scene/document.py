@@ -9,12 +9,14 @@ from pathlib import Path
 
 import yaml
 
+from regionpose.reading import YamlLoader, check_yaml, json_value, refuse_halves
+
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
 
-MAX_BYTES = 16 * 2**20
-"""Largest scene file read, in bytes: polygons are typed by hand or by a script, clouds and masks are files of their
-own."""
+MAX_BYTES = 4 * 2**20
+"""Largest scene file read, in bytes, which takes a gigabyte at the worst: polygons are typed by hand or by a script,
+clouds and masks are files of their own."""
 
 FLOAT_PATTERN = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 """Numbers of YAML 1.2; PyYAML reads 1.1, in which `1e-3` is a string."""
@@ -90,14 +92,8 @@ def _text(path: Path) -> str:
         raise SceneError(f"{path}: found a binary file; needed YAML or JSON in UTF-8") from error
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain values only: no aliases, which could unfold without end, and numbers as YAML 1.2 has them."""
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise yaml.MarkedYAMLError(problem="found an alias (*); needed the value itself", problem_mark=mark)
-        return super().compose_node(parent, index)
+class _Loader(YamlLoader):  # type: ignore[misc, valid-type]
+    """Plain values only, and numbers as YAML 1.2 has them."""
 
 
 _Loader.add_implicit_resolver(
@@ -107,9 +103,11 @@ _Loader.add_implicit_resolver(
 
 def _yaml_document(path: Path, text: str) -> Document:
     try:
+        check_yaml(text)
         loader = _Loader(text)
         node = loader.get_single_node()
         value = None if node is None else loader.construct_document(node)
+        refuse_halves(text, value)
     except yaml.MarkedYAMLError as error:
         line = 1 if error.problem_mark is None else error.problem_mark.line + 1
         raise SceneError(f"{path}:{line}: {error.problem}; needed YAML") from error
@@ -120,13 +118,15 @@ def _yaml_document(path: Path, text: str) -> Document:
 
 def _json_document(path: Path, text: str) -> Document:
     try:
-        value = json.loads(text)
+        value = json_value(text)
         # JSON is YAML but for tabs between values; strings hold none.
-        node = yaml.compose(text.replace("\t", " "), Loader=yaml.SafeLoader)
+        spaced = text.replace("\t", " ")
+        check_yaml(spaced)
+        node = yaml.compose(spaced, Loader=YamlLoader)
     except json.JSONDecodeError as error:
         raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise SceneError(f"{path}: found {type(error).__name__}; needed JSON") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed JSON") from error
     return Document(path, value, _lines(path, node))
 
 

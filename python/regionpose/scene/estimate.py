@@ -17,11 +17,13 @@ from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
 from regionpose.prior import Prior
 from regionpose.sample_fit import SampleFit, sample_fit
+from regionpose.sanity import check_camera, check_regions, check_unit
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
 from regionpose.scene.sensors import (
     Picture,
     SensorOrigin,
+    fitted_camera,
     named,
     scene_camera,
     scene_cloud,
@@ -29,7 +31,9 @@ from regionpose.scene.sensors import (
     sensor_origin,
 )
 from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
+from regionpose.scene.witness import SceneWitness, Witnessed, witnessed
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
+from regionpose.witness import Alignment, Photo, check_alignment
 
 Array = NDArray[np.float64]
 
@@ -57,6 +61,7 @@ class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
     `cloud.points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the scanner stood, isn't.
+    `warnings`: what speaks against them before any pose is known.
     """
 
     scene: Scene
@@ -67,6 +72,7 @@ class SceneSides:
     sensor_origin: SensorOrigin | None
     image_regions: tuple[ImageRegion, ...]
     world_sides: tuple[WorldSide, ...]
+    warnings: tuple[PoseWarning, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,6 +87,7 @@ class SceneEstimate:
     sides: SceneSides
     estimate: PoseEstimate
     seconds: dict[str, float]
+    witness: SceneWitness | None = None
 
     @property
     def prior(self) -> Prior:
@@ -116,8 +123,8 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
     """The sensors and regions of a scene; SceneError that names the line for a file that cannot be used."""
     stages = stages or Stages()
     with stages.stage("read files"):
-        camera = scene_camera(scene)
-        image = scene_image(scene, camera)
+        image = scene_image(scene)
+        camera = fitted_camera(scene, scene_camera(scene), image)
         cloud = scene_cloud(scene)
     origin, scanner = scene_origin(scene, cloud), sensor_origin(scene, cloud)
     count = len(scene.model.regions)
@@ -126,7 +133,9 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
     with stages.stage("world regions"):
         scan = Scan.of(cloud, origin, scanner)
         world_sides = tuple(world_side(scene, index, scan) for index in range(count))
-    return SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
+    sides = SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
+    with stages.stage("checks"):
+        return replace(sides, warnings=_checked(sides))
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
@@ -135,7 +144,11 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     sides = scene_sides(scene, stages)
     with stages.stage("pose"):
         estimate = _estimate(sides)
-    return SceneEstimate(sides, estimate, stages.seconds)
+    if sides.cloud is None or not scene.model.solver.witness:
+        return SceneEstimate(sides, estimate, stages.seconds)
+    with stages.stage("witness"):
+        heard = _witnessed(sides, sides.cloud, estimate)
+    return SceneEstimate(sides, heard.estimate, stages.seconds, heard.witness)
 
 
 def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
@@ -152,13 +165,28 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
     return problem.overlap_errors(pose.rotation.as_matrix(), pose.translation)
 
 
-def _estimate(sides: SceneSides) -> PoseEstimate:
+def _witnessed(sides: SceneSides, cloud: Cloud, estimate: PoseEstimate) -> Witnessed:
+    """The estimate after photo and cloud were compared at each of its answers."""
+    photo = Photo.of(sides.image)
+
+    def align(pose: Pose) -> Alignment:
+        local = _moved(pose, -sides.origin)
+        return check_alignment(photo, cloud.points, sides.camera, local, regions=sides.image_regions)
+
+    return witnessed(estimate, align, lambda pose: _estimate(sides, pose))
+
+
+def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
+    """The estimate by the regions alone; with the answer first that is nearest to a pose, if one is given."""
     model = sides.scene.model.solver
+    prior = scene_prior(sides.scene, sides.sensor_origin)
+    if nearest is not None:
+        prior = replace(prior, initial=nearest, initial_sigma=None)
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
         [side.region for side in sides.world_sides],
-        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
+        prior=prior.about(sides.origin),
         start=model.start,
         system=model.system,
         integration=model.integration,
@@ -168,13 +196,21 @@ def _estimate(sides: SceneSides) -> PoseEstimate:
     alternatives = tuple(
         replace(other, translation=_moved(other, sides.origin).translation) for other in local.alternatives
     )
-    remarks = (
+    warnings = (*local.warnings, *sides.warnings)
+    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
+
+
+def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
+    """What speaks against the camera and the regions of a scene before any pose is known."""
+    size = (sides.image.shape[1], sides.image.shape[0])
+    sparse = (
         PoseWarning("sparse-sampling", f"region {index}: {remark}")
         for index, side in enumerate(sides.world_sides)
         for remark in side.remarks
     )
-    warnings = (*local.warnings, *remarks)
-    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
+    regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
+    unit = () if sides.cloud is None else check_unit(sides.cloud)
+    return (*check_camera(sides.camera, size), *unit, *regions, *sparse)
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:

@@ -122,6 +122,7 @@ def _message(details: ErrorDetails, context: dict[str, Any]) -> str:
         "list_type": "a list",
         "string_type": "a string",
         "string_too_short": "some text",
+        "string_too_long": f"at most {context.get('max_length')} characters",
     }
     return f"found {found}; needed {needed.get(kind, _plain(details['msg']))}"
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
+import re
+import sys
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from regionpose.scene.document import brief
@@ -30,7 +31,7 @@ def _numbers(count: int, needed: str) -> Callable[[object], object]:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -54,6 +55,13 @@ Quaternion = Annotated[
 Row = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
 Coefficients4 = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
 Pair = Annotated[list[Number], BeforeValidator(_numbers(2, "2 numbers")), Field(min_length=2, max_length=2)]
+
+
+HIDDEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+"""Control characters, breaks of lines, and turns of the direction of writing."""
+
+LONGEST_NAME = 200
+"""Characters of a region's name: what a line and a table hold."""
 
 
 class Item(BaseModel):
@@ -90,14 +98,23 @@ def _choice(kind: Callable[[Any], str | None], needed: str) -> Discriminator:
     return Discriminator(kind, custom_error_type="choice", custom_error_message=needed)
 
 
-class CameraFile(Item):
+class _Camera(Item):
+    resized: bool = Field(
+        False, description="the image is a resized copy of the photos that were calibrated: the camera is scaled to it"
+    )
+
+
+class CameraFile(_Camera):
     """A calibration file, and which of its cameras."""
 
     file: FileName
     name: str | None = Field(None, description="which camera, where the file holds several")
+    model: Literal["pinhole", "fisheye", "unified", "ocam"] | None = Field(
+        None, description="the camera model, where the file doesn't say"
+    )
 
 
-class _Intrinsics(Item):
+class _Intrinsics(_Camera):
     fx: Positive
     fy: Positive
     cx: Number
@@ -128,7 +145,7 @@ class InlineUnified(_Intrinsics):
     distortion: list[Number] = Field(default_factory=list)
 
 
-class InlineOcam(Item):
+class InlineOcam(_Camera):
     """Scaramuzza's omnidirectional camera: bearing (x, y, a0 + a1 rho + ...), a0 > 0; center as [column, row]."""
 
     model: Literal["ocam"]
@@ -148,7 +165,7 @@ def _camera_kind(value: object) -> str | None:
     if isinstance(value, dict) and "file" in value:
         return "<file>"
     model = value.get("model") if isinstance(value, dict) else None
-    return f"<{model}>" if model in {"pinhole", "fisheye", "unified", "ocam"} else None
+    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam") else None
 
 
 CameraItem = Annotated[
@@ -315,10 +332,19 @@ WorldSide = Annotated[
 ]
 
 
+def _visible(name: str) -> str:
+    """A check that a name has no characters that break lines or turn the direction of what follows."""
+    hidden = HIDDEN.search(name)
+    if hidden is not None:
+        message = "found the character U+{code}; needed a name without control characters"
+        raise PydanticCustomError("numbers", message, {"code": f"{ord(hidden.group()):04X}"})
+    return name
+
+
 class RegionItem(Item):
     """One planar region, in the image and in the world."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_visible)]
     image: ImageSide
     world: WorldSide
 
@@ -399,6 +425,9 @@ class SolverItem(Item):
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
     ] = "global"
+    witness: Annotated[
+        bool, Field(description="whether photo and cloud are compared away from the regions, where both are there")
+    ] = True
 
 
 class SceneModel(Item):

@@ -47,6 +47,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise,
         "disturbed_share": estimate.disturbed_share,
+        "scene_agreement": agreement_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
         "regions": region_values(run),
@@ -79,6 +80,24 @@ def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
     values["translation_m"] = pose.translation
     values["matrix"] = pose.matrix
     return values
+
+
+def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """How well photo and cloud agree away from the regions; None where they were not compared."""
+    witness = run.witness
+    if witness is None:
+        return None
+    alignment = witness.alignment
+    return {
+        "depth_steps": len(alignment.places),
+        "z": alignment.z,
+        "share_of_turned_poses_worse": alignment.share_worse,
+        "log_odds": alignment.log_odds,
+        "turn_deg": np.degrees(alignment.turn),
+        "confidence_before": witness.confidence_before,
+        "place_before": witness.place + 1,
+        "answers": witness.answers,
+    }
 
 
 def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:

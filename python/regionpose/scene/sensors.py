@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.reading import read_pixels
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, InlinePinhole, InlineUnified
@@ -21,9 +22,6 @@ from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, Inlin
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Value = TypeVar("Value")
-
-MOST_PIXELS = 400_000_000
-"""Largest picture opened: above any camera's, below what fills a machine's memory."""
 
 MODELS: dict[type, Callable[..., Camera]] = {
     InlinePinhole: PinholeCamera,
@@ -39,22 +37,43 @@ def scene_camera(scene: Scene) -> Camera:
     if isinstance(item, str):
         return named(scene, ("camera",), lambda: load_camera(scene.file(item)))
     if isinstance(item, CameraFile):
-        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name))
-    parameters: dict[str, Any] = item.model_dump(exclude={"model"})
+        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name, model=item.model))
+    parameters: dict[str, Any] = item.model_dump(exclude={"model", "resized"})
     tupled = {key: _tupled(value) for key, value in parameters.items()}
     return named(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
 
 
-def scene_image(scene: Scene, camera: Camera) -> Picture:
+def scene_image(scene: Scene) -> Picture:
     """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
-    image = named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
-    height, width = image.shape[:2]
-    if camera.width is not None and camera.height is not None and (width, height) != (camera.width, camera.height):
-        raise scene.error(
-            ("image",),
-            f"found {width} x {height} pixels; needed {camera.width} x {camera.height}, as the camera's calibration",
-        )
-    return image
+    return named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
+
+
+def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
+    """The camera for the scene's image: scaled to it where the scene says that it is resized.
+
+    SceneError where image and calibration are of different sizes otherwise.
+    """
+    size = (image.shape[1], image.shape[0])
+    if not isinstance(scene.model.camera, str) and scene.model.camera.resized:
+        return named(scene, ("camera", "resized"), lambda: camera.resized(*size))
+    remark = other_size(camera, size)
+    if remark is not None:
+        resizable = resize_factor((camera.width or 1, camera.height or 1), size) is not None
+        raise scene.error(("image",), remark + (", or camera.resized: true for a resized copy" if resizable else ""))
+    return camera
+
+
+def other_size(camera: Camera, size: tuple[int, int]) -> str | None:
+    """What is wrong with a photo of `size` (width, height) for a camera of another, and what to do; None if nothing."""
+    if camera.width is None or camera.height is None or size == (camera.width, camera.height):
+        return None
+    needed = f"needed the calibrated {camera.width} x {camera.height}"
+    factor = resize_factor((camera.width, camera.height), size)
+    if factor is not None:
+        return f"found {size[0]} x {size[1]} pixels, {factor:.4g} of the camera's; {needed}"
+    turned = resize_factor((camera.height, camera.width), size) is not None
+    how = "turned by a quarter" if turned else "cut, or another camera's: no one factor leads from one to the other"
+    return f"found {size[0]} x {size[1]} pixels ({how}); {needed}"
 
 
 def scene_cloud(scene: Scene) -> Cloud | None:
@@ -82,18 +101,8 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 
 def read_picture(path: Path) -> Picture:
-    """The picture (h, w, 3) uint8 of an image file; ValueError when it is none."""
-    try:
-        with Image.open(path) as picture:
-            if picture.width * picture.height > MOST_PIXELS:
-                raise ValueError(
-                    f"{path}: found {picture.width} x {picture.height} pixels; needed at most {MOST_PIXELS}"
-                )
-            return np.asarray(picture.convert("RGB"))
-    except FileNotFoundError:
-        raise
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{path}: found no picture ({error}); needed PNG, JPEG, TIFF or the like") from error
+    """The picture (h, w, 3) uint8 of an image file; errors as of `read_pixels`."""
+    return read_pixels(path, "RGB").values
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:

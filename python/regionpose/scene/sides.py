@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.image_region import ImageRegion
 from regionpose.outline import SparseSamplingWarning
+from regionpose.reading import read_array
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
@@ -32,6 +33,9 @@ ORIGIN_STEP = 100.0
 
 SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 """Distance over their largest coordinate up to which two points are one: four roundings to the numbers of a file."""
+
+OUTSIDE_MARGIN = 1.0
+"""Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
 
 SEED_NEIGHBOURS = 9
 """Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
@@ -86,7 +90,23 @@ def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
     if isinstance(item, ImageMask):
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
-    return named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
+    drawn = named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
+    return named(scene, (*place, "polygon"), lambda: _within(drawn, image))
+
+
+def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
+    """The region of a polygon that stays in the image; ValueError where it was drawn on a larger one."""
+    vertices = np.concatenate(drawn.rings) + 0.5
+    size = np.array([image.shape[1], image.shape[0]])
+    beyond = np.maximum(-vertices, vertices - size).max(axis=1)
+    if beyond.max() <= OUTSIDE_MARGIN:
+        return drawn
+    x, y = vertices[np.argmax(beyond)] - 0.5
+    larger = float((vertices / size).max())
+    cure = "a polygon cut at the photo's border"
+    if larger > 1.0:
+        cure += f", or, if it was drawn on a photo at least {larger:.3g} times as large, that photo"
+    raise ValueError(f"found [{x:g}, {y:g}] outside the photo of {size[0]} x {size[1]} pixels; needed {cure}")
 
 
 def world_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
@@ -216,8 +236,8 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     if path.suffix.lower() not in {".npy", ".npz"}:
         other = read_cloud(path)
         return _placed(other.points + (other.origin - scan.origin), item, scan)
-    values = _array(path)
-    if values.ndim == 2:
+    values = read_array(path)
+    if values.ndim == 2 and values.dtype.kind in "biuf":
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
 
@@ -242,17 +262,6 @@ def _found_in(cloud: Array, points: Array) -> Indices | None:
     distances, nearest = cKDTree(cloud[around]).query(points)
     found: Indices = np.unique(around[nearest])
     return found if float(np.max(distances)) <= same else None
-
-
-def _array(path: Path) -> NDArray[np.generic]:
-    """The array of a .npy file, or the only one of a .npz file."""
-    loaded = np.load(path, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        return loaded
-    with loaded:
-        if len(loaded.files) != 1:
-            raise ValueError(f"{path}: found {len(loaded.files)} arrays; needed one")
-        return np.asarray(loaded[loaded.files[0]])
 
 
 def _chosen(path: Path, values: NDArray[np.generic], item: WorldPoints, cloud: Cloud | None) -> Indices:

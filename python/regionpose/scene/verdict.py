@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,12 @@ ADVICE = {
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
     " its initial_sigma, seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
+    "coincident-regions": "Leave one of the two out, or pick the place that it was meant for.",
+    "leaked-mask": "Look at the mask in the overlay; click nearer to the middle, or draw the region as a polygon.",
+    "odd-centre": "Check that the calibration belongs to this photo.",
+    "odd-unit": "Scale the cloud by the factor named above.",
+    "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
+    " calibration, and that photo and cloud show the same scene.",
     "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",
     "not-converged": "Do not use this pose before looking at the overlay; check that each pair shows the same place.",
     "outlier-region": "Leave this region out, or correct it: its mask, its outline, or the pair is wrong.",
@@ -33,10 +40,14 @@ DOUBTS = {
     "ambiguous",
     "initial-contradicted",
     "place-contradicted",
+    "scene-disagrees",
     "side-contradicted",
     "up-contradicted",
 }
 """Warnings after which the pose may be another one altogether."""
+
+STATED = 0.5
+"""Least confidence with which a precision is stated: below it the pose is rather wrong than right."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +58,16 @@ class Verdict:
     headline: str
     remarks: tuple[tuple[str, str], ...]
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """The verdict as plain values."""
+        reasons = [{"warning": warning, "advice": advice} for warning, advice in self.remarks]
+        return {"level": self.level, "headline": self.headline, "reasons": reasons}
+
 
 def verdict(run: SceneEstimate) -> Verdict:
-    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one, else to be
-    checked.
+    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one or the pose is
+    more likely wrong than right, else to be checked.
     """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
@@ -64,7 +81,9 @@ def verdict(run: SceneEstimate) -> Verdict:
         return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma} (1 sigma).", ())
     if codes & DOUBTS:
         return Verdict(DOUBTFUL, f"{fit}, but this may not be the true pose.", remarks)
-    return Verdict(CHECK, f"{fit}; the pose is known to about {sigma} (1 sigma). Check what is said below.", remarks)
+    if estimate.confidence < STATED:
+        return Verdict(DOUBTFUL, f"{fit}, but the pose is more likely wrong than right.", remarks)
+    return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma} (1 sigma).", remarks)
 
 
 def _fit(run: SceneEstimate) -> str:

@@ -8,6 +8,11 @@ from numpy.typing import ArrayLike
 from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Progress, grown, nearest_points, start_patch
 
+SEED_CROWD = 96
+"""A seed's nearest point has this many neighbours nearer than the seed when that marks nothing: about five spacings.
+Measured on six clouds of 16 to 64 scan lines and a depth camera, the largest gap of a surface is that wide in 1 of 100
+neighbourhoods."""
+
 
 def grow_plane(
     points: ArrayLike,
@@ -32,7 +37,9 @@ def grow_plane(
     cloud = checked_cloud(points)
     check_positive(distance=distance, radius=radius, angle_deg=angle_deg, min_width=min_width)
     start = _seed_position(cloud, seed)
-    patch = start_patch(cloud, start, nearest_points(cloud, start), distance, radius)
+    nearest = nearest_points(cloud, start)
+    _check_reach(cloud, start, nearest[0])
+    patch = start_patch(cloud, start, nearest, distance, radius)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
     return members if min_width is None else members[without_narrow_parts(cloud[members], start, min_width)]
 
@@ -76,6 +83,18 @@ def check_positive(**values: float | None) -> None:
     for name, value in values.items():
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} is {value}; needed a positive number")
+
+
+def _check_reach(cloud: Array, seed: Array, nearest: np.intp) -> None:
+    """ValueError where a seed lies farther from its nearest point than many others do."""
+    point = cloud[nearest]
+    squares = np.sort(np.sum((cloud[nearest_points(cloud, point)] - point) ** 2, axis=1))
+    reach, around = float(np.linalg.norm(seed - point)), float(np.sqrt(squares[: SEED_CROWD + 1][-1]))
+    if reach > around:
+        raise ValueError(
+            f"seed {seed.tolist()} is {reach:.3g} m from the nearest point {point.round(4).tolist()}, which has"
+            f" {SEED_CROWD} others within {around:.3g} m; needed a seed on a surface of the cloud"
+        )
 
 
 def _seed_position(cloud: Array, seed: ArrayLike | int) -> Array:

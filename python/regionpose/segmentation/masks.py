@@ -6,7 +6,6 @@ polygons are moved by half a pixel.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -16,12 +15,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
 from shapely.geometry.polygon import orient
 from skimage.draw import polygon2mask
 
 from regionpose import _core
 from regionpose.image_region import ImageRegion
+from regionpose.reading import read_json, read_pixels, unfolding_error
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -34,6 +33,15 @@ OUTSIDE_MARGIN = 1.0
 
 MOST_LABELS = 1000
 """Distinct values of a label image at the most; a picture that is no label image holds more."""
+
+LONGEST_RUN_BITS = 65
+"""Bits of a run's length in COCO's text, five a character."""
+
+MOST_SIDE = 2**31 - 1
+"""Largest height or width of an image, pixels: what image formats can state."""
+
+MOST_CHARACTERS = 60
+"""Characters of a found value that a message quotes at most."""
 
 MOST_SHOWN = 12
 """Regions that a message lists at most."""
@@ -216,14 +224,8 @@ def _equal(labels: NDArray[np.generic], value: int) -> Mask:
 
 def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
     """Labels (h, w) of a picture, whole numbers, and the format of their names."""
-    try:
-        with Image.open(path) as picture:
-            pixels, lossy = np.asarray(picture), picture.format == "JPEG"
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(
-            f"{path}: found no picture ({error}); needed a label image, or COCO or labelme (.json)"
-        ) from error
-    if lossy:
+    pixels, _, form = read_pixels(path)
+    if form == "JPEG":
         raise ValueError(f"{path} is a JPEG, which changes the labels; needed a lossless format, as PNG")
     if pixels.ndim == 3:
         packed = _packed(pixels)
@@ -244,10 +246,7 @@ def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
 
 
 def _json_items(path: Path, image: str | int | None) -> Iterator[_Item]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path} is no JSON ({error}); needed a COCO or a labelme file") from error
+    content = read_json(path)
     if isinstance(content, dict) and "shapes" in content:
         return _labelme_items(path, content)
     if isinstance(content, dict) and {"images", "annotations"} <= content.keys():
@@ -257,7 +256,7 @@ def _json_items(path: Path, image: str | int | None) -> Iterator[_Item]:
 
 
 def _labelme_items(path: Path, content: dict[str, object]) -> Iterator[_Item]:
-    size = _size(content, "imageHeight", "imageWidth", str(path))
+    size = _file_size(path, content, "imageHeight", "imageWidth", str(path))
     for index, shape in enumerate(_listed(content, "shapes", str(path))):
         item = f"{path}, shape {index}"
         name, kind = shape.get("label"), shape.get("shape_type", "polygon")
@@ -278,15 +277,15 @@ def _polygon_item(name: str, number: int | None, size: tuple[int, int], polygons
 
 def _coco_items(path: Path, content: dict[str, object], image: str | int | None) -> Iterator[_Item]:
     chosen = _coco_image(path, _listed(content, "images", str(path)), image)
-    size = _size(chosen, "height", "width", f"{path}, image {chosen.get('id')}")
+    size = _file_size(path, chosen, "height", "width", f"{path}, image {chosen.get('id')}")
     categories = _listed(content, "categories", str(path)) if "categories" in content else []
-    names = {entry.get("id"): entry.get("name") for entry in categories}
     for index, entry in enumerate(_listed(content, "annotations", str(path))):
         if entry.get("image_id") == chosen.get("id"):
             category = entry.get("category_id")
+            named = (other.get("name") for other in categories if other.get("id") == category)
             yield _annotation(
                 entry,
-                str(names.get(category) or f"category {category}"),
+                str(next(named, None) or f"category {category}"),
                 size,
                 f"{path}, annotation {entry.get('id', index)}",
             )
@@ -300,7 +299,7 @@ def _annotation(entry: Mapping[str, object], name: str, size: tuple[int, int], i
     if isinstance(segmentation, list) and segmentation:
         polygons = [_points(part, size, f"{item}, polygon {k}", 3) for k, part in enumerate(segmentation)]
         return _polygon_item(name, number, size, polygons)
-    raise ValueError(f"{item} has the segmentation {segmentation!r}; needed polygons or run lengths")
+    raise ValueError(f"{item} has the segmentation {_brief(segmentation)}; needed polygons or run lengths")
 
 
 def _coco_image(path: Path, images: list[dict[str, object]], image: str | int | None) -> dict[str, object]:
@@ -327,7 +326,7 @@ def _run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: st
         raise ValueError(f"{item} has counts that aren't run lengths; needed whole numbers of at least 0")
     if code.get("size") not in (list(size), size):
         raise ValueError(f"{item} has size {code.get('size')}; the image's is {list(size)} (h, w)")
-    if runs.sum() != size[0] * size[1]:
+    if runs.max(initial=0) > size[0] * size[1] or runs.sum() != size[0] * size[1]:
         raise ValueError(f"{item} has run lengths for {runs.sum()} pixels; needed {size[0] * size[1]}")
     values = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
     return np.ascontiguousarray(values.reshape(size[1], size[0]).T)
@@ -346,6 +345,8 @@ def _decoded(text: str) -> list[int]:
             raise ValueError(f"character {character!r} is no part of a run-length text")
         value |= (bits & 0x1F) << shift
         shift += 5
+        if shift > LONGEST_RUN_BITS:
+            raise ValueError("a run of more than 64 bits")
         if not bits & 0x20:
             if bits & 0x10:
                 value -= 1 << shift
@@ -361,7 +362,7 @@ def _points(given: object, size: tuple[int, int], item: str, least: int) -> Arra
     try:
         points = np.asarray(given, dtype=np.float64)
         points = points.reshape(-1, 2) if points.ndim == 1 else points
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{item} has points that aren't pairs of numbers; needed [x, y] each") from error
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or not np.isfinite(points).all():
         raise ValueError(f"{item} has points of shape {points.shape}; needed at least {least} finite [x, y]")
@@ -382,9 +383,23 @@ def _listed(content: Mapping[str, object], key: str, item: str) -> list[dict[str
 
 def _size(content: Mapping[str, object], height: str, width: str, item: str) -> tuple[int, int]:
     values = content.get(height), content.get(width)
-    if not all(isinstance(value, int) and value > 0 for value in values):
-        raise ValueError(f"{item} has {height} {values[0]!r} and {width} {values[1]!r}; needed whole numbers above 0")
+    if not all(type(value) is int and 0 < value <= MOST_SIDE for value in values):
+        found = f"{height} {_brief(values[0])} and {width} {_brief(values[1])}"
+        raise ValueError(f"{item} has {found}; needed whole numbers from 1 to {MOST_SIDE}")
     return int(str(values[0])), int(str(values[1]))
+
+
+def _file_size(path: Path, content: Mapping[str, object], height: str, width: str, item: str) -> tuple[int, int]:
+    """The size (h, w) of an image that a file says, whose masks fit the budget of the file."""
+    size = _size(content, height, width, item)
+    wrong = unfolding_error(path, size[0] * size[1])
+    if wrong is not None:
+        raise ValueError(f"{item}, masks of {size[1]} x {size[0]} pixels: {wrong}")
+    return size
+
+
+def _brief(value: object) -> str:
+    return repr(value)[:MOST_CHARACTERS]
 
 
 def _polygon_mask(polygons: list[Array], size: tuple[int, int]) -> Mask:
@@ -401,7 +416,7 @@ def _region_of(item: _Item, path: str | Path) -> ImageRegion:
         if len(item.polygons) == 1:
             return ImageRegion.from_polygon(item.polygons[0])
         return ImageRegion(tuple(_core.plane_rings(_union_rings(item.polygons), polygon=False)))
-    except ValueError as error:
+    except (ValueError, shapely.errors.ShapelyError) as error:
         raise ValueError(f"{path}, region {item.name!r}: {error}") from error
 
 

@@ -44,9 +44,6 @@ NOISE_TELLING = 192
 """Neighbours up to which the smaller neighbourhood's noise tells nothing: few points on two scan lines lie on a plane
 anyway."""
 
-SEED_REACH = 20.0
-"""Largest distance from a seed to its nearest point in spacings around that point; beyond it marks nothing."""
-
 SEED_SIGMAS = 5.0
 """Distance of the seed's nearest point from the plane at the most: any point may be picked, the noisiest ones too."""
 
@@ -119,7 +116,7 @@ def nearest_points(cloud: Array, position: Array) -> Indices:
 def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
     """The plane around the seed, from as many of its nearest points, nearest first, as lie on it.
 
-    `distance`, `radius`: those of `grow_plane`. ValueError for a seed away from all points, or on no plane.
+    `distance`, `radius`: those of `grow_plane`. ValueError for a seed on no plane.
     """
     chosen: Patch | None = None
     for size in SEED_NEIGHBOURS:
@@ -134,11 +131,7 @@ def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | N
         raise ValueError(
             f"{len(nearest)} points around seed {seed.tolist()} lie on no plane; needed a seed on a flat surface"
         )
-    sized = _sized(cloud, chosen, distance, radius)
-    reach = float(np.linalg.norm(cloud[nearest[0]] - seed))
-    if reach > SEED_REACH * sized.cell:
-        raise ValueError(f"the nearest point is {reach:.3g} m from the seed; needed one within {sized.cell:.3g} m")
-    return sized
+    return _sized(cloud, chosen, distance, radius)
 
 
 def _neighbourhood_patch(cloud: Array, nearest: Indices) -> Patch | None:

@@ -11,6 +11,7 @@ mod moments;
 mod prior;
 mod regions;
 mod solve;
+mod witness;
 
 /// Kernels of regionpose.
 #[pyo3::pymodule]
@@ -32,6 +33,8 @@ mod _core {
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose};
+    #[pymodule_export]
+    use crate::witness::{depth_steps, edge_agreement};
 
     #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "Python's name for it")]

@@ -47,8 +47,8 @@ pub const SPHERE_MESH_SIZE: f64 = 0.125;
 /// A plane that passes the camera nearer than this, as a share of the facet's distance, is seen edge-on.
 const EDGE_ON: f64 = 1e-9;
 
-/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area: moments are
-/// then right to a hundredth.
+/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area: around a
+/// square (a perimeter of 4 such roots) the area is then right to 4 x 0.003, about a hundredth.
 const COARSE: f64 = 0.003;
 
 /// A piece of a region in the plane `normal . X = offset`.

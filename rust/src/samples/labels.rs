@@ -4,7 +4,7 @@ use super::propagation::{Label, Trust};
 use super::readings::{Reading, SampledRegion};
 use crate::geometry::pose::Pose;
 
-/// The coarsest one, pixels.
+/// The coarsest blur, pixels.
 pub(super) const COARSEST: f64 = 64.0;
 
 /// Blur from which on all samples count, pixels; on the way to it about so many of all regions lead as well.

@@ -19,7 +19,7 @@ pub(super) const FINEST: f64 = 0.25;
 /// How far clean stretches of a contour are off at least, pixels: the quality of calibrations.
 const LEAST_OFF: f64 = 0.1;
 
-/// Largest such share: no more than a coin would err.
+/// Largest share of wrong labels: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
 
 /// A relinearisation that moves by less than this many standard deviations is the last.

@@ -55,9 +55,8 @@ pub fn moment_poses(
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
-    let coarse: Vec<RegionEquations> = problem.regions().iter().map(RegionEquations::coarse).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, &coarse, index, prior, turns)));
+        found.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
         found = narrowed(found);
         if turns == WantedTurns::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
@@ -68,19 +67,12 @@ pub fn moment_poses(
 
 /// Poses that single regions give, whatever the others say.
 pub fn single_region_poses(problem: &Problem) -> Vec<Pose> {
-    let coarse: Vec<RegionEquations> = problem.regions().iter().map(RegionEquations::coarse).collect();
-    let of = |index| region_poses(problem, &coarse, index, &Prior::default(), WantedTurns::All);
+    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All);
     (0..problem.regions().len()).flat_map(of).collect()
 }
 
 /// Minima of one region's equations, of fewer vertices, near the closed forms that look like it.
-fn region_poses(
-    problem: &Problem,
-    coarse: &[RegionEquations],
-    index: usize,
-    prior: &Prior,
-    turns: WantedTurns,
-) -> Vec<Pose> {
+fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let alone = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
@@ -93,10 +85,10 @@ fn region_poses(
         poses.extend(cut_starts(problem, region, world));
     }
     if turns == WantedTurns::Likely && !alone {
-        poses = without_cost(worth_a_look(costs_of(coarse, poses)));
+        poses = without_cost(worth_a_look(costs_of(problem.coarse(), poses)));
         poses.truncate(STARTS_PER_REGION);
     }
-    poses.iter().filter_map(|pose| solved_alone(&coarse[index], pose)).collect()
+    poses.iter().filter_map(|pose| solved_alone(&problem.coarse()[index], pose)).collect()
 }
 
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region

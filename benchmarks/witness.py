@@ -1,0 +1,142 @@
+"""How well the rest of a scene tells right poses from wrong ones, on frames with ground truth.
+
+Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
+pose
+and at poses that are turned by 8 to 180 degrees, most of them moved by a metre or two, too. Where there are no frames
+this says so and ends.
+
+A line each: depth steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
+these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then
+the AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and
+over
+those of which something is said. And what the constants of `regionpose.witness.odds` are taken from: the median of the
+leads at the true poses, the deviation of their logarithm, and the largest z of wrong poses.
+
+    python -m benchmarks.witness [--data ../shared/data] [--wrong 12]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import regionpose as rp
+from numpy.typing import NDArray
+from PIL import Image
+from regionpose.cameras import Camera
+from regionpose.witness import Photo
+from scipy.spatial.transform import Rotation
+
+from benchmarks.real_scenes import DEFAULT_DATA, camera_of, cloud_of
+
+Array = NDArray[np.float64]
+
+LEAST_TURN_DEG = 8.0
+"""Beyond what the check takes for the same pose, and what a pose may be wrong by."""
+
+
+LEAST_POINTS = 1000
+"""Clouds of fewer are the places on a board, no scan."""
+
+
+class RealFrame(NamedTuple):
+    """A photo, its camera, a cloud (n, 3) and the true pose."""
+
+    name: str
+    image: NDArray[np.uint8]
+    camera: Camera
+    points: Array
+    pose: rp.Pose
+
+
+def frames(data: Path) -> Iterator[RealFrame]:
+    """The frames of a folder that have a photo and a cloud."""
+    for path in sorted(data.glob("*/*/calib.json")):
+        folder, calibration = path.parent, json.loads(path.read_text())
+        if "cameras" in calibration:
+            points = rp.clouds.read_cloud(folder / "points.bin").points
+            for name, held in calibration["cameras"].items():
+                yield frame(f"{folder.parent.name}/{name}", folder / held["image"], held, points)
+        elif (folder / "points.npy").exists() or (folder / "points.bin").exists():
+            points = cloud_of(folder)
+            if len(points) > LEAST_POINTS:
+                yield frame(f"{folder.parent.name}/{folder.name}", folder / "image.png", calibration, points)
+
+
+def frame(name: str, image: Path, calibration: dict[str, Any], points: Array) -> RealFrame:
+    """One photo with its cloud."""
+    pixels = np.asarray(Image.open(image).convert("RGB"))
+    return RealFrame(
+        name, pixels, camera_of(calibration), points, rp.Pose.from_parts(calibration["R"], calibration["t"])
+    )
+
+
+def wrong_poses(pose: rp.Pose, count: int, seed: int) -> Iterator[rp.Pose]:
+    """Poses turned about the vertical or any axis, half of them by up to 40 degrees, and moved but for a third."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        axis = rng.normal(size=3) if number % 3 else np.array([0.0, 1.0, 0.0])
+        angle = np.radians(rng.uniform(LEAST_TURN_DEG, 180.0 if number % 2 else 40.0))
+        rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * pose.rotation
+        centre = pose.camera_center + rng.normal(size=3) * (0.0 if number < count // 3 else 1.5)
+        yield rp.Pose(rotation, -rotation.apply(centre))
+
+
+def area_under_curve(right: Array, wrong: Array) -> float:
+    """The share of pairs in which the right one has the higher odds, ties counting half."""
+    return float(np.mean((right[:, None] > wrong) + 0.5 * (right[:, None] == wrong)))
+
+
+def main() -> None:
+    """Print the odds of right and wrong poses."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA, help="folder of frames")
+    parser.add_argument("--wrong", type=int, default=12, help="wrong poses of each frame")
+    given = parser.parse_args()
+    right: list[rp.Alignment] = []
+    wrong: list[rp.Alignment] = []
+    print("frame                     steps    lead   deviation     z  log odds  wrong from     to   photo, pose (s)")
+    for number, held in enumerate(frames(given.data)):
+        start = time.perf_counter()
+        photo = Photo.of(held.image)
+        _ = photo.strength
+        middle = time.perf_counter()
+        true = rp.check_alignment(photo, held.points, held.camera, held.pose)
+        seconds = (middle - start, time.perf_counter() - middle)
+        others = [
+            rp.check_alignment(photo, held.points, held.camera, pose)
+            for pose in wrong_poses(held.pose, given.wrong, number)
+        ]
+        odds = [other.log_odds for other in others]
+        print(
+            f"{held.name:24} {len(true.places):6}  {true.lead:6.3f}  {true.deviation:10.4f}  {true.z:4.1f}"
+            f"  {true.log_odds:8.2f}  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",
+            flush=True,
+        )
+        right.append(true)
+        wrong += others
+    if not right:
+        print(f"no frames in {given.data}: nothing to measure")
+        return
+    summary(right, wrong)
+
+
+def summary(right: list[rp.Alignment], wrong: list[rp.Alignment]) -> None:
+    """Print the AUC, and what the constants are taken from."""
+    odds = [np.array([each.log_odds for each in group]) for group in (right, wrong)]
+    told = [group[group != 0.0] for group in odds]
+    print(f"AUC {area_under_curve(*odds):.3f} of {len(right)} right and {len(wrong)} wrong poses", end="; ")
+    print(f"{area_under_curve(*told):.3f} of the {len(told[0])} and {len(told[1])} of which something is said")
+    leads = np.log([max(each.lead, 1e-3) for each in right if each.log_odds])
+    print(f"leads of right poses: median {np.exp(np.median(leads)):.3f}, deviation of the logarithm {leads.std():.2f}")
+    worst = np.sort([each.z for each in wrong if each.log_odds])[::-1][:5]
+    print(f"largest z of wrong poses: {', '.join(f'{z:.1f}' for z in worst)}")
+
+
+if __name__ == "__main__":
+    main()

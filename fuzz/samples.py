@@ -1,0 +1,245 @@
+"""Whole files of every kind that is read, small, and the reader of each."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from PIL import Image
+
+Reader = Callable[[Path], object]
+
+
+class Sample(NamedTuple):
+    """A whole file: its name, whose ending counts, its content and what reads it."""
+
+    name: str
+    content: bytes
+    read: Reader
+
+
+POINTS = np.random.default_rng(7).uniform(-5.0, 5.0, (24, 3))
+LABELS = np.zeros((12, 16), dtype=np.uint8)
+LABELS[2:6, 2:8], LABELS[7:11, 9:15] = 1, 2
+REGIONS = [
+    {"name": "a", "image": {"mask": "m.png", "label": 1}, "world": {"points": "p.npy", "label": 2}},
+    {"name": "b", "image": {"seed": [3, 4], "tolerance": 2.0}, "world": {"seed": [1, 2, 3], "seen_from": [0, 0, 0]}},
+    {
+        "name": "c",
+        "image": {"polygon": [[0, 0], [9, 0], [9, 9]], "hidden_edges": [1]},
+        "world": {"polygon": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]},
+    },
+]
+SCENE = {
+    "camera": {"file": "calib.yaml", "name": "K", "model": "fisheye"},
+    "image": "image.png",
+    "cloud": "cloud.ply",
+    "sensor_origin": [0, 0, 0],
+    "regions": REGIONS,
+    "prior": {"up": [0, 0, 1], "initial": {"camera_from_world": {"matrix": np.eye(4).tolist()}}},
+    "solver": {"system": "plane", "start": "global"},
+}
+COCO = {
+    "images": [{"id": 1, "file_name": "a.png", "height": 12, "width": 16}],
+    "categories": [{"id": 3, "name": "door"}],
+    "annotations": [
+        {"id": 5, "image_id": 1, "category_id": 3, "segmentation": [[1, 1, 9, 1, 9, 9]]},
+        {"id": 6, "image_id": 1, "category_id": 3, "segmentation": {"size": [12, 16], "counts": [20, 30, 142]}},
+        {"id": 7, "image_id": 1, "category_id": 4, "segmentation": {"size": [12, 16], "counts": "d0n0^4"}},
+    ],
+}
+LABELME = {
+    "imageHeight": 12,
+    "imageWidth": 16,
+    "shapes": [
+        {"label": "door", "points": [[1, 1], [9, 1], [9, 9]], "shape_type": "polygon"},
+        {"label": "sign", "points": [[1, 1], [5, 4]], "shape_type": "rectangle"},
+    ],
+}
+POSE = {
+    "format": "regionpose result 1",
+    "camera_from_world": {"matrix": np.eye(4).tolist()},
+    "regions": [{"name": "a"}],
+}
+CALIBRATION = {"K": [[300, 0, 8], [0, 300, 6], [0, 0, 1]], "D": [0.1, 0, 0, 0], "width": 16, "height": 12}
+
+
+def samples(calibrations: Path) -> list[Sample]:
+    """One file of each kind; `calibrations`: the folder of the tests' own."""
+    return [*_clouds(), *_pictures(), *_texts(), *_arrays(), *_calibrations(calibrations)]
+
+
+def _clouds() -> list[Sample]:
+    from regionpose.clouds import Cloud, read_cloud
+
+    cloud = Cloud(POINTS, colours=np.full((24, 3), 9, np.uint8), intensity=np.arange(24.0), triangles=_triangles())
+    files = {
+        "binary.ply": _stored(cloud, "ply"),
+        "ascii.ply": _ascii_ply(),
+        "ascii.pcd": _pcd("ascii", "\n".join(" ".join(map(str, row)) for row in POINTS).encode()),
+        "binary.pcd": _pcd("binary", POINTS.astype("<f4").tobytes()),
+        "packed.pcd": _pcd("binary_compressed", _packed(POINTS.T.astype("<f4").tobytes())),
+        "cloud.npy": _npy(POINTS),
+        "named.npy": _npy(np.zeros(3, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4")])),
+        "cloud.npz": _npz(points=POINTS, intensity=np.arange(24.0)),
+        "turn.bin": np.column_stack([POINTS, np.ones(24)]).astype("<f4").tobytes(),
+        "cloud.xyz": b"x y z\n" + "\n".join(" ".join(map(str, row)) for row in POINTS).encode(),
+        "cloud.las": _las("las"),
+        "cloud.laz": _las("laz"),
+        "cloud.e57": _e57(),
+        **{f"mesh.{kind}": _mesh(kind) for kind in ("obj", "stl", "glb")},
+    }
+    return [Sample(name, content, read_cloud) for name, content in files.items()]
+
+
+def _pictures() -> list[Sample]:
+    from regionpose.cameras import PinholeCamera
+    from regionpose.clouds import cloud_from_depth
+    from regionpose.scene.sensors import read_picture
+    from regionpose.segmentation.masks import masks_from_file
+
+    camera = PinholeCamera(20.0, 20.0, 8.0, 6.0)
+    depth = partial(cloud_from_depth, camera=camera, scale=0.001)
+    kinds = {"png": {}, "gif": {}, "tiff": {"compression": "tiff_deflate"}, "jpeg": {}, "webp": {}, "bmp": {}}
+    photos = [
+        Sample(f"photo.{kind}", _image(LABELS * 90, kind, **given), read_picture) for kind, given in kinds.items()
+    ]
+    colours = np.stack([LABELS * 50, LABELS * 20, LABELS], axis=2)
+    return [
+        *photos,
+        Sample("labels.png", _image(LABELS, "png"), masks_from_file),
+        Sample("colours.png", _image(colours, "png"), masks_from_file),
+        Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
+        Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
+        Sample("depth.tiff", _image(LABELS.astype(np.float32), "tiff"), depth),
+    ]
+
+
+def _texts() -> list[Sample]:
+    from regionpose.cli.info import file_facts
+    from regionpose.cli.poses import read_pose
+    from regionpose.scene import load_scene
+    from regionpose.segmentation.masks import masks_from_file, regions_from_file
+
+    lidar = {"results": {"T_lidar_camera": [1, 2, 3, 0, 0, 0, 1]}}
+    matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4))
+    return [
+        Sample("scene.yaml", yaml.safe_dump(SCENE).encode(), load_scene),
+        Sample("scene.json", _json(SCENE), load_scene),
+        Sample("facts.yaml", yaml.safe_dump(SCENE).encode(), file_facts),
+        Sample("coco.json", _json(COCO), masks_from_file),
+        Sample("coco_regions.json", _json(COCO), regions_from_file),
+        Sample("labelme.json", _json(LABELME), masks_from_file),
+        Sample("pose.json", _json(POSE), read_pose),
+        Sample("lidar.json", _json(lidar), read_pose),
+        Sample("result.json", _json(POSE), file_facts),
+        Sample("pose.txt", matrix.encode(), read_pose),
+    ]
+
+
+def _arrays() -> list[Sample]:
+    from regionpose.cli.poses import read_pose
+    from regionpose.reading import read_array
+
+    return [
+        Sample("pose.npy", _npy(np.eye(4)), read_pose),
+        Sample("indices.npy", _npy(np.arange(9)), read_array),
+        Sample("mask.npz", _npz(mask=np.arange(9) > 3), read_array),
+    ]
+
+
+def _calibrations(folder: Path) -> list[Sample]:
+    from regionpose.calibration import load_camera, load_lidar_pose
+
+    held = [Sample(path.name, path.read_bytes(), load_camera) for path in sorted(folder.iterdir())]
+    lidar = [Sample(f"lidar_{name}", content, load_lidar_pose) for name, content, _ in held if name.startswith("kitti")]
+    return [*held, *lidar, Sample("opencv.json", _json(CALIBRATION | {"model": "pinhole"}), load_camera)]
+
+
+def _triangles() -> Any:
+    return np.arange(24).reshape(8, 3)
+
+
+def _stored(cloud: Any, kind: str) -> bytes:
+    from regionpose.clouds import write_ply
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"cloud.{kind}"
+        write_ply(path, cloud)
+        return path.read_bytes()
+
+
+def _ascii_ply() -> bytes:
+    head = "ply\nformat ascii 1.0\nelement vertex 24\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 8\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = [" ".join(map(str, row)) for row in POINTS] + [f"3 {a} {b} {c}" for a, b, c in _triangles()]
+    return (head + "\n".join(rows) + "\n").encode()
+
+
+def _pcd(form: str, body: bytes) -> bytes:
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 24\nHEIGHT 1\n"
+    return (head + f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 24\nDATA {form}\n").encode() + body
+
+
+def _packed(plain: bytes) -> bytes:
+    runs = [plain[start : start + 32] for start in range(0, len(plain), 32)]
+    packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
+    return struct.pack("<II", len(packed), len(plain)) + packed
+
+
+def _npy(array: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def _npz(**arrays: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def _json(value: object) -> bytes:
+    return json.dumps(value, indent=1).encode()
+
+
+def _image(pixels: Any, kind: str, **options: Any) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, format=kind, **options)
+    return buffer.getvalue()
+
+
+def _las(kind: str) -> bytes:
+    import laspy
+
+    stored = laspy.LasData(laspy.LasHeader(version="1.4", point_format=7))
+    stored.x, stored.y, stored.z = POINTS.T
+    buffer = io.BytesIO()
+    stored.write(buffer, do_compress=kind == "laz", laz_backend=laspy.LazBackend.Lazrs)
+    return buffer.getvalue()
+
+
+def _e57() -> bytes:
+    import pye57
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cloud.e57"
+        file = pye57.E57(str(path), mode="w")
+        file.write_scan_raw({f"cartesian{axis}": POINTS[:, k].copy() for k, axis in enumerate("XYZ")})
+        file.close()
+        return path.read_bytes()
+
+
+def _mesh(kind: str) -> bytes:
+    import trimesh
+
+    content = trimesh.Trimesh(POINTS, _triangles(), process=False).export(file_type=kind)
+    return content.encode() if isinstance(content, str) else bytes(content)

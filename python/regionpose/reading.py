@@ -1,0 +1,232 @@
+"""Files read within a budget: what a header promises is compared with the file before memory is taken for it.
+
+Errors of the libraries become `FileError`s that name the file.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+
+FREE_BYTES = 10**8
+"""Bytes to which any file may unfold, however small: a mask of 100 megapixels, in memory four times that with what
+is made of it."""
+
+MOST_RATIO = 100
+"""Bytes to which each byte of a larger file may unfold. Photos, clouds and archives of numbers stay below 20, but empty
+masks and constant columns unfold a thousandfold."""
+
+MOST_DIGITS = 18
+"""Digits of a whole number in a header: what 64 bits hold."""
+
+MOST_LEVELS = 100
+"""Levels of a YAML file; scenes and calibrations have up to ten."""
+
+YamlLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""libyaml's where PyYAML was built with it: ten times as fast."""
+
+ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+ARRAY_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[Any, ...]]] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+class FileError(ValueError):
+    """A file that cannot be used: names the file, what was found and what is needed."""
+
+
+class Pixels(NamedTuple):
+    """A picture's pixels (h, w) or (h, w, channels), Pillow's mode of the file, and its format."""
+
+    values: NDArray[Any]
+    mode: str
+    format: str | None
+
+
+class PictureHeader(NamedTuple):
+    """What a picture's header says, sizes in pixels."""
+
+    width: int
+    height: int
+    mode: str
+    format: str | None
+
+
+def most_bytes(path: Path) -> int:
+    """Bytes to which a file may unfold in memory."""
+    return max(FREE_BYTES, MOST_RATIO * path.stat().st_size)
+
+
+def unfolding_error(path: Path, bytes_promised: int) -> str | None:
+    """What is wrong with a file that promises so many bytes, as `found ...; needed ...`; None where nothing is."""
+    most = most_bytes(path)
+    if bytes_promised <= most:
+        return None
+    return f"found {bytes_promised} bytes in a file of {path.stat().st_size}; needed at most {most}"
+
+
+def read_pixels(path: Path, mode: str | None = None) -> Pixels:
+    """The first picture of an image file, converted to Pillow's `mode` where one is given.
+
+    FileError where it is damaged, none, or larger than twice `PIL.Image.MAX_IMAGE_PIXELS`, which raises the limit, or
+    than its file makes likely. FileNotFoundError.
+    """
+    with _opened(path) as picture:
+        values = np.array(picture if mode is None else picture.convert(mode))
+        return Pixels(values, picture.mode, picture.format)
+
+
+def picture_header(path: Path) -> PictureHeader:
+    """What an image file's header says; errors as of `read_pixels`."""
+    with _opened(path) as picture:
+        return PictureHeader(picture.width, picture.height, picture.mode, picture.format)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Image.Image]:
+    """A picture whose pixels fit the budget; whatever fails inside is the file's fault."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as picture:
+                _check_pixels(path, picture)
+                yield picture
+    except (FileNotFoundError, FileError):
+        raise
+    # Damage shows as errors of every type, and without the file's name.
+    except Exception as error:
+        needed = "a whole PNG, JPEG, TIFF or the like"
+        raise FileError(f"{path}: found no picture ({_described(error)}); needed {needed}") from error
+
+
+def _check_pixels(path: Path, picture: Image.Image) -> None:
+    depth = 4 if picture.mode in {"I", "F"} else 2 if picture.mode.startswith("I;16") else 1
+    wrong = unfolding_error(path, picture.width * picture.height * len(picture.getbands()) * depth)
+    if wrong is not None:
+        raise FileError(f"{path}: {picture.width} x {picture.height} pixels: {wrong}")
+
+
+def read_array(path: Path) -> NDArray[Any]:
+    """The array of a .npy file, or the only one of an .npz archive, of numbers or text.
+
+    FileError where it is damaged, holds objects, or promises more than the file holds. FileNotFoundError.
+    """
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":
+            file.seek(0)
+            return _array(path, "array", file, path.stat().st_size)
+    arrays = read_archive(path)
+    if len(arrays) != 1:
+        raise FileError(f"{path}: found {len(arrays)} arrays; needed one")
+    return next(iter(arrays.values()))
+
+
+def read_archive(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an .npz archive by name; errors as of `read_array`."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            wrong = unfolding_error(path, sum(member.file_size for member in archive.infolist()))
+            if wrong is not None:
+                raise FileError(f"{path}: archive: {wrong}")
+            return {
+                member.filename.removesuffix(".npy"): _member(path, archive, member) for member in archive.infolist()
+            }
+    except (FileNotFoundError, FileError):
+        raise
+    # Damaged archives fail in zipfile, zlib and struct alike.
+    except Exception as error:
+        raise FileError(f"{path}: archive: found damage ({_described(error)}); needed a whole .npz") from error
+
+
+def _member(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    # The directory's size bounds what is unpacked, whatever the stream holds.
+    with archive.open(member) as file:
+        content = file.read(member.file_size)
+    return _array(path, member.filename, BytesIO(content), len(content))
+
+
+def _array(path: Path, item: str, file: IO[bytes], size: int) -> NDArray[Any]:
+    """The array at the start of a file of `size` bytes."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            shape, _, kind = ARRAY_HEADERS[np.lib.format.read_magic(file)](file)
+        promised, held = math.prod(shape) * kind.itemsize, size - file.tell()
+        if kind.hasobject or not kind.itemsize:
+            raise FileError(f"{path}: {item}: found {kind} values; needed numbers")
+        if promised > held:
+            raise FileError(f"{path}: {item}: found {held} bytes; needed {promised} for {kind} of shape {shape}")
+        file.seek(0)
+        return np.lib.format.read_array(file, allow_pickle=False)
+    except FileError:
+        raise
+    # Damaged headers fail in numpy and in Python's tokenizer alike.
+    except Exception as error:
+        raise FileError(f"{path}: {item}: found damage ({_described(error)}); needed a whole .npy") from error
+
+
+def read_json(path: Path) -> Any:
+    """The value of a JSON file in UTF-8; FileError where it is none or holds half of a surrogate pair.
+
+    FileNotFoundError.
+    """
+    try:
+        return json_value(path.read_bytes().decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{path}: found no JSON ({_described(error)}); needed JSON in UTF-8") from error
+
+
+def json_value(text: str) -> Any:
+    """The value of a JSON text; ValueError or RecursionError where it is none or could not be written again."""
+    value = json.loads(text)
+    refuse_halves(text, value)
+    return value
+
+
+def refuse_halves(text: str, value: object) -> None:
+    """UnicodeEncodeError where a value read from a text holds half of a surrogate pair, which no file can."""
+    if ESCAPED_SURROGATE.search(text):
+        json.dumps(value, ensure_ascii=False, default=str, skipkeys=True).encode("utf-8")
+
+
+def check_yaml(text: str, aliases: bool = False) -> None:
+    """Pass a YAML text that may be composed; yaml.MarkedYAMLError where it nests too deep, or names another value (*)
+    without `aliases`.
+
+    The parser goes on without recursion; libyaml's composer would run out of the process's stack.
+    """
+    depth = 0
+    for event in yaml.parse(text, Loader=YamlLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if isinstance(event, yaml.AliasEvent) and not aliases:
+            problem = "found an alias (*); needed the value itself"
+        elif depth > MOST_LEVELS:
+            problem = f"found more than {MOST_LEVELS} levels; needed fewer"
+        else:
+            continue
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)  # type: ignore[arg-type]
+
+
+def whole_number(word: str) -> int | None:
+    """The whole number of at least 0 that a word of a header is; None for any other word, and for too many digits."""
+    return int(word) if word.isascii() and word.isdecimal() and len(word) <= MOST_DIGITS else None
+
+
+def _described(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:120]}"

@@ -1,0 +1,99 @@
+"""What the rest of a scene, its photo and its cloud away from the regions, says of a scene's poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.pose import Pose
+from regionpose.solver import PoseEstimate, PoseWarning
+from regionpose.witness import Alignment, weighed
+
+Array = NDArray[np.float64]
+
+AGAINST = float(np.log(9.0))
+"""Logarithm of the odds against a pose from which on it is warned of: those of the confidence of 90 % that it needs."""
+
+SURE = 0.9
+"""Confidence from which on one of several answers is the answer: as above."""
+
+OF_CONFIDENCE = {"ambiguous", "low-confidence"}
+"""Warnings that say no more than that the confidence is low."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneWitness:
+    """How photo and cloud agree at the pose, `alignment`, and what that led to.
+
+    `confidence_before`: of the pose, by the regions alone. `place`: where the regions alone had put the pose among
+    `answers` answers.
+    """
+
+    alignment: Alignment
+    confidence_before: float
+    place: int
+    answers: int
+
+
+class Witnessed(NamedTuple):
+    """An estimate after the rest of the scene was heard, and what it said."""
+
+    estimate: PoseEstimate
+    witness: SceneWitness
+
+
+def witnessed(
+    estimate: PoseEstimate, align: Callable[[Pose], Alignment], settle: Callable[[Pose], PoseEstimate]
+) -> Witnessed:
+    """The estimate with the answer first that photo and cloud agree with, and the confidences that follow.
+
+    `align`: how well they agree at a pose; `settle`: the estimate that has the answer nearest to a pose first. The
+    evidence decides between answers and may lower the probability that one of them is right; it never raises that,
+    since photo and cloud may agree at a pose that is some degrees off (docs/math.md, eq. 18.5).
+    """
+    alignments, confidences = _heard(estimate, align)
+    place = int(np.argmax(confidences))
+    if place:
+        estimate = settle(estimate.alternatives[place - 1].pose)
+        alignments, confidences = _heard(estimate, align)
+    witness = SceneWitness(alignments[0], estimate.confidence, place, len(alignments))
+    others = tuple(
+        replace(other, confidence=float(confidence))
+        for other, confidence in zip(estimate.alternatives, confidences[1:], strict=True)
+    )
+    judged = replace(estimate, confidence=float(confidences[0]), alternatives=others)
+    return Witnessed(replace(judged, warnings=_warnings(judged, witness)), witness)
+
+
+def _heard(estimate: PoseEstimate, align: Callable[[Pose], Alignment]) -> tuple[list[Alignment], Array]:
+    """How well photo and cloud agree at each answer, and the answers' confidences (n,) after that."""
+    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
+    before = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
+    alignments = [align(pose) for pose in answers]
+    after = weighed(before, [alignment.log_odds for alignment in alignments])
+    return alignments, after * min(1.0, float(np.sum(before)) / float(after.sum()))
+
+
+def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarning, ...]:
+    """The warnings of an estimate, its confidence being that after the rest of the scene was heard."""
+    sure = estimate.confidence >= SURE
+    kept = [warning for warning in estimate.warnings if not (sure and warning.code in OF_CONFIDENCE)]
+    if witness.alignment.log_odds < -AGAINST:
+        kept.append(PoseWarning("scene-disagrees", _disagreement(witness)))
+    elif not sure and not kept:
+        kept.append(PoseWarning("low-confidence", f"the confidence is {100.0 * estimate.confidence:.1f} %"))
+    return tuple(kept)
+
+
+def _disagreement(witness: SceneWitness) -> str:
+    alignment = witness.alignment
+    shown = 100.0 * float(np.mean(alignment.agrees))
+    return (
+        f"away from the regions photo and cloud do not agree: {shown:.0f} % of {len(alignment.places)} depth steps of"
+        f" the cloud lie on edges of the photo, {alignment.z:.1f} standard deviations above turned poses; the"
+        f" confidence falls from {100.0 * witness.confidence_before:.1f} %"
+    )

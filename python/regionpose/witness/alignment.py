@@ -1,0 +1,166 @@
+"""How well the depth steps of a cloud lie on the edges of a photo at a pose, against poses that are turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
+from regionpose.pose import Pose
+from regionpose.ring_arrays import real_array
+from regionpose.witness.odds import log_odds
+from regionpose.witness.photo import Photo
+from regionpose.witness.steps import SEED, Known, SeenSteps, Steps, depth_steps, seen_steps
+
+Array = NDArray[np.float64]
+
+LEAST_STEPS = 20
+"""Steps in view below which nothing is said: the mean of so few differs by 0.06, about as much as right poses stand
+out."""
+
+TURNED_DEG, TURNED_COUNT = (3.0, 8.0), 40
+"""How far turned poses are turned, and how many: beyond the tolerance, to like parts of the photo; enough for a
+deviation
+known to a tenth."""
+
+TOLERANCE_DEG, TOLERANCE_STEP_DEG, ROLLS_DEG = 1.0, 0.25, (0.0, -0.7, 0.7)
+"""How far about a pose the best agreement is looked for, and how finely: what regions, calibrations and times leave
+open."""
+
+BESIDE_PX = 10.0
+"""Steps within so many pixels of an observed region tell what the region has told already."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """How well photo and cloud agree at a pose (docs/math.md, section 18).
+
+    `places` (n, 2): pixels of the photo where the cloud's depth steps are seen; `agrees` (n,): whether an edge stands
+    out there.
+    `score`: the mean strength of edges under them, of the best turn of the camera within a degree; `turn` (3,): that
+    one, a rotation vector
+    about the camera's axes, rad. `turned` (t,): the same scores at poses turned by 3 to 8 degrees. `score` is NaN and
+    `turned` empty where
+    too few steps are in view to say anything.
+    """
+
+    places: Array
+    agrees: NDArray[np.bool_]
+    score: float
+    turn: Array
+    turned: Array
+
+    @property
+    def z(self) -> float:
+        """How far the score lies above those of the turned poses, in their standard deviations; NaN where nothing is
+        said.
+        """
+        return self.lead / self.deviation
+
+    @property
+    def share_worse(self) -> float:
+        """Share of the turned poses whose score is lower; NaN where nothing is said."""
+        return float(np.mean(self.turned < self.score)) if len(self.turned) else float("nan")
+
+    @property
+    def log_odds(self) -> float:
+        """Logarithm of the odds for the pose against one elsewhere that the agreement makes; 0 where nothing is
+        said.
+        """
+        return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
+
+    @property
+    def lead(self) -> float:
+        """How far the score lies above the mean of those of the turned poses; NaN where nothing is said."""
+        return self.score - float(self.turned.mean()) if len(self.turned) else float("nan")
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the scores of the turned poses; NaN where nothing is said."""
+        return float(self.turned.std(ddof=1)) if len(self.turned) else float("nan")
+
+    def __repr__(self) -> str:
+        """What it says, in numbers."""
+        return f"Alignment(steps={len(self.places)}, z={self.z:.2f}, log_odds={self.log_odds:.2f})"
+
+
+def check_alignment(
+    image: ArrayLike | Photo,
+    points: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    *,
+    regions: Sequence[ImageRegion] = (),
+) -> Alignment:
+    """How well the photo and world points (n, 3), metres, agree at a pose, whatever led to it.
+
+    Depth steps of the points as the camera would see them, against edges of the photo (h, w) or (h, w, 3), uint8,
+    uint16 or floats in
+    [0, 1]; a `Photo` of it saves work for more than one pose. `regions`: those that the pose comes from; steps beside
+    them are left out, since they agree at any pose that the regions allow. ValueError for other shapes.
+    """
+    photo = image if isinstance(image, Photo) else Photo.of(image)
+    places = real_array(points, "points", "(n, 3)").astype(np.float64)
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise ValueError(f"points has shape {places.shape}; needed (n, 3)")
+    local = (places - pose.camera_center) @ pose.rotation.as_matrix().T
+    steps = depth_steps(local, camera, photo, float(np.radians(TURNED_DEG[1])))
+    return _aligned(photo, camera, steps, _beside(regions))
+
+
+def _aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) -> Alignment:
+    here = seen_steps(photo, camera, steps, known)
+    turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in _turns()]
+    turned = [seen for seen in turned if len(seen.places) >= LEAST_STEPS]
+    says = len(here.places) >= LEAST_STEPS and len(turned) >= TURNED_COUNT // 2
+    score, turn = _best_turn(photo, here) if says else (float("nan"), np.zeros(3))
+    others = np.array([_best_turn(photo, seen)[0] for seen in turned] if says else [])
+    return Alignment(photo.pixels(here.places), _agrees(photo, here), score, turn, others)
+
+
+def _best_turn(photo: Photo, seen: SeenSteps) -> tuple[float, Array]:
+    turns = _tolerated_turns()
+    means = _core.edge_agreement(photo.strength, *seen, turns)
+    best = int(means.argmax())
+    return float(means[best]), turns[best]
+
+
+def _agrees(photo: Photo, seen: SeenSteps) -> NDArray[np.bool_]:
+    """Under which steps (n,) an edge stands out, as they are seen."""
+    columns, rows = np.clip(np.round(seen.places).astype(np.int64), 0, np.array(photo.luminance.shape[::-1]) - 1).T
+    return np.asarray(photo.strength[seen.directions, rows, columns] > 0.0)
+
+
+@cache
+def _tolerated_turns() -> Array:
+    """Rotation vectors (t, 3), rad, within what a pose may be off."""
+    across = np.arange(-TOLERANCE_DEG, TOLERANCE_DEG + 0.5 * TOLERANCE_STEP_DEG, TOLERANCE_STEP_DEG)
+    grid = np.meshgrid(across, across, ROLLS_DEG, indexing="ij")
+    return np.asarray(np.radians(np.stack(grid, axis=-1).reshape(-1, 3)))
+
+
+@cache
+def _turns() -> tuple[Rotation, ...]:
+    """The rotations to the turned poses."""
+    rng = np.random.default_rng(SEED)
+    axes = rng.normal(size=(TURNED_COUNT, 3))
+    angles = np.radians(rng.uniform(*TURNED_DEG, TURNED_COUNT))
+    return tuple(Rotation.from_rotvec(axes / np.linalg.norm(axes, axis=1, keepdims=True) * angles[:, None]))
+
+
+def _beside(regions: Sequence[ImageRegion]) -> Known | None:
+    """Which pixels lie in or beside the regions; None without any."""
+    if not regions:
+        return None
+    shapes = [shapely.Polygon(ring).buffer(BESIDE_PX) for region in regions for ring in region.rings]
+    near = shapely.union_all(shapes)
+    shapely.prepare(near)
+    return lambda pixels: np.asarray(shapely.contains_xy(near, pixels[:, 0], pixels[:, 1]))

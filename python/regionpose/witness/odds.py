@@ -1,0 +1,52 @@
+"""From the agreement of photo and cloud to odds, and from odds to probabilities (docs/math.md, eq. 18.4 and 18.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import norm, t
+
+Array = NDArray[np.float64]
+
+RIGHT_MEDIAN, RIGHT_LOG_SIGMA = 0.05, 0.75
+"""Median of how far right poses stand out, and the standard deviation of its logarithm, of 21 frames of cars, fisheyes
+and rooms
+(`python benchmarks/witness.py`)."""
+
+WRONG_FREEDOM = 6.0
+"""Degrees of freedom of Student's distribution of the scores of wrong poses, which has room for the largest z of some
+hundred, 3 to 4 (the same command)."""
+
+
+def log_odds(lead: float, deviation: float) -> float:
+    """Logarithm of the odds for a right pose of a score that leads those of turned ones, of this deviation, by so
+    much.
+    """
+    # Below those of turned poses it says no more than among them.
+    lead, deviation = max(lead, 0.0), max(deviation, 1e-9)
+    nodes, log_weights = _nodes()
+    right = logsumexp(t.logpdf(lead, WRONG_FREEDOM, nodes, deviation) + log_weights)
+    return float(right - t.logpdf(lead, WRONG_FREEDOM, 0.0, deviation))
+
+
+@cache
+def _nodes() -> tuple[Array, Array]:
+    """How far right poses may stand out, and the logarithms of what each counts: the middles of equal shares."""
+    shares = (np.arange(200) + 0.5) / 200.0
+    return RIGHT_MEDIAN * np.exp(RIGHT_LOG_SIGMA * norm.ppf(shares)), np.full(200, -np.log(200.0))
+
+
+def weighed(confidences: Sequence[float], odds: Sequence[float]) -> Array:
+    """Probabilities (n,) of answers of which one at most is right, from those before and logarithms of odds since.
+
+    What the answers leave of 1 is the probability that none is right, which no odds speak for.
+    """
+    before = np.clip(np.asarray(confidences, dtype=np.float64), 0.0, 1.0)
+    with np.errstate(divide="ignore"):
+        logs = np.log(before) + np.asarray(odds, dtype=np.float64)
+        none = np.log(max(1.0 - float(before.sum()), 0.0))
+    return np.asarray(np.exp(logs - logsumexp([*logs, none])))

@@ -1,0 +1,109 @@
+"""The strength of a photo's edges, comparable between bright and dark, busy and bare parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter, uniform_filter
+
+from regionpose.fusion import checked_image
+
+Array = NDArray[np.float64]
+Pictures = NDArray[np.float32]
+
+DIRECTIONS = 4
+"""Directions across which edges are looked for, 45 degrees apart: convention."""
+
+MOST_PIXELS = 1_000_000
+"""Pixels that are looked at; of a larger photo several are averaged. Photos of half as many find poses to a quarter of
+a
+degree."""
+
+REACHES_PX = (1, 4)
+"""How far an edge may lie from where it is looked for, in pixels that are looked at: those of a good pose, and of one
+that is
+off. 1, 2, 4 and 8, alone and together, tell poses apart as well or worse (`python benchmarks/witness.py`)."""
+
+GRADIENT_PX = 1.0
+"""Standard deviation of the Gaussian whose derivative is the gradient: convention."""
+
+CONTRAST_PX = 30.0
+"""Standard deviation of the window within which gradients are made comparable: wider than what single edges fill."""
+
+NOISE_LEVELS = 0.5
+"""A gradient of so many of 256 levels a pixel is noise: rounding."""
+
+AROUND_PX = {1: 20, 4: 40}
+"""Width of the window whose mean an edge has to exceed, by reach: a few times as wide as the edge is spread."""
+
+LEVELS = 1 << 12
+"""Bins of the distribution of strengths, for their ranks: far more than ranks need."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A photo's luminance (h, w), 0 to 255; each of its pixels is `reduction` pixels wide and high in the original
+    one.
+    """
+
+    luminance: Pictures
+    reduction: int
+
+    @classmethod
+    def of(cls, image: ArrayLike) -> Photo:
+        """The photo of an image (h, w) or (h, w, 3): uint8, uint16 or floats in [0, 1]; ValueError for others."""
+        levels = checked_image(image).mean(axis=2, dtype=np.float32)
+        reduction = int(np.ceil(np.sqrt(levels.size / MOST_PIXELS)))
+        height, width = (max(size // reduction, 1) for size in levels.shape)
+        whole = levels[: height * reduction, : width * reduction]
+        blocks = whole.reshape(height, whole.shape[0] // height, width, whole.shape[1] // width)
+        return cls(blocks.mean(axis=(1, 3), dtype=np.float32), reduction)
+
+    def places(self, pixels: Array) -> Array:
+        """Pixels (n, 2) of the original photo as pixels of this one."""
+        return (pixels + 0.5) / self.reduction - 0.5
+
+    def pixels(self, places: Array) -> Array:
+        """Pixels (n, 2) of this photo as pixels of the original one."""
+        return (places + 0.5) * self.reduction - 0.5
+
+    @cached_property
+    def strength(self) -> Pictures:
+        """Strength (k, h, w) of edges across each of `DIRECTIONS`, from x towards y.
+
+        For each reach the strongest derivative within it, as the share of the photo that has a weaker one, less the
+        mean of
+        that about each place: where the photo is busy all over, an edge counts no more than none (docs/math.md, eq.
+        18.2). The
+        mean over the reaches.
+        """
+        angles = np.pi * np.arange(DIRECTIONS, dtype=np.float32) / DIRECTIONS
+        x, y = self._gradients()
+        across = [np.abs(np.cos(angle) * x + np.sin(angle) * y) for angle in angles]
+        of_reach = [np.stack([_prominence(picture, reach) for picture in across]) for reach in REACHES_PX]
+        return np.asarray(np.mean(of_reach, axis=0, dtype=np.float32))
+
+    def _gradients(self) -> tuple[Pictures, Pictures]:
+        """Derivatives (h, w) by x and y, over their root mean square about each place."""
+        x, y = (
+            gaussian_filter1d(gaussian_filter1d(self.luminance, GRADIENT_PX, axis=1 - axis), GRADIENT_PX, axis, order=1)
+            for axis in (1, 0)
+        )
+        contrast = np.sqrt(gaussian_filter(x * x + y * y, CONTRAST_PX, truncate=2.0)) + np.float32(NOISE_LEVELS)
+        return x / contrast, y / contrast
+
+
+def _prominence(strength: Pictures, reach: int) -> Pictures:
+    ranks = _ranks(maximum_filter(strength, 2 * reach + 1))
+    return ranks - np.asarray(uniform_filter(ranks, AROUND_PX[reach]))
+
+
+def _ranks(values: Pictures) -> Pictures:
+    """The share of the values that are no greater, by bins that grow with the values' square root."""
+    most = np.float32(values.max() or 1.0)
+    bins = (np.sqrt(values / most) * np.float32(LEVELS - 1)).astype(np.int32)
+    shares = np.cumsum(np.bincount(bins.ravel(), minlength=LEVELS)) / values.size
+    return np.asarray(shares.astype(np.float32)[bins])

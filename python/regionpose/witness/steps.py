@@ -1,0 +1,121 @@
+"""Depth steps of a cloud as a photo shows them: where near surfaces end before far ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.witness.photo import DIRECTIONS, Photo
+
+Array = NDArray[np.float64]
+Known = Callable[[Array], NDArray[np.bool_]]
+"""Which of pixels (n, 2) of the original photo tell nothing that the regions haven't."""
+
+STEP_SHARE = 0.1
+"""A step goes beyond the near surface's plane by this share of the inverse distance: several times range noise."""
+
+CELL_PX = 2.0
+"""Pixels within which the nearest point hides others: less than what edges are looked for within."""
+
+WIDEST_GAP_DEG = 0.7
+"""Neighbours farther apart leave open where between them a surface ends: two lines of 64 beams are 0.4 apart."""
+
+GAP_SPACINGS = 4.0
+"""Gap over the mean spacing of points: neighbours on all sides, where lines are five times as far apart as samples."""
+
+MOST_STEPS = 2000
+"""Steps that are looked at, drawn evenly: of more the mean is no surer, since neighbours show the same edges."""
+
+DIFFERENCE = 1e-4
+"""Rotation, rad, over which derivatives of pixels are taken: their error is far below a pixel."""
+
+SEED = 1
+
+
+class Steps(NamedTuple):
+    """Bearings (n, 3) in the camera's axes: of the near side of depth steps, and of the far side."""
+
+    near: Array
+    far: Array
+
+    def turned(self, rotation: Rotation) -> Steps:
+        """The same for a camera turned by a rotation of its axes."""
+        return Steps(rotation.apply(self.near), rotation.apply(self.far))
+
+
+class SeenSteps(NamedTuple):
+    """Places (n, 2) of steps in a photo, how turns about x, y, z move their x and y (n, 6), directions (n,) across
+    them.
+    """
+
+    places: Array
+    moved: Array
+    directions: NDArray[np.int64]
+
+
+def depth_steps(points: Array, camera: Camera, photo: Photo, margin: float) -> Steps:
+    """The depth steps of points (n, 3) in the camera's axes that the photo shows, or would, turned by `margin`, rad."""
+    reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
+    with np.errstate(invalid="ignore"):
+        seen = points[points[:, 2] > reach * np.linalg.norm(points, axis=1)]
+    spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
+    cell = CELL_PX * pixel_angle(camera, photo)
+    gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
+    return Steps(*_core.depth_steps(seen, cell, gap, STEP_SHARE))
+
+
+def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None = None) -> SeenSteps:
+    """The steps that the photo shows half-way between their sides, as many as are looked at, without known ones."""
+    near, far = (photo.places(camera.project(side)) for side in steps)
+    middle = 0.5 * (near + far)
+    last = np.array(photo.luminance.shape[::-1]) - 0.5
+    # NaN, out of view, is in no range.
+    shown = np.flatnonzero(((middle >= -0.5) & (middle < last)).all(axis=1))
+    if known is not None:
+        shown = shown[~known(photo.pixels(middle[shown]))]
+    chosen = _evenly(shown)
+    across = (far - near)[chosen]
+    directions = np.round(np.arctan2(across[:, 1], across[:, 0]) / np.pi * DIRECTIONS).astype(np.int64) % DIRECTIONS
+    bearings = 0.5 * (steps.near[chosen] + steps.far[chosen])
+    return SeenSteps(middle[chosen], _moved(photo, camera, bearings), directions)
+
+
+def _evenly(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+    """As many of the numbers as are looked at."""
+    if len(numbers) <= MOST_STEPS:
+        return numbers
+    return np.random.default_rng(SEED).choice(numbers, MOST_STEPS, replace=False)
+
+
+def _moved(photo: Photo, camera: Camera, bearings: Array) -> Array:
+    """Derivatives (n, 6) of places x, then y, by rotations about the camera's axes, a radian; 0 at the end of the
+    view.
+    """
+    start = camera.project(bearings)
+    ends = [camera.project(bearings + DIFFERENCE * np.cross(axis, bearings)) for axis in np.eye(3)]
+    moved = np.stack([(end - start) / (DIFFERENCE * photo.reduction) for end in ends], axis=2)
+    return np.asarray(np.nan_to_num(moved.reshape(len(bearings), 6)))
+
+
+def pixel_angle(camera: Camera, photo: Photo) -> float:
+    """The angle of a pixel of the photo in its middle, rad."""
+    x, y = photo.pixels(0.5 * np.array(photo.luminance.shape[::-1]))
+    ends = camera.bearings([[x, y], [x + photo.reduction, y]])
+    return float(np.linalg.norm(ends[1] - ends[0]))
+
+
+def half_field(camera: Camera, photo: Photo) -> float:
+    """The largest angle between the optical axis and what the photo shows, rad."""
+    height, width = (photo.reduction * size for size in photo.luminance.shape)
+    x, y = np.linspace(-0.5, width - 0.5, 17), np.linspace(-0.5, height - 0.5, 17)
+    sides = [np.column_stack([x, np.full(17, end)]) for end in (-0.5, height - 0.5)]
+    sides += [np.column_stack([np.full(17, end), y]) for end in (-0.5, width - 0.5)]
+    cosines = camera.bearings(np.concatenate(sides))[:, 2]
+    # A fisheye's photo may show more than the lens does: there are no bearings at its corners.
+    return camera.max_angle if np.isnan(cosines).any() else float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))

@@ -1,0 +1,337 @@
+"""What is told before any pose is looked for: photos, calibrations, clouds and regions that don't belong together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+import yaml
+from PIL import Image
+from regionpose.cli.app import main
+from regionpose.demo import scene as demo_scene
+from regionpose.sanity import unit_remark
+from regionpose.scene import SceneError, estimate_scene, load_scene, scene_sides
+from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
+
+DEMO = Path(demo_scene.__file__).parent / "files"
+SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+
+
+def codes(path: Path) -> set[str]:
+    """The codes of what a scene is warned of."""
+    return {warning.code for warning in estimate_scene(load_scene(path)).estimate.warnings}
+
+
+def told(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """The exit code of a command and all it says."""
+    code = main(arguments)
+    said = capsys.readouterr()
+    return code, said.out + said.err
+
+
+def halved(folder: Path) -> None:
+    """Put the scene's photo in half its size in the place of the photo."""
+    with Image.open(folder / "image.png") as picture:
+        picture.resize((WIDTH // 2, HEIGHT // 2)).save(folder / "image.png")
+
+
+def without_size(values: dict[str, Any]) -> dict[str, Any]:
+    """The scene's values with a camera that doesn't say its photos' size."""
+    camera = {key: value for key, value in values["camera"].items() if key not in ("width", "height")}
+    return {**values, "camera": camera}
+
+
+def test_a_sound_scene_is_warned_of_nothing(tmp_path: Path) -> None:
+    assert codes(write_scene(tmp_path)) == set()
+
+
+def test_a_photo_of_half_the_calibrated_size_is_refused_with_the_factor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_scene(tmp_path)
+    halved(tmp_path)
+    code, said = told(["estimate", str(path), "--out", str(tmp_path / "result"), "--quiet"], capsys)
+    assert code == 2
+    assert "image: found 160 x 120 pixels, 0.5 of the camera's; needed the calibrated 320 x 240" in said
+    assert "or camera.resized: true for a resized copy" in said
+    assert not (tmp_path / "result").exists()
+
+
+def test_a_resized_photo_gives_the_same_pose_where_the_scene_says_so(tmp_path: Path) -> None:
+    """Polygons are drawn on the photo as it is: a pixel u of the calibrated size is (u + 0.5) / 2 - 0.5."""
+    values = scene_values()
+    values["camera"]["resized"] = True
+    for region in values["regions"]:
+        region["image"]["polygon"] = (0.5 * (np.array(region["image"]["polygon"]) + 0.5) - 0.5).tolist()
+    path = write_scene(tmp_path, values)
+    halved(tmp_path)
+    run = estimate_scene(load_scene(path))
+    assert (run.estimate.pose.rotation * POSE.rotation.inv()).magnitude() < 1e-6
+    assert np.allclose(run.estimate.pose.translation, POSE.translation, atol=1e-6)
+    assert not run.estimate.warnings
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [((HEIGHT, WIDTH), "turned by a quarter"), ((WIDTH, HEIGHT - 60), "cut, or another camera's")],
+)
+def test_a_turned_or_cut_photo_is_refused_as_such(size: tuple[int, int], said: str, tmp_path: Path) -> None:
+    path = write_scene(tmp_path)
+    Image.fromarray(np.zeros((size[1], size[0], 3), dtype=np.uint8)).save(tmp_path / "image.png")
+    with pytest.raises(SceneError, match=said) as caught:
+        scene_sides(load_scene(path))
+    assert "resized" not in str(caught.value)
+
+
+def test_a_photo_that_is_no_copy_cannot_be_called_resized(tmp_path: Path) -> None:
+    values = scene_values()
+    values["camera"]["resized"] = True
+    path = write_scene(tmp_path, values)
+    Image.fromarray(np.zeros((HEIGHT - 60, WIDTH, 3), dtype=np.uint8)).save(tmp_path / "image.png")
+    with pytest.raises(SceneError, match=r"camera\.resized: size: found 320 x 180 pixels for 320 x 240; needed both"):
+        scene_sides(load_scene(path))
+
+
+def test_a_polygon_that_leaves_the_photo_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    """Without a size in the calibration, the polygons are what tells that the photo is smaller."""
+    path = write_scene(tmp_path, without_size(scene_values()))
+    halved(tmp_path)
+    with pytest.raises(SceneError, match=r"regions\[0\]\.image\.polygon.*: found .* outside the photo of 160 x 120"):
+        scene_sides(load_scene(path))
+
+
+def test_a_polygon_drawn_along_the_border_is_kept(tmp_path: Path) -> None:
+    values = scene_values()
+    values["regions"][0]["image"]["polygon"] = [[-1.0, -1.0], [WIDTH, -1.0], [WIDTH, HEIGHT / 2], [-1.0, HEIGHT / 2]]
+    assert len(scene_sides(load_scene(write_scene(tmp_path, values))).image_regions) == 2
+
+
+def test_a_calibration_whose_axis_leaves_the_middle_of_the_photo_is_warned_of(tmp_path: Path) -> None:
+    values = without_size(scene_values())
+    assert codes(write_scene(tmp_path, values)) == set()
+    values["camera"] |= {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
+    sides = scene_sides(load_scene(write_scene(tmp_path, values)))
+    (warning,) = sides.warnings
+    assert warning.code == "odd-centre"
+    assert "seems to be for photos of about 640 x 480" in warning.message
+
+
+FISHEYE = {
+    "K": [[310.0, 0.0, 512.0], [0.0, 311.0, 384.0], [0.0, 0.0, 1.0]],
+    "D": [2e-2, -4e-3, 1e-3, -2e-4],
+    "width": 1024,
+    "height": 768,
+}
+AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)
+AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, 1024, 768, (2e-2, -4e-3, 1e-3, -2e-4))
+
+
+def calibration(folder: Path, **more: object) -> Path:
+    """A JSON file with a matrix, four coefficients, and more keys."""
+    path = folder / "calib.json"
+    path.write_text(json.dumps({**FISHEYE, **more}, indent="\t"))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("more", "camera"),
+    [
+        ({"model": "opencv_fisheye"}, AS_FISHEYE),
+        ({"model": "Kannala-Brandt"}, AS_FISHEYE),
+        ({"camera_model": "pinhole", "distortionModel": "equidistant"}, AS_FISHEYE),
+        ({"cv2_fisheye_flags": 10}, AS_FISHEYE),
+        ({"model": "pinhole"}, AS_PINHOLE),
+        ({"fisheye": False}, AS_PINHOLE),
+        ({"xi": 1.2}, rp.UnifiedCamera(1.2, 310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)),
+    ],
+)
+def test_a_calibration_is_read_in_the_model_that_it_names(
+    more: dict[str, object], camera: object, tmp_path: Path
+) -> None:
+    assert rp.load_camera(calibration(tmp_path, **more)) == camera
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, r"D: found 4 coefficients and no model: .* needed model=pinhole or model=fisheye"),
+        ({"model": "ocam_taylor"}, r"model: found the model 'ocam_taylor'; needed one of pinhole, fisheye, unified"),
+        ({"model": "fisheye", "lens_model": "omni"}, "camera model: found fisheye and unified; needed one of them"),
+        ({"model": "fisheye", "D": [0.1] * 5}, "D: found 5 numbers; needed 4 numbers"),
+    ],
+)
+def test_a_calibration_of_an_unknown_or_untold_model_is_refused(
+    more: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=said):
+        rp.load_camera(calibration(tmp_path, **more))
+
+
+def test_a_caller_may_say_the_model_but_not_against_the_file(tmp_path: Path) -> None:
+    path = calibration(tmp_path)
+    assert rp.load_camera(path, model="fisheye") == AS_FISHEYE
+    assert rp.load_camera(path, model="pinhole") == AS_PINHOLE
+    colmap = tmp_path / "cameras.txt"
+    colmap.write_text("1 PINHOLE 640 480 500 500 320 240\n")
+    with pytest.raises(ValueError, match="camera model: found pinhole; needed fisheye, or another model="):
+        rp.load_camera(colmap, model="fisheye")
+    with pytest.raises(ValueError, match="model: found 'wide'; needed one of pinhole, fisheye, unified, ocam"):
+        rp.load_camera(path, model="wide")
+
+
+def test_no_distortion_needs_no_model(tmp_path: Path) -> None:
+    assert isinstance(rp.load_camera(calibration(tmp_path, D=[0, 0, 0, 0])), rp.PinholeCamera)
+
+
+def test_scenes_and_commands_say_the_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = calibration(tmp_path)
+    code, said = told(["info", str(path)], capsys)
+    assert (code, "no model" in said) == (2, True)
+    code, said = told(["info", str(path), "--camera-model", "fisheye"], capsys)
+    assert (code, "FisheyeCamera" in said) == (0, True)
+    values = scene_values() | {"camera": {"file": "calib.json", "model": "fisheye"}}
+    scene = write_scene(tmp_path, values)
+    Image.fromarray(np.zeros((768, 1024, 3), dtype=np.uint8)).save(tmp_path / "image.png")
+    assert scene_sides(load_scene(scene)).camera == AS_FISHEYE
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the shared scenes are not here")
+def test_a_fisheye_calibration_of_a_real_scene_is_read_as_one() -> None:
+    camera = rp.load_camera(SHARED / "acfr_fisheye" / "pose13" / "calib.json")
+    assert isinstance(camera, rp.FisheyeCamera)
+
+
+def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
+    values = scene_values()
+    for region in values["regions"]:
+        region["world"]["polygon"] = (1000.0 * np.array(region["world"]["polygon"])).tolist()
+    (warning,) = scene_sides(load_scene(write_scene(tmp_path, values))).warnings
+    assert warning.code == "odd-unit"
+    assert "m; multiply those of the cloud and of the scene by 0.001" in warning.message
+
+
+def test_a_cloud_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The demo's, in a scene and alone."""
+    cloud = rp.clouds.read_cloud(DEMO / "cloud.ply")
+    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, points=1000.0 * cloud.points))
+    values = yaml.safe_load((DEMO / "scene.yaml").read_text())
+    values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
+    values.pop("sensor_origin", None)
+    for region in values["regions"]:
+        region["world"]["seed"] = [1000.0 * value for value in region["world"]["seed"]]
+    path = tmp_path / "scene.yaml"
+    path.write_text(yaml.safe_dump(values))
+    found = {warning.code for warning in scene_sides(load_scene(path)).warnings}
+    assert "odd-unit" in found
+    code, said = told(["info", str(tmp_path / "cloud.ply")], capsys)
+    assert code == 0
+    assert "look like millimetres: multiply the coordinates by 0.001 for metres" in said
+    assert "millimetres" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
+
+
+WKT = 'COMPD_CS["x",PROJCS["p",GEOGCS["g",UNIT["degree",0.0174]],UNIT["{}",{}]],VERT_CS["v",UNIT["metre",1.0]]]'
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "is_told"), [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)]
+)
+def test_a_cloud_whose_file_states_feet_is_told(
+    name: str, factor: float, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laspy = pytest.importorskip("laspy")
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(WKT.format(name, factor)))
+    stored = laspy.LasData(header)
+    stored.x, stored.y, stored.z = np.random.default_rng(0).uniform(0.0, 9.0, (3, 50))
+    stored.write(tmp_path / "cloud.las")
+    assert rp.clouds.read_cloud(tmp_path / "cloud.las").metres_per_unit == pytest.approx(factor)
+    code, said = told(["info", str(tmp_path / "cloud.las")], capsys)
+    assert code == 0
+    assert ("states a unit of 0.3048006 m: multiply its coordinates" in said) == is_told
+    sides = scene_sides(load_scene(write_scene(tmp_path, scene_values() | {"cloud": "cloud.las"})))
+    assert [warning.code for warning in sides.warnings] == ["odd-unit"] * is_told
+
+
+def test_wide_scans_in_metres_are_not_taken_for_millimetres() -> None:
+    """A terrestrial scan of 1 km, an airborne one of 5 km, a few far points."""
+    for spacing, extent in ((0.3, 1000.0), (0.7, 7000.0), (5.0, 40.0)):
+        assert unit_remark(spacing, extent) is None
+
+
+def test_two_masks_of_one_surface_are_named(tmp_path: Path) -> None:
+    values = scene_values()
+    first = np.array(values["regions"][0]["image"]["polygon"])
+    values["regions"][1]["image"]["polygon"] = (first + 0.2).tolist()
+    found = [warning for warning in scene_sides(load_scene(write_scene(tmp_path, values))).warnings]
+    assert [warning.code for warning in found] == ["coincident-regions"]
+    assert "on the image side region 0 and region 1 are the same" in found[0].message
+    assert "mark region 1 anew, or leave it out" in found[0].message
+
+
+def test_two_world_regions_of_one_place_are_named() -> None:
+    plate = PLATES["wall"]
+    image = [rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(each))) for each in PLATES.values()]
+    turned = np.roll(plate[::-1], 2, axis=0) + np.array([0.0, 0.0, 0.004])
+    (warning,) = rp.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, turned)])
+    assert "on the world side region 0 and region 1 are the same" in warning.message
+
+
+def test_a_parallel_plate_and_a_framed_one_are_other_regions() -> None:
+    plate = PLATES["floor"]
+    image = [rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(each))) for each in PLATES.values()]
+    middle = plate.mean(axis=0)
+    for other in (plate + np.array([0.0, 0.0, 0.3]), middle + 0.9 * (plate - middle)):
+        assert rp.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, other)]) == ()
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "said"),
+    [
+        (slice(0, 80), slice(5, 95), "covers 72 % of the photo and reaches 1 of its sides"),
+        (slice(60, 100), slice(0, 100), "covers 40 % of the photo and reaches 3 of its sides"),
+        (slice(10, 70), slice(10, 70), None),
+        (slice(0, 50), slice(0, 50), None),
+    ],
+)
+def test_a_mask_that_leaked_is_named(rows: slice, columns: slice, said: str | None) -> None:
+    mask = np.zeros((100, 100), dtype=bool)
+    mask[rows, columns] = True
+    found = rp.check_regions([rp.ImageRegion.from_mask(mask)], [rp.WorldRegion.from_polygon(PLATES["wall"])])
+    if said is None:
+        assert found == ()
+    else:
+        (warning,) = found
+        assert warning.code == "leaked-mask"
+        assert f"the mask of region 0 {said}" in warning.message
+
+
+def test_a_mask_that_leaked_is_told_where_regions_are_grown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = scene_values()
+    values["regions"][0]["image"] = {"seed": [20.0, 20.0]}
+    path = write_scene(tmp_path, values)
+    code, said = told(["segment", str(path), "--out", str(tmp_path / "grown"), "--quiet"], capsys)
+    assert code == 0
+    assert "leaked-mask: the mask of region 0 (floor) covers 100 % of the photo" in said
+
+
+def test_a_seed_in_the_air_is_refused() -> None:
+    """A wall of 0.1 m spacing: 3 m before it there is nothing, 3 cm beside a point is the wall."""
+    side = np.arange(0.0, 10.0, 0.1)
+    wall = np.stack(np.meshgrid(side, [0.0], side), axis=-1).reshape(-1, 3)
+    with pytest.raises(ValueError, match=r"is 3 m from the nearest point .*; needed a seed on a surface of the cloud"):
+        rp.grow_plane(wall, [5.0, 3.0, 5.0])
+    assert len(rp.grow_plane(wall, [5.03, 0.02, 5.03])) == len(wall)
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the shared scenes are not here")
+@pytest.mark.parametrize("frame", ["kitti/000001", "kitti/000114", "kitti/sfnd32", "natural/kitti_000741"])
+def test_a_seed_in_the_air_of_a_real_scan_is_refused(frame: str) -> None:
+    points = np.fromfile(SHARED / frame / "points.bin", "<f4").reshape(-1, 4)[:, :3]
+    for seed in ([70, -20, 30], [10, 5, 20]):
+        with pytest.raises(ValueError, match="needed a seed on a surface of the cloud"):
+            rp.grow_plane(points, seed)

@@ -1,0 +1,120 @@
+//! Depth steps of points, and the strength of edges under them.
+
+mod support;
+
+use nalgebra::{Matrix2x3, Vector2, Vector3};
+use proptest::prelude::*;
+use regionpose::witness::agreement::{EdgeStrength, SeenStep};
+use regionpose::witness::steps::depth_steps;
+use support::random::Random;
+
+/// Between neighbours of the grid, about, rad.
+const SPACING: f64 = 0.02;
+const CELL: f64 = 1e-3;
+const GAP: f64 = 0.06;
+const SHARE: f64 = 0.1;
+
+/// Half a card's width on the plane at distance 1: between two of the grid's places.
+const HALF: f64 = 0.21;
+
+/// Directions to a grid 1 rad wide about the z axis.
+fn grid(spacing: f64) -> impl Iterator<Item = Vector3<f64>> {
+    let count = (1.0 / spacing) as i32;
+    let places = move |k: i32| (f64::from(k) / f64::from(count) - 0.5) * 1.0;
+    (0..=count).flat_map(move |i| (0..=count).map(move |j| Vector3::new(places(i), places(j), 1.0).normalize()))
+}
+
+/// Where rays meet a plane, all before the camera.
+fn on_plane(normal: &Vector3<f64>, offset: f64) -> Vec<Vector3<f64>> {
+    let met = grid(SPACING).map(|ray| (ray, offset / normal.dot(&ray)));
+    met.filter(|(_, range)| *range > 0.0).map(|(ray, range)| ray * range).collect()
+}
+
+/// A square card before a wall.
+fn card_and_wall(half: f64) -> Vec<Vector3<f64>> {
+    let range = |ray: &Vector3<f64>| {
+        let flat = ray / ray.z;
+        if flat.x.abs() < half && flat.y.abs() < half { 2.0 } else { 5.0 }
+    };
+    grid(SPACING).map(|ray| ray / ray.z * range(&ray)).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn a_plane_has_none_however_it_lies(x in -1.0..1.0_f64, y in -1.0..1.0_f64, offset in 0.1..100.0_f64) {
+        // The grid ends where the plane does not: up to 45 degrees off the axis it turns away by 18 degrees more at the most.
+        let normal = Vector3::new(x, y, 1.5).normalize();
+        prop_assert!(depth_steps(&on_plane(&normal, offset), CELL, GAP, SHARE).is_empty());
+    }
+
+    #[test]
+    fn the_world_axes_do_not_matter(seed in 0..1000_u64) {
+        let rotation = Random::new(seed).rotation();
+        let points = card_and_wall(HALF);
+        let turned: Vec<_> = points.iter().map(|point| rotation * point).collect();
+        let count = |points: &[Vector3<f64>]| {
+            let steps = depth_steps(points, CELL, GAP, SHARE);
+            let mut near: Vec<_> = steps.iter().map(|step| format!("{:.6}", step.near.z.abs())).collect();
+            near.dedup();
+            steps.len()
+        };
+        // Sectors begin elsewhere, so that samples at corners may have one step more or less.
+        let (one, other) = (count(&points) as f64, count(&turned) as f64);
+        prop_assert!((one - other).abs() < 0.35 * one, "{one} {other}");
+    }
+}
+
+#[test]
+fn a_card_before_a_wall_ends_in_steps_all_around() {
+    let steps = depth_steps(&card_and_wall(HALF), CELL, GAP, SHARE);
+    let flat = |bearing: &Vector3<f64>| Vector2::new(bearing.x, bearing.y) / bearing.z;
+    for step in &steps {
+        let (near, far) = (flat(&step.near).amax(), flat(&step.far).amax());
+        assert!(near < HALF && near > HALF - 2.0 * SPACING && far > HALF && far < HALF + GAP, "{near} {far}");
+    }
+    for side in [Vector2::x(), -Vector2::x(), Vector2::y(), -Vector2::y()] {
+        assert!(steps.iter().filter(|step| flat(&step.near).dot(&side) > HALF - SPACING).count() >= 19, "{side}");
+    }
+}
+
+#[test]
+fn a_bent_wall_has_none_and_nothing_neither() {
+    let ramp: Vec<_> = grid(SPACING).map(|ray| ray / ray.z * (3.0 + 2.0 * (ray.x / ray.z))).collect();
+    // Not a plane: inverse distances bend, by less than a tenth a step.
+    assert!(depth_steps(&ramp, CELL, GAP, SHARE).is_empty());
+    assert!(depth_steps(&[], CELL, GAP, SHARE).is_empty());
+    assert!(depth_steps(&[Vector3::zeros(), Vector3::repeat(f64::NAN)], CELL, GAP, SHARE).is_empty());
+}
+
+#[test]
+fn a_hidden_wall_says_nothing() {
+    let mut points = card_and_wall(HALF);
+    let behind: Vec<_> = points.iter().map(|point| point * 3.0).collect();
+    let alone = depth_steps(&points, CELL, GAP, SHARE);
+    points.extend(behind);
+    assert_eq!(depth_steps(&points, CELL, GAP, SHARE), alone);
+}
+
+#[test]
+fn means_are_those_of_the_pixels_that_turns_lead_to() {
+    let values: Vec<f32> = (0..2 * 4 * 5).map(|k| k as f32).collect();
+    let strength = EdgeStrength::new(&values, 4, 5).expect("two pictures");
+    // A turn about x moves the step down, about y to the right.
+    let moved = Matrix2x3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
+    let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
+    let turns = [Vector3::zeros(), Vector3::x(), Vector3::y() * 2.0, Vector3::x() * -100.0];
+    let means = strength.means(&[step(1.2, 1.4, 0), step(1.0, 1.0, 1)], &turns);
+    assert_eq!(means, [(6.0 + 26.0) / 2.0, (11.0 + 31.0) / 2.0, (8.0 + 28.0) / 2.0, (1.0 + 21.0) / 2.0]);
+    assert_eq!(strength.means(&[], &turns), [0.0; 4]);
+    assert_eq!(strength.means(&[step(1.0, 1.0, 7)], &turns), [0.0; 4]);
+    assert_eq!(strength.means(&[step(f64::NAN, 1e300, 0)], &turns[..1]), [15.0]);
+}
+
+#[test]
+fn pictures_that_values_do_not_fill_are_none() {
+    for (count, rows, columns) in [(0, 4, 5), (21, 4, 5), (20, 0, 5), (20, usize::MAX, 2)] {
+        assert!(EdgeStrength::new(&vec![0.0; count], rows, columns).is_none());
+    }
+}
