@@ -1,8 +1,8 @@
 """Time of a pose from nothing against OpenCV's iterative PnP on the same points, in one run.
 
-Three regions of 100 vertices each; regionpose sees contours without correspondences or a start, on one thread; OpenCV
-sees the 300 vertices with their exact correspondences. Each row is the median over rounds that alternate between all
-rows and their references:
+Three regions of 100 vertices each, all seen by one camera; regionpose sees contours without correspondences or a start,
+on one thread; OpenCV sees the 300 vertices with their exact correspondences. Each row is the median over rounds that
+alternate between all rows and their references:
 
     batch      `estimate_poses` on exact outlines
     single     one `estimate_pose` a scene, by scipy's least squares
@@ -28,12 +28,16 @@ import shapely
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.evaluation import perspective_scene, perspective_setup
+from regionpose.evaluation.setups import perspective_camera
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import draw_problem
 from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 Problem = tuple[Camera, Sequence[rp.ImageRegion], Sequence[rp.WorldRegion]]
+
+CAMERA = perspective_camera()
+"""What all scenes are seen by, one object as of the frames of a video."""
 
 VERTICES = 100
 REGIONS = 3
@@ -60,8 +64,8 @@ class Outlined(NamedTuple):
         """The scene of a seed, each outline as `VERTICES` vertices."""
         scene = perspective_scene(seed, REGIONS, world="arbitrary")
         world = [resampled(rings[0]) for rings in scene.regions]
-        image = [scene.camera.project(ring @ scene.rotation.T + scene.translation) for ring in world]
-        return cls(scene.camera, world, image)
+        image = [CAMERA.project(ring @ scene.rotation.T + scene.translation) for ring in world]
+        return cls(CAMERA, world, image)
 
     def problem(self, change: Callable[[Array], Array] = np.asarray) -> Problem:
         """The regions of both sides, of the image's after a change."""

@@ -167,7 +167,8 @@ class ImageRegion:
         if border is None or not self.rings:
             return True
         (left, top, right, bottom), within = self._bounds, self._within
-        return min(left - border[0], top - border[1], border[2] - right, border[3] - bottom) > within
+        ahead = left - border[0] > within and top - border[1] > within
+        return ahead and border[2] - right > within and border[3] - bottom > within
 
     def _on_sides(self, camera: Camera, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The ring with edges along the border moved onto it, and whether each edge lies on each side, (4, n)."""

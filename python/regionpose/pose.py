@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,10 +31,30 @@ class Pose:
             raise ValueError(
                 f"rotation is {type(self.rotation).__name__}; needed one scipy Rotation (or use from_matrix)"
             )
-        translation = _real_numbers("translation", self.translation).copy()
+        translation = _real_numbers("translation", self.translation)
         if translation.shape != (3,) or not np.isfinite(translation).all():
             raise ValueError(f"translation is {self.translation!r}; needed 3 finite numbers")
         object.__setattr__(self, "translation", translation)
+
+    @classmethod
+    def of_quaternion(cls, quat_xyzw: Array, translation: Array) -> Pose:
+        """The pose of a unit quaternion (4,) and a translation (3,) that are known to be right.
+
+        Making the `Rotation` takes scipy longer than all else that is made of a result: it waits until it is asked for.
+        """
+        pose = object.__new__(cls)
+        object.__setattr__(pose, "_quat_xyzw", quat_xyzw)
+        object.__setattr__(pose, "translation", translation)
+        return pose
+
+    if not TYPE_CHECKING:  # To a type checker every name would be an attribute.
+
+        def __getattr__(self, name: str) -> Rotation:
+            """The rotation of a quaternion, when it is first asked for."""
+            if name != "rotation" or "_quat_xyzw" not in self.__dict__:
+                raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+            object.__setattr__(self, "rotation", Rotation.from_quat(self.__dict__["_quat_xyzw"]))
+            return self.rotation
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Pose:

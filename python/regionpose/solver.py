@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import groupby, islice
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -199,7 +199,9 @@ def estimate_poses(
     any number of them. ValueError, its message led by the problem's number, for what is no problem at all.
     """
     listed = _listed(problems, "a list of problems (camera, image_regions, world_regions)")
-    sides = [_sides_or_error(index, problem) for index, problem in enumerate(listed)]
+    checked = [_checked_problem(index, problem) for index, problem in enumerate(listed)]
+    mapped = _straight_bearings([(camera, regions) for camera, regions, _ in checked])
+    sides = [_sides_or_error(*problem, bearings) for problem, bearings in zip(checked, mapped, strict=True)]
     told = zip(sides, _priors(prior, len(sides)), strict=True)
     whole = [(each, known) for each, known in told if not isinstance(each, PoseError)]
     batch, priors = [each for each, _ in whole], [known for _, known in whole]
@@ -207,20 +209,41 @@ def estimate_poses(
     return [each if isinstance(each, PoseError) else _estimate_or_error(next(estimates)) for each in sides]
 
 
-def _sides_or_error(index: int, problem: Problem) -> Sides | PoseError:
-    """Both sides of a problem as the core takes them, or what is wrong with its image regions; ValueError, led by the
-    problem's number, for one that is of the wrong kind.
-    """
+def _checked_problem(index: int, problem: Problem) -> tuple[Camera, list[ImageRegion], list[_core.WorldRegion]]:
+    """The parts of a problem; ValueError, led by its number, for one that is of the wrong kind."""
     try:
         camera, image_regions, world_regions = _problem_parts(problem)
-        check_camera(camera, image_regions)
-        worlds = [region.core for region in checked_regions(world_regions, WorldRegion)]
+        regions = check_camera(camera, image_regions)
+        return camera, regions, [region.core for region in checked_regions(world_regions, WorldRegion)]
     except ValueError as error:
         raise ValueError(f"problem {index}: {error}") from error
+
+
+def _sides_or_error(
+    camera: Camera, regions: list[ImageRegion], worlds: list[_core.WorldRegion], bearings: list[Array] | None
+) -> Sides | PoseError:
+    """Both sides of a problem as the core takes them, or what is wrong with its image regions."""
     try:
-        return observed_regions(camera, image_regions, "boundary"), worlds
+        return observed_regions(camera, regions, "boundary", bearings), worlds
     except ValueError as error:
         return PoseError(str(error))
+
+
+def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> list[list[Array] | None]:
+    """The bearings of each problem's rings, those of neighbours by one camera mapped at once; None as of one alone."""
+    mapped: list[list[Array] | None] = []
+    for _, group in groupby(sides, key=lambda side: id(side[0])):
+        problems = list(group)
+        counts = [sum(len(region.rings) for region in regions) for _, regions in problems]
+        whole = _ring_bearings(problems[0][0], [region for _, regions in problems for region in regions])
+        following = iter(whole or ())
+        mapped += [list(islice(following, count)) if whole else None for count in counts]
+    return mapped
+
+
+def _ring_bearings(camera: Camera, regions: Sequence[ImageRegion]) -> list[Array] | None:
+    """The bearings of all rings of some regions, as of `straight_bearings`."""
+    return straight_bearings(camera, [ring for region in regions for ring in region.rings_on_border(camera)])
 
 
 def _problem_parts(problem: Problem) -> Problem:
@@ -230,11 +253,12 @@ def _problem_parts(problem: Problem) -> Problem:
     return problem
 
 
-def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
-    """Nothing; ValueError unless it is a camera whose image has the shape of each region's mask."""
+def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> list[ImageRegion]:
+    """The regions as a list; ValueError unless it is a camera whose image has the shape of each region's mask."""
     if not isinstance(camera, Camera):
         raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
-    for index, region in enumerate(checked_regions(image_regions, ImageRegion)):
+    regions = checked_regions(image_regions, ImageRegion)
+    for index, region in enumerate(regions):
         if region.mask is None or camera.width is None or camera.height is None:
             continue
         if region.mask.shape != (camera.height, camera.width):
@@ -242,6 +266,7 @@ def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> None:
             raise ValueError(
                 f"image region {index} has a mask of shape {region.mask.shape}; the camera's image is {needed}"
             )
+    return regions
 
 
 def checked_regions(regions: Sequence[Region], kind: type[Region]) -> list[Region]:
@@ -261,15 +286,17 @@ def _listed(items: Iterable[Item], needed: str) -> list[Item]:
 
 
 def observed_regions(
-    camera: Camera, regions: Sequence[ImageRegion], integration: Integration
+    camera: Camera, regions: Sequence[ImageRegion], integration: Integration, mapped: list[Array] | None = None
 ) -> list[_core.ObservedRegion]:
-    """The regions as the core takes them; ValueError naming the first that holds pixels without a ray."""
-    rings = [region.rings_on_border(camera) for region in regions]
-    straight = straight_bearings(camera, [ring for held in rings for ring in held])
+    """The regions as the core takes them; ValueError naming the first that holds pixels without a ray.
+
+    `mapped`: bearings (n, 3) of their rings, one after another; None where they are to be found.
+    """
+    straight = mapped or _ring_bearings(camera, regions)
     following, observed = iter(straight or ()), []
     for index, region in enumerate(regions):
         try:
-            bearings = list(islice(following, len(rings[index]))) if straight else region.bearings(camera)
+            bearings = list(islice(following, len(region.rings))) if straight else region.bearings(camera)
             borders, hidden = region.border_bearings(camera), region.hidden_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
@@ -375,7 +402,9 @@ def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | 
     best = estimate.best
     alternatives = tuple(
         Alternative(
-            *_pose_parts(solution),
+            # From a matrix, of which scipy checks that it is a rotation, it takes five times as long.
+            Rotation.from_quat(solution.quaternion),
+            solution.translation,
             overlap_error=solution.overlap_error,
             covariance=solution.covariance,
             confidence=solution.confidence,
@@ -383,7 +412,7 @@ def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | 
         for solution in estimate.alternatives
     )
     return PoseEstimate(
-        pose=Pose(*_pose_parts(best)),
+        pose=Pose.of_quaternion(best.quaternion, best.translation),
         covariance=best.covariance,
         confidence=best.confidence,
         overlap_error=best.overlap_error,
@@ -397,8 +426,3 @@ def _estimate_or_error(estimate: _core.Estimate | str | None) -> PoseEstimate | 
         evaluations=estimate.evaluations,
         creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
     )
-
-
-def _pose_parts(solution: _core.Solution) -> tuple[Rotation, Array]:
-    # From a matrix, of which scipy checks that it is a rotation, it takes five times as long.
-    return Rotation.from_quat(solution.quaternion), solution.translation

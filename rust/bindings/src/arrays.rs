@@ -64,7 +64,7 @@ pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult
 
 /// The rows of an (n, D) array of checked shape, read in place where they follow one another in memory.
 fn rows<const D: usize>(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<SVector<f64, D>> {
-    let split = |values: &[f64]| values.chunks_exact(D).map(SVector::from_column_slice).collect();
+    let split = |values: &[f64]| values.as_chunks::<D>().0.iter().map(|row| SVector::from(*row)).collect();
     let view = array.as_array();
     match view.as_slice() {
         Some(values) => split(values),

@@ -84,7 +84,7 @@ impl Minimum {
     ) -> PyResult<Self> {
         let pose = pose(rotation, translation)?;
         let termination = least_squares::Termination::Foreign(termination);
-        Ok(Self(least_squares::Minimum { pose, cost, converged, termination, evaluations }))
+        Ok(Self(least_squares::Minimum { pose, cost, converged, termination, evaluations, information: None }))
     }
 
     #[getter]

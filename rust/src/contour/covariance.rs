@@ -55,9 +55,9 @@ fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usiz
         let mut read = Vec::new();
         contour.read_rows(&fit.pose, &mut read)?;
         counts.push(read.len());
+        let odds = mixture.odds(region);
         rows.extend(read.into_iter().zip(contour.runs()).map(|((reading, derivative), run)| {
-            let clean = mixture.clean_probability(region, &reading);
-            let weight = mixture.weight(region, &reading);
+            let (clean, weight) = (odds.clean_probability(&reading), odds.weight(&reading));
             // The weight falls as the piece's chance to be clean does.
             let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.misfit / mixture.sigma).powi(2);
             Row { reading, derivative, weight, slope: weight - fall, place: (region, reading.edge, run) }

@@ -143,7 +143,8 @@ impl ContourFit {
     pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
         let mut equations = NormalEquations::default();
         for ((region, readings), contour) in self.regions().zip(contours) {
-            let weight = |reading: &Reading| self.mixture.weight(region, reading);
+            let odds = self.mixture.odds(region);
+            let weight = |reading: &Reading| odds.weight(reading);
             contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations)?;
         }
         let share = self.independent() / self.readings.len().max(1) as f64;
@@ -304,10 +305,11 @@ fn equations_at(
 ) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
     for (region, (contour, before)) in contours.iter().zip(split(&readings.all, &readings.counts)).enumerate() {
+        let odds = mixture.odds(region);
         let weight = |reading: &Reading| match mixture.sigma > FINEST_SCALE {
             // On the way only what may be clean pulls; the likeliest pose is where all of the density's slopes balance.
-            true => mixture.clean_probability(region, reading),
-            false => mixture.weight(region, reading),
+            true => odds.clean_probability(reading),
+            false => odds.weight(reading),
         };
         contour.add_normal_equations(pose, step, before, weight, &mut equations)?;
     }

@@ -51,10 +51,7 @@ impl Mixture {
 
     /// Probability that a piece of a region is clean.
     pub fn clean_probability(&self, region: usize, reading: &Reading) -> f64 {
-        let square = reading.misfit * reading.misfit;
-        let disturbed = self.disturbed[region];
-        let fall = 0.5 * (self.sigma.powi(-2) - self.wide.powi(-2)) * square;
-        1.0 / (1.0 + disturbed / (1.0 - disturbed) * (self.sigma / self.wide) * fall.min(CERTAIN).exp())
+        self.odds(region).clean_probability(reading)
     }
 
     /// Logarithm of the density at a piece of a region, in 1 / pixels.
@@ -64,10 +61,39 @@ impl Mixture {
         log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide))
     }
 
+    /// What tells a region's clean pieces from its disturbed ones.
+    pub fn odds(&self, region: usize) -> Odds {
+        let (disturbed, ratio) = (self.disturbed[region], self.sigma / self.wide);
+        Odds {
+            nearest: disturbed / (1.0 - disturbed) * ratio,
+            fall: 0.5 * (self.sigma.powi(-2) - self.wide.powi(-2)),
+            least: ratio * ratio,
+        }
+    }
+}
+
+/// The odds that a region's pieces are disturbed, by their distance.
+#[derive(Debug, Clone, Copy)]
+pub struct Odds {
+    /// Those of a piece at no distance.
+    nearest: f64,
+    /// What their logarithm grows by with a squared pixel.
+    fall: f64,
+    /// Weight of a piece that is disturbed for certain.
+    least: f64,
+}
+
+impl Odds {
+    /// Probability that a piece is clean.
+    pub fn clean_probability(&self, reading: &Reading) -> f64 {
+        let fall = self.fall * (reading.misfit * reading.misfit);
+        1.0 / (1.0 + self.nearest * fall.min(CERTAIN).exp())
+    }
+
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
-    pub fn weight(&self, region: usize, reading: &Reading) -> f64 {
-        let clean = self.clean_probability(region, reading);
-        clean + (1.0 - clean) * (self.sigma / self.wide).powi(2)
+    pub fn weight(&self, reading: &Reading) -> f64 {
+        let clean = self.clean_probability(reading);
+        clean + (1.0 - clean) * self.least
     }
 }
 

@@ -81,24 +81,26 @@ fn cut_rings(
     step: usize,
     mut found: impl FnMut(usize, Piece),
 ) {
-    let (mut runs, mut number) = (0, 0);
+    // Pieces until the next that is wanted.
+    let (mut runs, mut until) = (0, 0);
     for (index, (ring, cut)) in rings.iter().zip(cuts).enumerate() {
         let numbers = straight_runs(ring, &mut runs);
         let foreign = foreign.get(index).map_or(&[][..], Vec::as_slice);
-        let wanted = |part: usize| (number + part).is_multiple_of(step);
-        ring_pieces(ring, &numbers, foreign, cut, wanted, |piece| found(index, piece));
-        number += cut.count;
+        ring_pieces(ring, &numbers, foreign, cut, (until, step), |piece| found(index, piece));
+        until += cut.count.saturating_sub(until).div_ceil(step) * step;
+        until -= cut.count;
     }
 }
 
 /// Consecutive pairs of a closed ring.
 pub fn edges<T: Copy>(ring: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
-    (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]))
+    (0..ring.len()).map(|k| (ring[k], ring[if k + 1 < ring.len() { k + 1 } else { 0 }]))
 }
 
 /// Whether an edge goes on straight from the one before it.
 pub fn goes_on(before: &Vector2<f64>, step: &Vector2<f64>) -> bool {
-    step.dot(before) > 0.0 && step.perp(before).abs() < STRAIGHT * step.norm() * before.norm()
+    let (along, across) = (step.dot(before), step.perp(before));
+    along > 0.0 && across * across < STRAIGHT * STRAIGHT * step.norm_squared() * before.norm_squared()
 }
 
 /// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
@@ -148,14 +150,14 @@ impl Sums {
     }
 }
 
-/// Gives the wanted ones of the equally long parts of a closed ring to `found`, exact; without those that touch an edge marked
-/// in `without`.
+/// Gives every `stride`-th of the equally long parts of a closed ring, from part `next` on, to `found`, exact; without those that
+/// touch an edge marked in `without`.
 fn ring_pieces(
     ring: &[Vector2<f64>],
     runs: &[usize],
     without: &[bool],
     &Cut { length, count }: &Cut,
-    wanted: impl Fn(usize) -> bool,
+    (mut next, stride): (usize, usize),
     mut found: impl FnMut(Piece),
 ) {
     let part = length / count as f64;
@@ -168,15 +170,18 @@ fn ring_pieces(
         while from < step * WHOLE {
             let last = parts + 1 == count;
             let to = if last { step } else { step.min(from + part - summed) };
-            if wanted(parts) {
+            if parts == next {
                 sums.add(to - from, &(a + along * (0.5 * (from + to))), &along, runs[edge]);
                 sums.left_out |= without.get(edge) == Some(&true);
             }
             summed += to - from;
             from = to;
             if !last && summed >= whole {
-                sums.piece().into_iter().for_each(&mut found);
-                (sums, parts, summed) = (Sums::default(), parts + 1, 0.0);
+                if parts == next {
+                    sums.piece().into_iter().for_each(&mut found);
+                    (sums, next) = (Sums::default(), next + stride);
+                }
+                (parts, summed) = (parts + 1, 0.0);
             }
         }
     }

@@ -166,7 +166,11 @@ impl Contour {
             let weight = weight(&reading);
             let row = self.derivative(&view, reading.edge, &foot);
             let weighted = row * weight;
-            sums.information.ger(1.0, &weighted, &row, 1.0);
+            for column in 0..6 {
+                for entry in 0..6 {
+                    sums.information[(entry, column)] += weighted[entry] * row[column];
+                }
+            }
             sums.gradient += weighted * reading.distance;
             sums.cost += weight * reading.distance * reading.distance;
         }
@@ -215,7 +219,7 @@ impl Contour {
         if let (Some(field), Some(place)) = (field, place) {
             return field.nearest_edge(&place);
         }
-        let square = |index: &usize| view.edges[*index].foot(point).offset.norm_squared();
+        let square = |index: &usize| view.edges[*index].offset(point).1.norm_squared();
         (0..view.edges.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0)
     }
 
@@ -224,15 +228,7 @@ impl Contour {
     }
 
     fn reading_from(&self, view: &View, piece: &Piece, index: u32) -> (Reading, Foot) {
-        let edge = &view.edges[index as usize];
-        let mut foot = edge.foot(&piece.mean);
-        let length = foot.offset.norm();
-        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
-        let inside = (foot.share > 0.0 && foot.share < 1.0) || length == 0.0;
-        let value = if inside { foot.offset.dot(&foot.normal) } else { length };
-        if !inside {
-            foot.normal = foot.offset / length;
-        }
+        let (foot, value) = view.edges[index as usize].foot(&piece.mean);
         let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
@@ -306,8 +302,6 @@ struct Edge {
 struct Foot {
     /// Where on the edge, 0 to 1.
     share: f64,
-    /// From there to the point.
-    offset: Vector2<f64>,
     /// Unit direction in which the distance grows.
     normal: Vector2<f64>,
 }
@@ -325,10 +319,22 @@ impl Edge {
         Self { from, to, start, step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
     }
 
-    fn foot(&self, point: &Vector2<f64>) -> Foot {
+    /// Where on the edge, 0 to 1, it is nearest to a point, and the way from there to the point.
+    fn offset(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
         let offset = point - self.start;
         let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
+        (share, offset - self.step * share)
+    }
+
+    /// The place nearest to a point, and the point's signed distance.
+    fn foot(&self, point: &Vector2<f64>) -> (Foot, f64) {
+        let (share, offset) = self.offset(point);
+        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
+        let length = if share > 0.0 && share < 1.0 { 0.0 } else { offset.norm() };
+        if length > 0.0 {
+            return (Foot { share, normal: offset / length }, length);
+        }
         let normal = Vector2::new(self.step.y, -self.step.x) * self.inverse.sqrt();
-        Foot { share, offset: offset - self.step * share, normal }
+        (Foot { share, normal }, offset.dot(&normal))
     }
 }

@@ -67,6 +67,8 @@ pub struct Minimum {
     pub termination: Termination,
     /// Evaluations of the equations.
     pub evaluations: usize,
+    /// `J^T J` there, by the left increment; `None` where the driver does not say.
+    pub information: Option<Matrix6<f64>>,
 }
 
 /// First radius of the trust region in sizes of the parameters, one of each: hardly a bound.
@@ -96,7 +98,8 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
     let evaluate = |pose: &Pose| normal_equations(regions, pose, weighting);
     let Some(equations) = evaluate(start) else {
         let termination = Termination::OutOfView;
-        return Minimum { pose: *start, cost: f64::INFINITY, converged: false, termination, evaluations: 1 };
+        let (pose, cost) = (*start, f64::INFINITY);
+        return Minimum { pose, cost, converged: false, termination, evaluations: 1, information: None };
     };
     let mut descent = Descent::new(start, equations);
     let termination = loop {
@@ -105,7 +108,8 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
         }
     };
     let Descent { pose, equations, evaluations, .. } = descent;
-    Minimum { pose, cost: equations.cost, converged: termination.is_minimum(), termination, evaluations }
+    let (cost, information) = (equations.cost, Some(equations.information));
+    Minimum { pose, cost, converged: termination.is_minimum(), termination, evaluations, information }
 }
 
 /// One radian about each axis, and the distance of the (centred) world's origin along each.
@@ -158,6 +162,10 @@ impl Descent {
             self.radius = self.radius.min(step.norm());
         }
         let pose = self.pose.moved(&step.component_mul(&back));
+        if damping == 0.0 && 2.0 * step.norm() <= stopping.tolerance * self.sizes.norm() {
+            self.take_unseen(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
+            return Some(Termination::PoseTolerance);
+        }
         let reached = evaluate(&pose);
         self.evaluations += 1;
         let gain = Gain::new(&model, &step, damping, self.equations.cost, reached.as_ref());
@@ -168,6 +176,12 @@ impl Descent {
             self.resize();
         }
         termination
+    }
+
+    /// Takes a step whose radius would end the iteration without evaluating where it leads: what is left is of its square.
+    fn take_unseen(&mut self, pose: Pose, promise: f64) {
+        self.pose = pose;
+        self.equations.cost *= (1.0 - promise).max(0.0);
     }
 
     /// What a parameter of size one is in the pose's increment; nothing for one that nothing depends on.

@@ -1,5 +1,6 @@
 //! Moments compared: which, by how much a pose changes them, on what scale, and their least squares.
 
+mod boundary_sums;
 pub mod derivatives;
 pub mod facet;
 pub mod least_squares;

@@ -2,11 +2,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::equations::boundary_sums::{
+    BoundaryNode, MonomialSums, SLOPE_SIZE, Sums, VALUE_SIZE, boundary_nodes, monomial,
+};
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::lanes::{NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
-use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::view::chart::Chart;
 
 /// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
@@ -14,15 +16,6 @@ const LEAST_NOISE: f64 = 0.29;
 
 /// Pivots of the covariance below this share of the largest are taken for round-off and their functions left out.
 const PIVOT_CUT: f64 = 1e-13;
-
-/// Edges shorter than this, in chart units (the region's area is one), are integrated with one node.
-const SHORT_EDGE: f64 = 0.15;
-
-/// One node serves a short edge.
-const MIDPOINT: [Node; 1] = gauss_legendre();
-
-/// Exact for products of two moments of order 6.
-const LONG_EDGE: [Node; 7] = gauss_legendre();
 
 /// Which moments are compared on the whitened scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +51,10 @@ impl BoundaryCovariance {
             System::Sphere => sphere_products(chart, rings),
         };
         let pixel = pixel_area.sqrt().recip();
-        let scaled = |values: Vec<f64>, factor: f64| values.into_iter().map(|value| value * factor).collect();
+        let scaled = |mut values: Vec<f64>, factor: f64| {
+            values.iter_mut().for_each(|value| *value *= factor);
+            values
+        };
         Self {
             first: scaled(products.values, pixel.powi(3)),
             second: scaled(products.slopes, 0.5 * pixel.powi(5)),
@@ -190,116 +186,34 @@ fn largest(numbers: &[f64]) -> Option<(usize, f64)> {
     largest
 }
 
-/// A point of the boundary with its weight, the length that it stands for, and the outward normal there.
-struct BoundaryNode {
-    at: Vector2<f64>,
-    weight: f64,
-    normal: Vector2<f64>,
-}
-
-/// The points of a quadrature along a boundary.
-fn boundary_nodes(rings: &PlaneRings) -> impl Iterator<Item = BoundaryNode> {
-    rings.edges().flat_map(|(a, b)| {
-        let length = (b - a).norm();
-        let normal = Vector2::new(b.y - a.y, a.x - b.x) / length;
-        let nodes: &[Node] = if length < SHORT_EDGE { &MIDPOINT } else { &LONG_EDGE };
-        let node = move |&(at, weight): &Node| BoundaryNode { at: a + (b - a) * at, weight: weight * length, normal };
-        nodes.iter().map(node)
-    })
-}
-
 /// Functions of the sphere system.
 const SPHERE_COUNT: usize = SPHERE_EXPONENTS.len();
-
-/// Powers up to the degree of a product of two of the plane system's functions, and of two of their derivatives.
-const VALUE_SIZE: usize = 2 * HIGHEST_ORDER + 1;
-const SLOPE_SIZE: usize = VALUE_SIZE - 2;
 
 /// Entries of the plane system's covariance by [`packed`].
 const ENTRIES: usize = packed(PLANE_EXPONENTS.len(), 0);
 
-/// Groups of nodes worked on together: sums are then read and written once for all of them.
-const GROUPS: usize = 2;
-
-/// Sums of `x^i y^j`, by i and then by j, for `i + j < SIZE`.
-type Sums<const SIZE: usize> = [[f64; SIZE]; SIZE];
-
-/// Sums over a boundary's nodes of their weight, times that of their normal, times each monomial of degree below `SIZE`.
-struct MonomialSums<'a, const SIZE: usize, F> {
-    nodes: &'a [BoundaryNode],
-    of_normal: F,
-}
-
-impl<const SIZE: usize, F: Fn(&Vector2<f64>) -> f64> NullaryFnOnce for MonomialSums<'_, SIZE, F> {
-    type Output = Sums<SIZE>;
-
-    #[inline(always)]
-    fn call(self) -> Sums<SIZE> {
-        let mut sums = [[Lanes::ZERO; SIZE]; SIZE];
-        for block in self.nodes.chunks(GROUPS * LANES) {
-            let (first, second) = block.split_at(block.len().min(LANES));
-            let x = [lanes(first, |node| node.at.x), lanes(second, |node| node.at.x)];
-            let y = [lanes(first, |node| node.at.y), lanes(second, |node| node.at.y)];
-            let weight = |node: &BoundaryNode| node.weight * (self.of_normal)(&node.normal);
-            let mut row = [lanes(first, weight), lanes(second, weight)];
-            for (i, sums) in sums.iter_mut().enumerate() {
-                add_powers(row, &y, &mut sums[..SIZE - i]);
-                row = [row[0] * x[0], row[1] * x[1]];
-            }
-        }
-        sums.map(|row| row.map(Lanes::sum))
-    }
-}
-
-/// A number of each node of a group, zero past its last.
-#[inline(always)]
-fn lanes(group: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> Lanes {
-    let mut lanes = Lanes::ZERO;
-    for (lane, node) in lanes.0.iter_mut().zip(group) {
-        *lane = number(node);
-    }
-    lanes
-}
-
-/// Adds `term y^j` to each sum.
-#[inline(always)]
-fn add_powers(mut term: [Lanes; GROUPS], y: &[Lanes; GROUPS], sums: &mut [Lanes]) {
-    for sum in sums {
-        let mut total = *sum;
-        for g in 0..GROUPS {
-            total += term[g];
-            term[g] = term[g] * y[g];
-        }
-        *sum = total;
-    }
-}
-
-/// What an entry of the plane system's covariance takes of the sums: the monomial of the values, and of the slopes
-/// `(derivatives along x, across, along y)` the monomials and their factors.
+/// What an entry of the plane system's covariance takes of the sums: the place of the values' monomial, and of the slopes'
+/// the places and their factors.
 #[derive(Clone, Copy)]
 struct Entry {
-    values: [usize; 2],
-    slopes: [([usize; 2], f64); 3],
+    value: usize,
+    /// Derivatives along x, and across.
+    along_x: (usize, f64),
+    across: (usize, f64),
+    /// Derivatives along y: the normal's squares have the sum 1.
+    along_y: ([usize; 2], f64),
 }
 
 /// All entries by [`packed`] (`docs/math.md`, eq. 6.8).
 static PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
 
 const fn plane_entries() -> [Entry; ENTRIES] {
-    let mut entries = [Entry { values: [0; 2], slopes: [([0; 2], 0.0); 3] }; ENTRIES];
+    let mut entries = [Entry { value: 0, along_x: (0, 0.0), across: (0, 0.0), along_y: ([0; 2], 0.0) }; ENTRIES];
     let mut a = 0;
     while a < PLANE_EXPONENTS.len() {
         let mut b = 0;
         while b <= a {
-            let ([i, j], [k, l]) = (PLANE_EXPONENTS[a], PLANE_EXPONENTS[b]);
-            let (x, y) = (i + k, j + l);
-            // A monomial with an exponent below zero has the factor zero: any other does in its place.
-            let slopes = [
-                (if i * k == 0 { [0; 2] } else { [x - 2, y] }, (i * k) as f64),
-                (if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] }, (i * l + j * k) as f64),
-                (if j * l == 0 { [0; 2] } else { [x, y - 2] }, (j * l) as f64),
-            ];
-            entries[packed(a, b)] = Entry { values: [x, y], slopes };
+            entries[packed(a, b)] = plane_entry(PLANE_EXPONENTS[a], PLANE_EXPONENTS[b]);
             b += 1;
         }
         a += 1;
@@ -307,23 +221,31 @@ const fn plane_entries() -> [Entry; ENTRIES] {
     entries
 }
 
+const fn plane_entry([i, j]: [usize; 2], [k, l]: [usize; 2]) -> Entry {
+    let (x, y) = (i + k, j + l);
+    // A monomial with an exponent below zero has the factor zero: any other does in its place.
+    let along_x = if i * k == 0 { [0; 2] } else { [x - 2, y] };
+    let across = if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] };
+    let along_y = if j * l == 0 { [0; 2] } else { [x, y - 2] };
+    Entry {
+        value: monomial(VALUE_SIZE, [x, y]),
+        along_x: (monomial(SLOPE_SIZE, along_x), (i * k) as f64),
+        across: (monomial(SLOPE_SIZE, across), (i * l + j * k) as f64),
+        along_y: ([monomial(VALUE_SIZE, along_y), monomial(SLOPE_SIZE, along_y)], (j * l) as f64),
+    }
+}
+
 /// The plane system's: the entries are a few integrals of monomials each.
 fn plane_products(rings: &PlaneRings) -> Products {
-    let nodes: Vec<BoundaryNode> = boundary_nodes(rings).collect();
-    let nodes = nodes.as_slice();
-    let plain: Sums<VALUE_SIZE> = vectorized(MonomialSums { nodes, of_normal: |_: &Vector2<f64>| 1.0 });
-    let of_normal = |normal: &Vector2<f64>| normal.x * normal.x;
-    let squared: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
-    let of_normal = |normal: &Vector2<f64>| normal.x * normal.y;
-    let mixed: Sums<SLOPE_SIZE> = vectorized(MonomialSums { nodes, of_normal });
-    let (mut values, mut slopes) = (Vec::with_capacity(ENTRIES), Vec::with_capacity(ENTRIES));
-    for Entry { values: [x, y], slopes: [(along_x, of_x), (across, of_both), (along_y, of_y)] } in &PLANE_ENTRIES {
-        values.push(plain[*x][*y]);
-        let [along_x, along_y] =
-            [(along_x, &squared), (along_y, &squared)].map(|([x, y], sums)| (sums[*x][*y], plain[*x][*y]));
-        slopes.push(of_x * along_x.0 + of_both * mixed[across[0]][across[1]] + of_y * (along_y.1 - along_y.0));
-    }
-    Products { values, slopes, bias: plane_bias(rings) }
+    let Sums { plain, squared, mixed } = vectorized(MonomialSums(&boundary_nodes(rings)));
+    let slope = |entry: &Entry| {
+        let ([all, of_x], factor) = entry.along_y;
+        entry.along_x.1 * squared[entry.along_x.0]
+            + entry.across.1 * mixed[entry.across.0]
+            + factor * (plain[all] - squared[of_x])
+    };
+    let values = PLANE_ENTRIES.iter().map(|entry| plain[entry.value]).collect();
+    Products { values, slopes: PLANE_ENTRIES.iter().map(slope).collect(), bias: plane_bias(rings) }
 }
 
 /// The integrals of the normal derivatives along the boundary: of the Laplacians over the region.
@@ -339,8 +261,8 @@ fn sphere_products(chart: &Chart, rings: &PlaneRings) -> Products {
     let count = SPHERE_EXPONENTS.len();
     let entries = packed(count, 0);
     let mut sums = Products { values: vec![0.0; entries], slopes: vec![0.0; entries], bias: vec![0.0; count] };
-    for BoundaryNode { at, weight, normal } in boundary_nodes(rings) {
-        let (values, slopes) = sphere_functions(chart, &at, &normal);
+    for BoundaryNode { at, weight, normal } in &boundary_nodes(rings) {
+        let (values, slopes) = sphere_functions(chart, at, normal);
         for a in 0..count {
             let (value, slope) = (weight * values[a], weight * slopes[a]);
             sums.bias[a] += slope;
@@ -413,7 +335,10 @@ mod tests {
                 };
                 let values = |node: BoundaryNode| node.weight * value(&node.at, i, j) * value(&node.at, k, l);
                 let slopes = |node: BoundaryNode| node.weight * slope(&node, i, j) * slope(&node, k, l);
-                let expected = [boundary_nodes(&rings).map(values).sum(), boundary_nodes(&rings).map(slopes).sum()];
+                let expected = [
+                    boundary_nodes(&rings).into_iter().map(values).sum(),
+                    boundary_nodes(&rings).into_iter().map(slopes).sum(),
+                ];
                 let found = [products.values[packed(a, b)], products.slopes[packed(a, b)]];
                 for (found, expected) in found.into_iter().zip::<[f64; 2]>(expected) {
                     assert!(

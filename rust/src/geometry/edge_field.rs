@@ -3,7 +3,6 @@
 //! Rings never change while poses do: which edges may be nearest in a cell of a grid is found once, after a few points
 //! fell into it, and the nearest one is then a look-up and a few distances. Points need not lie on any outline.
 
-use std::array;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -32,6 +31,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct EdgeField {
     edges: Vec<FieldEdge>,
     groups: Vec<Group>,
+    boxes: Vec<Boxes>,
     origin: Vector2<f64>,
     /// Size of a cell.
     cell: Vector2<f64>,
@@ -60,11 +60,9 @@ impl FieldEdge {
     }
 }
 
-/// Consecutive edges, the last one repeated where they are too few, and a box around them.
+/// Consecutive edges, the last one repeated where they are too few.
 #[derive(Debug, Clone, Copy)]
 struct Group {
-    low: Vector2<f64>,
-    high: Vector2<f64>,
     start: [[Lanes; 2]; GROUP / LANES],
     step: [[Lanes; 2]; GROUP / LANES],
     inverse: [Lanes; GROUP / LANES],
@@ -72,15 +70,7 @@ struct Group {
 
 impl Group {
     fn of(edges: &[FieldEdge]) -> Self {
-        let (low, high) = bounding_box(edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]));
-        let room = Vector2::repeat(ROUNDING * low.amax().max(high.amax()));
-        let mut group = Self {
-            low: low - room,
-            high: high + room,
-            start: Default::default(),
-            step: Default::default(),
-            inverse: Default::default(),
-        };
+        let mut group = Self { start: Default::default(), step: Default::default(), inverse: Default::default() };
         for place in 0..GROUP {
             let (edge, [k, lane]) = (&edges[place.min(edges.len() - 1)], [place / LANES, place % LANES]);
             for axis in 0..2 {
@@ -92,33 +82,62 @@ impl Group {
         group
     }
 
-    /// Squared distance of a point from the box: no edge in it is nearer.
-    #[inline(always)]
-    fn square(&self, point: &Vector2<f64>) -> f64 {
-        let outside = |axis: usize| {
-            let (below, above) = (self.low[axis] - point[axis], point[axis] - self.high[axis]);
-            let beyond = if below > above { below } else { above };
-            if beyond > 0.0 { beyond } else { 0.0 }
-        };
-        let [x, y] = [outside(0), outside(1)];
-        x * x + y * y
-    }
-
     /// Squared distances of a point from all edges, as [`FieldEdge::square`] gives them.
     #[inline(always)]
-    fn squares(&self, point: &Vector2<f64>) -> [Lanes; GROUP / LANES] {
-        array::from_fn(|k| {
-            let [x, y] = [0, 1].map(|axis| Lanes::splat(point[axis]) - self.start[k][axis]);
+    fn squares(&self, point: &[Lanes; 2]) -> [Lanes; GROUP / LANES] {
+        let mut squares = [Lanes::ZERO; GROUP / LANES];
+        for (k, square) in squares.iter_mut().enumerate() {
+            let [x, y] = [point[0] - self.start[k][0], point[1] - self.start[k][1]];
             let [dx, dy] = self.step[k];
             let share = ((x * dx + y * dy) * self.inverse[k]).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
             let (x, y) = (x - dx * share, y - dy * share);
-            x * x + y * y
-        })
+            *square = x * x + y * y;
+        }
+        squares
     }
 }
 
-/// The squared distance and number of the first of the edges nearest to a point, of groups of which there is one at least.
-struct Nearest<'a>(&'a [Group], &'a Vector2<f64>);
+/// Boxes around the edges of as many groups.
+#[derive(Debug, Clone, Copy)]
+struct Boxes {
+    low: [Lanes; 2],
+    high: [Lanes; 2],
+}
+
+impl Boxes {
+    /// Those of the groups that up to so many edges make.
+    fn of(edges: &[FieldEdge]) -> Self {
+        // Past the last group nothing is near.
+        let [low, high] = [f64::INFINITY, f64::NEG_INFINITY].map(|far| [Lanes::splat(far); 2]);
+        let mut boxes = Self { low, high };
+        for (lane, group) in edges.chunks(GROUP).enumerate() {
+            let (low, high) = bounding_box(group.iter().flat_map(|edge| [edge.start, edge.start + edge.step]));
+            let room = ROUNDING * low.amax().max(high.amax());
+            for axis in 0..2 {
+                boxes.low[axis].0[lane] = low[axis] - room;
+                boxes.high[axis].0[lane] = high[axis] + room;
+            }
+        }
+        boxes
+    }
+
+    /// Squared distances of a point: no edge in a box is nearer.
+    #[inline(always)]
+    fn squares(&self, point: &[Lanes; 2]) -> Lanes {
+        let outside =
+            |axis: usize| (self.low[axis] - point[axis]).upper(point[axis] - self.high[axis]).upper(Lanes::ZERO);
+        let [x, y] = [outside(0), outside(1)];
+        x * x + y * y
+    }
+}
+
+#[inline(always)]
+fn in_lanes(point: &Vector2<f64>) -> [Lanes; 2] {
+    [Lanes::splat(point.x), Lanes::splat(point.y)]
+}
+
+/// The squared distance and number of the first of the edges nearest to a point.
+struct Nearest<'a>(&'a EdgeField, &'a Vector2<f64>);
 
 impl NullaryFnOnce for Nearest<'_> {
     type Output = (f64, usize);
@@ -126,38 +145,71 @@ impl NullaryFnOnce for Nearest<'_> {
     /// That of the nearest box first, then of all boxes that may hold a nearer one.
     #[inline(always)]
     fn call(self) -> (f64, usize) {
-        let Self(groups, point) = self;
-        let least =
-            |group: &Group| group.squares(point).into_iter().fold(Lanes::splat(f64::INFINITY), Lanes::lower).min();
-        let mut nearest = (f64::INFINITY, 0);
-        for (number, group) in groups.iter().enumerate() {
-            let square = group.square(point);
-            nearest = if square < nearest.0 { (square, number) } else { nearest };
-        }
-        let mut best = (least(&groups[nearest.1]), nearest.1);
-        for (number, group) in groups.iter().enumerate() {
-            if group.square(point) <= best.0 && number != nearest.1 {
-                let square = least(group);
-                best = if (square, number) < best { (square, number) } else { best };
+        let Self(EdgeField { groups, boxes, .. }, point) = self;
+        let point = in_lanes(point);
+        let (mut square, mut first) = (f64::INFINITY, 0);
+        for (k, boxes) in boxes.iter().enumerate() {
+            // Of points that are not finite those past the last group may seem near, too.
+            for (number, other) in (k * LANES..groups.len()).zip(boxes.squares(&point).0) {
+                (square, first) = if other < square { (other, number) } else { (square, first) };
             }
         }
-        let squares = groups[best.1].squares(point).map(|squares| squares.0);
-        let place = squares.as_flattened().iter().position(|square| *square == best.0).unwrap_or(0);
-        (best.0, best.1 * GROUP + place)
+        let mut best = Found::of(&groups[first], first, &point);
+        for (k, boxes) in boxes.iter().enumerate() {
+            for (number, square) in (k * LANES..groups.len()).zip(boxes.squares(&point).0) {
+                if square <= best.square && number != first {
+                    let found = Found::of(&groups[number], number, &point);
+                    let nearer = (found.square, number) < (best.square, best.group);
+                    best = if nearer { found } else { best };
+                }
+            }
+        }
+        (best.square, best.edge())
+    }
+}
+
+/// The least of a group's squared distances.
+struct Found {
+    square: f64,
+    group: usize,
+    squares: [Lanes; GROUP / LANES],
+}
+
+impl Found {
+    #[inline(always)]
+    fn of(edges: &Group, group: usize, point: &[Lanes; 2]) -> Self {
+        let squares = edges.squares(point);
+        let mut least = squares[0];
+        for other in &squares[1..] {
+            least = least.lower(*other);
+        }
+        Self { square: least.min(), group, squares }
+    }
+
+    /// The first edge that lies so near.
+    #[inline(always)]
+    fn edge(&self) -> usize {
+        let squares = self.squares.map(|lanes| lanes.0);
+        let place = squares.as_flattened().iter().position(|square| *square == self.square).unwrap_or(0);
+        self.group * GROUP + place
     }
 }
 
 /// Gives the numbers of the edges within a squared distance of a point, rising.
-struct Within<'a, F>(&'a [Group], &'a Vector2<f64>, f64, F);
+struct Within<'a, F>(&'a EdgeField, &'a Vector2<f64>, f64, F);
 
 impl<F: FnMut(usize)> NullaryFnOnce for Within<'_, F> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self(groups, point, limit, mut found) = self;
-        for (number, group) in groups.iter().enumerate().filter(|(_, group)| group.square(point) <= limit) {
-            for (k, squares) in group.squares(point).into_iter().enumerate() {
+        let Self(EdgeField { groups, boxes, .. }, point, limit, mut found) = self;
+        let point = in_lanes(point);
+        for (number, group) in groups.iter().enumerate() {
+            if boxes[number / LANES].squares(&point).0[number % LANES] > limit {
+                continue;
+            }
+            for (k, squares) in group.squares(&point).into_iter().enumerate() {
                 for (lane, square) in squares.0.into_iter().enumerate() {
                     if square <= limit {
                         found(number * GROUP + k * LANES + lane);
@@ -176,8 +228,9 @@ impl EdgeField {
         let room = (high - low) * MARGIN;
         let cell = (high - low + room * 2.0) / CELLS as f64;
         let groups = edges.chunks(GROUP).map(Group::of).collect();
+        let boxes = edges.chunks(GROUP * LANES).map(Boxes::of).collect();
         let seen = [const { AtomicU8::new(0) }; CELLS * CELLS];
-        Self { edges, groups, origin: low - room, cell, seen, candidates: OnceLock::new() }
+        Self { edges, groups, boxes, origin: low - room, cell, seen, candidates: OnceLock::new() }
     }
 
     /// The edges that may be nearest to a point of a cell: those that are farther from its middle than the nearest by no more
@@ -189,7 +242,7 @@ impl EdgeField {
         let mut numbers = Vec::new();
         // The last group repeats the last edge.
         let found = |number: usize| numbers.extend((number < self.edges.len()).then_some(number as u32));
-        vectorized(Within(&self.groups, &middle, limit, found));
+        vectorized(Within(self, &middle, limit, found));
         numbers.into()
     }
 
@@ -209,7 +262,7 @@ impl EdgeField {
 
     /// By its squared distance and number.
     fn nearest_of_all(&self, point: &Vector2<f64>) -> (f64, usize) {
-        vectorized(Nearest(&self.groups, point))
+        vectorized(Nearest(self, point))
     }
 
     /// Whether more than a few points fell into a cell.
@@ -237,7 +290,7 @@ impl EdgeField {
 
 fn edges_of(ring: &[Vector2<f64>]) -> impl Iterator<Item = FieldEdge> + '_ {
     (0..ring.len()).map(|k| {
-        let step = ring[(k + 1) % ring.len()] - ring[k];
+        let step = ring[if k + 1 < ring.len() { k + 1 } else { 0 }] - ring[k];
         FieldEdge { start: ring[k], step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
     })
 }

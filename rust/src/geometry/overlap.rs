@@ -15,6 +15,7 @@ use std::ops::Add;
 use nalgebra::Vector2;
 
 use crate::geometry::rings::{PlaneRings, rising};
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,9 +57,9 @@ impl Add for OverlapAreas {
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
     let (first, second) = (sloping_edges(observed), sloping_edges(predicted));
     let area = |edges: &[SlopingEdge]| {
-        let mut sum = AreaSum::default();
-        edges.iter().for_each(|edge| sum.add(edge.sign, &edge.left, &edge.right));
-        sum.total()
+        let mut segments = Segments::with_capacity(edges.len());
+        edges.iter().for_each(|edge| segments.add(edge.sign, &edge.left, &edge.right));
+        segments.area()
     };
     let (first_area, second_area) = (area(&first), area(&second));
     let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
@@ -90,18 +91,20 @@ struct SlopingEdge {
     right: Point,
     /// +1 where the region lies below the edge, -1 where it lies above.
     sign: f64,
+    /// Of its extent along x.
+    inverse: f64,
 }
 
 impl SlopingEdge {
+    fn new(left: Point, right: Point, sign: f64) -> Self {
+        Self { left, right, sign, inverse: 1.0 / (right.x - left.x) }
+    }
+
     fn y_at(&self, x: f64) -> f64 {
-        if x == self.left.x {
-            self.left.y
-        } else if x == self.right.x {
-            self.right.y
-        } else {
-            let share = (x - self.left.x) / (self.right.x - self.left.x);
-            self.left.y + share * (self.right.y - self.left.y)
-        }
+        let share = (x - self.left.x) * self.inverse;
+        // Past the end by rounding alone, or anywhere of an edge whose inverse is too large for a number.
+        let share = if share < 1.0 { share } else { 1.0 };
+        self.left.y + share * (self.right.y - self.left.y)
     }
 }
 
@@ -114,9 +117,9 @@ fn sloping_edges(region: &PlaneRings) -> Vec<SlopingEdge> {
         for b in ring {
             let b = Point::new(*b);
             if a.x < b.x {
-                edges.push(SlopingEdge { left: a, right: b, sign: -1.0 });
+                edges.push(SlopingEdge::new(a, b, -1.0));
             } else if a.x > b.x {
-                edges.push(SlopingEdge { left: b, right: a, sign: 1.0 });
+                edges.push(SlopingEdge::new(b, a, 1.0));
             }
             a = b;
         }
@@ -128,7 +131,7 @@ fn sloping_edges(region: &PlaneRings) -> Vec<SlopingEdge> {
 fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
     let (mut open_first, mut open_second): (Vec<&SlopingEdge>, Vec<&SlopingEdge>) = (Vec::new(), Vec::new());
     let (mut rest_first, mut rest_second) = (first.iter().peekable(), second.iter().peekable());
-    let mut sum = AreaSum::default();
+    let mut segments = Segments::with_capacity(PAIRS * (first.len() + second.len()));
     while rest_first.peek().is_some() || rest_second.peek().is_some() {
         let from_first = match (rest_first.peek(), rest_second.peek()) {
             (Some(a), Some(b)) => a.left.x <= b.left.x,
@@ -141,72 +144,110 @@ fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
         };
         let Some(edge) = rest.next() else { break };
         other.retain(|open| open.right.x > edge.left.x);
-        other.iter().for_each(|open| sum.add_below_both(edge, open));
+        other.iter().for_each(|open| segments.add_below_both(edge, open));
         same.push(edge);
     }
-    sum.total()
+    segments.area()
 }
 
-/// Sizes that a product is kept between: its square and the largest factors, of coordinates to 1e60, stay finite.
-const SIZES: std::ops::Range<f64> = 1e-20..1e20;
+/// Segments for each edge that room is made for: four pairs of upper and lower edges about every vertex, and crossings.
+const PAIRS: usize = 5;
 
-/// A sum of areas that is an area itself: the product of complex numbers whose arguments are half of them
-/// (`docs/math.md`, eq. 8.6).
-struct AreaSum {
-    re: f64,
-    im: f64,
-}
+/// Segments from left to right.
+struct Segments(Vec<Segment>);
 
-impl Default for AreaSum {
-    fn default() -> Self {
-        Self { re: 1.0, im: 0.0 }
+/// Sign of the area below a segment, and `x, y, root` of its left and of its right end.
+type Segment = [f64; 7];
+
+/// A segment without any length, at the chart's middle.
+const EMPTY: Segment = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+
+impl Segments {
+    fn with_capacity(count: usize) -> Self {
+        Self(Vec::with_capacity(count))
     }
-}
 
-impl AreaSum {
-    /// Adds the area below both edges over the x that they share; the lower one changes where they cross.
+    /// Adds the part below an edge and one that begins before it over the x that they share; the lower one changes where they
+    /// cross.
     fn add_below_both(&mut self, e: &SlopingEdge, f: &SlopingEdge) {
-        let sign = e.sign * f.sign;
-        let left = if e.left.x > f.left.x { e.left } else { f.left };
-        let right = if e.right.x < f.right.x { e.right } else { f.right };
-        let [[e_left, e_right], [f_left, f_right]] = [e, f].map(|edge| [edge.y_at(left.x), edge.y_at(right.x)]);
-        let gaps = [e_left - f_left, e_right - f_right];
-        let (left, right) = (Point { y: e_left.min(f_left), ..left }, Point { y: e_right.min(f_right), ..right });
-        if gaps[0] * gaps[1] < 0.0 {
-            let share = gaps[0] / (gaps[0] - gaps[1]);
+        let (sign, left) = (e.sign * f.sign, &e.left);
+        let right = if e.right.x < f.right.x { &e.right } else { &f.right };
+        let (e_left, f_left) = (left.y, f.y_at(left.x));
+        let (e_right, f_right) = (e.y_at(right.x), f.y_at(right.x));
+        let (gap, next) = (e_left - f_left, e_right - f_right);
+        let lower = |a: f64, b: f64| if a < b { a } else { b };
+        let (start, end) =
+            (Point { y: lower(e_left, f_left), ..*left }, Point { y: lower(e_right, f_right), ..*right });
+        if gap * next < 0.0 {
+            let share = gap / (gap - next);
             let crossing = Vector2::new(left.x, e_left).lerp(&Vector2::new(right.x, e_right), share);
             let crossing = Point::new(crossing);
-            self.add(sign, &left, &crossing);
-            self.add(sign, &crossing, &right);
+            self.add(sign, &start, &crossing);
+            self.add(sign, &crossing, &end);
         } else {
-            self.add(sign, &left, &right);
+            self.add(sign, &start, &end);
         }
     }
 
-    /// Adds `sign` times the solid angle between the segment from `a` to `b`, from left to right, and the line y = 0.
-    ///
-    /// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (q + sqrt(q^2 + y^2))`,
-    /// `q^2 = 1 + x^2`, this is the area between a great-circle arc and the equator (`docs/math.md`, eq. 8.4 and 8.5).
+    /// Adds `sign` times the part between the segment from `a` to `b` and the line y = 0.
     fn add(&mut self, sign: f64, a: &Point, b: &Point) {
-        let whole = |p: &Point| p.root + (p.root * p.root + p.y * p.y).sqrt();
-        let (w_a, w_b) = (whole(a), whole(b));
-        let (product, cosine) = (a.root * b.root, 1.0 + a.x * b.x);
-        // Numerator and denominator of the tangent of half the difference of longitudes, without cancellation.
-        let (up, down) = if cosine >= 0.0 { (b.x - a.x, product + cosine) } else { (product - cosine, b.x - a.x) };
-        let (re, im) = (down * (w_a * w_b + a.y * b.y), sign * up * (a.y * w_b + b.y * w_a));
-        // Points beyond all digits from each other bound an area that is anyone's guess: it must not wipe out the others.
-        if re != 0.0 || im != 0.0 {
-            (self.re, self.im) = (self.re * re - self.im * im, self.re * im + self.im * re);
-        }
-        let size = self.re.abs() + self.im.abs();
-        if !SIZES.contains(&size) {
-            (self.re, self.im) = (self.re / size, self.im / size);
-        }
+        self.0.push([sign, a.x, a.y, a.root, b.x, b.y, b.root]);
     }
 
-    /// The sum, known to lie from 0 to 2 pi, but for rounding.
-    fn total(&self) -> f64 {
-        let half = self.im.atan2(self.re);
+    /// The solid angle of all, known to lie from 0 to 2 pi, but for rounding.
+    fn area(&self) -> f64 {
+        let (re, im) = vectorized(HalfAngles(&self.0));
+        let half = im.atan2(re);
         2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
     }
+}
+
+/// The product of complex numbers whose arguments are half the solid angles below segments (`docs/math.md`, eq. 8.6).
+struct HalfAngles<'a>(&'a [Segment]);
+
+impl NullaryFnOnce for HalfAngles<'_> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn call(self) -> (f64, f64) {
+        let (mut re, mut im) = (Lanes::splat(1.0), Lanes::ZERO);
+        let (whole, rest) = self.0.as_chunks::<LANES>();
+        let mut last = [EMPTY; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        for group in whole.iter().chain([&last]) {
+            let (real, imaginary) = half_angle(group);
+            (re, im) = (re * real - im * imaginary, re * imaginary + im * real);
+            // Kept near size 1, so that it neither overflows nor vanishes.
+            let inverse = (re.map(f64::abs) + im.map(f64::abs)).map(|size| 1.0 / size);
+            (re, im) = (re * inverse, im * inverse);
+        }
+        (0..LANES).fold((1.0, 0.0), |(a, b), i| (a * re.0[i] - b * im.0[i], a * im.0[i] + b * re.0[i]))
+    }
+}
+
+/// The complex number of each segment: the solid angle between it and the line y = 0, times its sign.
+///
+/// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (q + sqrt(q^2 + y^2))`,
+/// `q^2 = 1 + x^2`, this is the area between a great-circle arc and the equator (`docs/math.md`, eq. 8.4 and 8.5).
+#[inline(always)]
+fn half_angle([a, b, c, d]: &[Segment; LANES]) -> (Lanes, Lanes) {
+    let number = |k: usize| Lanes([a[k], b[k], c[k], d[k]]);
+    let (sign, ax, ay, a_root) = (number(0), number(1), number(2), number(3));
+    let (bx, by, b_root) = (number(4), number(5), number(6));
+    let whole = |root: Lanes, y: Lanes| root + (root * root + y * y).map(f64::sqrt);
+    let (w_a, w_b) = (whole(a_root, ay), whole(b_root, by));
+    let (product, cosine, run) = (a_root * b_root, Lanes::splat(1.0) + ax * bx, bx - ax);
+    // Numerator and denominator of the tangent of half the difference of longitudes, without cancellation.
+    let (mut up, mut down) = (run, product + cosine);
+    for i in 0..LANES {
+        let ahead = cosine.0[i] >= 0.0;
+        up.0[i] = if ahead { up.0[i] } else { product.0[i] - cosine.0[i] };
+        down.0[i] = if ahead { down.0[i] } else { run.0[i] };
+    }
+    let (mut re, im) = (down * (w_a * w_b + ay * by), sign * up * (ay * w_b + by * w_a));
+    // Points beyond all digits from each other bound an area that is anyone's guess: it must not wipe out the others.
+    for i in 0..LANES {
+        re.0[i] = if re.0[i] == 0.0 && im.0[i] == 0.0 { 1.0 } else { re.0[i] };
+    }
+    (re, im)
 }

@@ -245,19 +245,17 @@ impl Difference {
         Self { mirrored, constant, coefficients }
     }
 
-    /// The value at an angle whose `e^(i winding angle)` is given for each winding.
-    fn at(&self, turned: impl Fn(usize) -> Complex<f64>) -> f64 {
-        let term = |(k, c): (usize, &Complex<f64>)| {
-            let turn = turned(k + 1);
-            c.re * turn.re - c.im * turn.im
-        };
-        self.constant - self.coefficients.iter().enumerate().map(term).sum::<f64>()
+    /// The value at an angle whose `e^(i winding angle)` is given for each winding from 1 on.
+    fn at(&self, turned: impl IntoIterator<Item = Complex<f64>>) -> f64 {
+        let term = |(c, turn): (&Complex<f64>, Complex<f64>)| c.re * turn.re - c.im * turn.im;
+        self.constant - self.coefficients.iter().zip(turned).map(term).sum::<f64>()
     }
 
     fn local_minima(&self) -> Vec<Turn> {
         let step = TAU / ANGLES as f64;
         let table = &*UNIT_CIRCLE;
-        let samples: [f64; ANGLES] = std::array::from_fn(|k| self.at(|winding| table[k * winding % ANGLES]));
+        let samples: [f64; ANGLES] =
+            std::array::from_fn(|k| self.at((1..=WINDINGS).map(|winding| table[k * winding % ANGLES])));
         let at = |k: usize| samples[k % ANGLES];
         let is_least = |&k: &usize| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1);
         let refined = |k: usize| {
@@ -265,11 +263,16 @@ impl Difference {
             let curvature = before - 2.0 * here + after;
             let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
             let angle = (k as f64 + shift) * step;
-            let difference = self.at(|winding| Complex::cis(winding as f64 * angle));
+            let difference = self.at(powers(Complex::cis(angle)));
             Turn { angle, mirrored: self.mirrored, difference }
         };
         (0..ANGLES).filter(is_least).map(refined).collect()
     }
+}
+
+/// The powers of a number from the first on.
+fn powers(number: Complex<f64>) -> impl Iterator<Item = Complex<f64>> {
+    std::iter::successors(Some(number), move |power| Some(power * number))
 }
 
 /// `e^(i angle)` of the angles at which shapes are compared.

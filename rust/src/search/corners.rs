@@ -115,9 +115,14 @@ pub fn triangle_poses(
     origin: &Vector3<f64>,
     pixel: f64,
 ) -> Vec<Pose> {
-    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
-    let ([seen], [known]) = (seen.as_slice(), known.as_slice()) else { return Vec::new() };
-    let ([a, b, c], 3) = (seen.as_slice(), known.len()) else { return Vec::new() };
+    let known = world_corners(world);
+    let [known] = known.as_slice() else { return Vec::new() };
+    if known.len() != 3 {
+        return Vec::new();
+    }
+    let seen = observed_corners(outline, pixel);
+    let [seen] = seen.as_slice() else { return Vec::new() };
+    let [a, b, c] = seen.as_slice() else { return Vec::new() };
     let pairings = [false, true].into_iter().flat_map(|backwards| triples(known, 1, backwards));
     pairings.flat_map(|known| posed(chart, origin, &[*a, *b, *c], &known)).collect()
 }

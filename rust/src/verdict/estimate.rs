@@ -10,6 +10,7 @@ use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
+use crate::equations::residual::normal_equations;
 use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
@@ -164,7 +165,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = moment_covariance(problem, &minimum.pose, problem.estimated_variance(minimum.cost));
+            let covariance = moment_covariance(problem, &minimum);
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -255,12 +256,15 @@ impl Place {
 }
 
 /// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-fn moment_covariance(problem: &Problem, pose: &Pose, variance: f64) -> Matrix6<f64> {
+fn moment_covariance(problem: &Problem, minimum: &Minimum) -> Matrix6<f64> {
     let free = Matrix6::from_element(f64::INFINITY);
-    let Some(evaluation) = problem.evaluate(pose, Weighting::Whitened) else { return free };
-    let information = evaluation.jacobian.transpose() * &evaluation.jacobian;
-    let information = Matrix6::from_iterator(information.iter().copied());
-    information.cholesky().map_or(free, |cholesky| cholesky.inverse() * variance)
+    let evaluated = || {
+        let pose = problem.centred(&minimum.pose);
+        normal_equations(problem.regions(), &pose, Weighting::Whitened).map(|equations| equations.information)
+    };
+    let variance = problem.estimated_variance(minimum.cost);
+    let factor = minimum.information.or_else(evaluated).and_then(Matrix6::cholesky);
+    factor.map_or(free, |cholesky| cholesky.inverse() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {

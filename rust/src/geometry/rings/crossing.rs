@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::predicates::{contact, is_left_of_corner, lies_on, turn};
-use super::{CleanRing, rising};
+use super::{CleanRing, ring_edges, rising, without_negligible};
 use crate::error::{Contact, Error, Result};
 
 /// One edge of one ring with its box, `along` the sweep axis and `across` it.
@@ -17,6 +17,11 @@ struct Edge {
 
 /// Refuses rings with an edge that crosses or overlaps another, or touches another of the same ring.
 pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
+    if let [ring] = rings
+        && is_star(&ring.vertices)
+    {
+        return Ok(());
+    }
     let edges = edges_for_sweep(rings);
     let mut active: Vec<&Edge> = Vec::new();
     for edge in rising(edges.iter().map(|edge| edge.along[0])).map(|index| &edges[index]) {
@@ -31,16 +36,27 @@ pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
     Ok(())
 }
 
+/// Whether a ring goes once around the mean of its vertices, all edges turning one way about it: none can then meet another.
+fn is_star(ring: &[Vector2<f64>]) -> bool {
+    let largest = ring.iter().map(Vector2::amax).fold(0.0, f64::max);
+    let middle = without_negligible(ring.iter().sum::<Vector2<f64>>() / ring.len() as f64, largest);
+    let (first, second) = (ring[0], ring[1 % ring.len()]);
+    let way = turn(middle, first, second);
+    let crossings = ring_edges(ring).filter(|(a, b)| (a.y > middle.y) != (b.y > middle.y)).count();
+    // An edge turns by less than half a circle: twice across a line through the middle is once around.
+    way.is_ne() && crossings == 2 && ring_edges(ring).all(|(a, b)| turn(middle, a, b) == way)
+}
+
 /// All edges, to be swept along the axis along which they are shorter, hence fewer at a time.
 fn edges_for_sweep(rings: &[CleanRing]) -> Vec<Edge> {
     let vertices = || rings.iter().flat_map(|ring| ring.vertices.iter().copied());
     let (lower, upper) = super::bounding_box(vertices());
-    let lengths = rings.iter().flat_map(|ring| super::ring_edges(&ring.vertices)).map(|(a, b)| (b - a).abs());
+    let lengths = rings.iter().flat_map(|ring| ring_edges(&ring.vertices)).map(|(a, b)| (b - a).abs());
     let share = lengths.sum::<Vector2<f64>>().component_div(&(upper - lower));
     let axis = if share.x <= share.y { 0 } else { 1 };
     let mut edges = Vec::with_capacity(vertices().count());
     for (ring, clean) in rings.iter().enumerate() {
-        for (index, (a, b)) in super::ring_edges(&clean.vertices).enumerate() {
+        for (index, (a, b)) in ring_edges(&clean.vertices).enumerate() {
             let interval = |k: usize| [a[k].min(b[k]), a[k].max(b[k])];
             edges.push(Edge { ring, index, ends: [a, b], along: interval(axis), across: interval(1 - axis) });
         }
