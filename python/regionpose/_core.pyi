@@ -18,6 +18,8 @@ __all__ = [
     "__version__",
     "alpha_shape",
     "contour_pieces",
+    "depth_steps",
+    "edge_agreement",
     "estimate_batch",
     "even_mesh",
     "mask_contours",
