@@ -46,6 +46,8 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/rig.py --synthetic 5
 	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
+	$(BIN)/python -m benchmarks.witness
+	$(BIN)/python -m benchmarks.chessboards
 	cargo bench --quiet
 
 $(STAMP): $(SOURCES)
