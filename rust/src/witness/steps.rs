@@ -2,7 +2,6 @@
 
 use std::array;
 use std::collections::HashMap;
-use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
@@ -109,16 +108,16 @@ impl Buckets {
         let [right, up] = tangents(&bearing);
         for number in self.around(&bearing).filter(|number| *number != index) {
             let way = samples[number].bearing - bearing;
-            let angle = way.norm();
-            if angle < self.gap && angle > 0.0 {
+            let square = way.norm_squared();
+            if square < self.gap * self.gap && square > 0.0 {
                 let sector = sector_of(way.dot(&right), way.dot(&up));
                 let held: &mut Neighbour = &mut nearest[sector];
-                if held.is_none_or(|(least, _)| angle < least) {
-                    *held = Some((angle, number));
+                if held.is_none_or(|(least, _)| square < least) {
+                    *held = Some((square, number));
                 }
             }
         }
-        nearest
+        nearest.map(|held: Neighbour| held.map(|(square, number)| (square.sqrt(), number)))
     }
 
     /// The samples of the cells about a place.
@@ -138,6 +137,9 @@ fn tangents(bearing: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [right, bearing.cross(&right)]
 }
 
+/// The sector of a direction, counted from x towards y: by signs alone, since an arc tangent takes longer than all else.
 fn sector_of(x: f64, y: f64) -> usize {
-    ((y.atan2(x) / TAU + 0.5) * SECTORS as f64) as usize % SECTORS
+    let (x, y, half) = if y < 0.0 { (-x, -y, SECTORS / 2) } else { (x, y, 0) };
+    let (x, y, quarter) = if x <= 0.0 { (y, -x, SECTORS / 4) } else { (x, y, 0) };
+    half + quarter + usize::from(y >= x)
 }
