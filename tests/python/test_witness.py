@@ -33,6 +33,8 @@ def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
         card = (np.abs(rays[..., :2] - centre) < half).all(axis=-1) & (near < depth)
         depth[card], shade[card] = near, rng.uniform(0.0, 255.0)
     photo = np.clip(shade + rng.normal(0.0, 2.0, x.shape), 0.0, 255.0).astype(np.uint8)
+    # Range noise and uneven rays, as a scan has: neighbours that are equally far would be chosen by rounding.
+    rays = rays + rng.normal(0.0, 2e-4, rays.shape)
     points = (rays * depth[..., None])[::3, ::3].reshape(-1, 3)
     return photo, POSE.inverse().transform(points)
 
@@ -50,7 +52,11 @@ def test_photo_and_cloud_agree_at_the_pose_alone(seed: int) -> None:
     assert right.z > 3.0 and right.log_odds > 2.0 and right.share_worse == 1.0
     assert right.agrees.mean() > 0.9
     others = [rp.check_alignment(photo, points, CAMERA, turned(degrees)) for degrees in (-20.0, -10.0, 9.0, 15.0)]
-    assert max(other.z for other in others) < right.z and max(other.log_odds for other in others) < 1.0
+    odds = [other.log_odds for other in others]
+    # Single cards may fall on others' edges.
+    assert (
+        max(odds) < 0.5 * right.log_odds and np.median(odds) < 0.0 and max(other.z for other in others) < 0.4 * right.z
+    )
 
 
 def test_the_best_turn_undoes_that_of_the_pose() -> None:
