@@ -97,7 +97,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     judged = verdict(run)
     typer.echo(f"{judged.level}: {judged.headline}")
     for what, advice in judged.remarks:
-        typer.echo(f"  warning: {what}. {advice}")
+        typer.echo(f"  warning: {what}. {advice}".rstrip())
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 

@@ -14,10 +14,6 @@ ADVICE = {
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
     " its initial_sigma, seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
-    "coincident-regions": "Leave one of the two out, or pick the place that it was meant for.",
-    "leaked-mask": "Look at the mask in the overlay; click nearer to the middle, or draw the region as a polygon.",
-    "odd-centre": "Check that the calibration belongs to this photo.",
-    "odd-unit": "Scale the cloud by the factor named above.",
     "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
     " calibration, and that photo and cloud show the same scene.",
     "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",
@@ -31,7 +27,7 @@ ADVICE = {
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
     "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
 }
-"""What to do about each warning."""
+"""What to do about each warning whose message doesn't say so itself."""
 
 TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
 
