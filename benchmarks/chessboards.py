@@ -1,17 +1,15 @@
 """Clicks that grow the wrong thing: one square of a chessboard in the photo, the whole board in the cloud.
 
 Both are alike in shape and differ in scale only, so that a pose far away from the board fits as well as the true one.
-Of
-each frame of acfr_fisheye some places of the board are clicked in the photo, and the board's middle in the cloud; the
-scene file says what a user would know: up, and that the camera is on the scanner's side. Where there are no such frames
-this says so and ends.
+Of each frame of acfr_fisheye some places of the board are clicked in the photo, and the board's middle in the cloud;
+the scene file says what a user would know: up, and that the camera is on the scanner's side. Where there are no such
+frames this says so and ends.
 
 A line each: the share of the board that the click grew, the errors, the verdict, its confidence by the regions alone
-and
-after the rest of the scene was heard, and how well photo and cloud agree (z). Then how many poses were wrong (beyond
-5 deg or half a metre) and how many of those were trusted.
+and after the rest of the scene was heard, and how well photo and cloud agree (z). Then how many poses were wrong
+(beyond 5 deg or half a metre) and how many of those were trusted.
 
-    python benchmarks/chessboards.py [--data ../shared/data] [--clicks 6] [--near]
+    python -m benchmarks.chessboards [--data ../shared/data] [--clicks 6] [--near]
 """
 
 from __future__ import annotations

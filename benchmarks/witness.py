@@ -1,14 +1,12 @@
 """How well the rest of a scene tells right poses from wrong ones, on frames with ground truth.
 
 Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
-pose
-and at poses that are turned by 8 to 180 degrees, most of them moved by a metre or two, too. Where there are no frames
-this says so and ends.
+pose and at poses that are turned by 8 to 180 degrees, most of them moved by a metre or two, too. Where there are no
+frames this says so and ends.
 
 A line each: depth steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
-these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then
-the AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and
-over
+these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then the
+AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and over
 those of which something is said. And what the constants of `regionpose.witness.odds` are taken from: the median of the
 leads at the true poses, the deviation of their logarithm, and the largest z of wrong poses.
 

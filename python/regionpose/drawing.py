@@ -132,11 +132,12 @@ def overlay_depth(
     limits: tuple[float, float] | None = None,
     radius: float | None = None,
 ) -> Bytes:
-    """The image (h, w, 3), grey and dimmed, with world points (n, 3) coloured by their distance from the camera.
+    """The image (h, w), grey and dimmed, with world points (n, 3) coloured by their distance from the camera, and
+    beside its right side a strip with the scale: (h, w + strip, 3).
 
     Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colours run evenly in
-    lightness and hue over the logarithm of the distance, light is near; a bar shows metres. `limits`: nearest and
-    farthest distance of the bar, else percentiles 1 and 99.
+    lightness and hue over the logarithm of the distance, light is near; the scale shows metres. `limits`: its nearest
+    and farthest distance, else percentiles 1 and 99.
     `radius` of a dot in pixels, else by the image's size. ValueError for limits that aren't increasing and positive.
     """
     colours = checked_image(image)
@@ -361,14 +362,15 @@ def _depth_image(
 
 
 def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
-    """The picture with the colour bar at its right side, near below."""
+    """The picture and, on a strip beside its right side, the colour bar, near below."""
     font = font_for(picture)
     height, width = picture.shape[:2]
     line = text_size(font, "0")[1]
     ticks = _ticks(near, far, most=max(2, int(0.6 * height / (2.5 * line))))
     text_width = max(text_size(font, f"{tick:g} m")[0] for tick in ticks)
-    left, top, length, thick = width - text_width - 3 * line - line // 2, int(0.18 * height), int(0.64 * height), line
-    draw_panel(picture, (left - line, top - line, width - line // 2, top + length + line))
+    left, top, length, thick = width + line, int(0.18 * height), int(0.64 * height), line
+    strip = np.full((height, text_width + 4 * line, 3), CASING, dtype=np.uint8)
+    picture = np.concatenate([picture, strip], axis=1)
     shades = np.linspace(0, TABLE_SIZE - 1, length).astype(np.uint8)
     bar = picture[top : top + length, left : left + thick]
     bar[:] = depth_colours()[shades][: bar.shape[0], None]

@@ -28,8 +28,7 @@ out."""
 
 TURNED_DEG, TURNED_COUNT = (3.0, 8.0), 40
 """How far turned poses are turned, and how many: beyond the tolerance, to like parts of the photo; enough for a
-deviation
-known to a tenth."""
+deviation known to a tenth."""
 
 TOLERANCE_DEG, TOLERANCE_STEP_DEG, ROLLS_DEG = 1.0, 0.25, (0.0, -0.7, 0.7)
 """How far about a pose the best agreement is looked for, and how finely: what regions, calibrations and times leave
@@ -44,12 +43,9 @@ class Alignment:
     """How well photo and cloud agree at a pose (docs/math.md, section 18).
 
     `places` (n, 2): pixels of the photo where the cloud's depth steps are seen; `agrees` (n,): whether an edge stands
-    out there.
-    `score`: the mean strength of edges under them, of the best turn of the camera within a degree; `turn` (3,): that
-    one, a rotation vector
-    about the camera's axes, rad. `turned` (t,): the same scores at poses turned by 3 to 8 degrees. `score` is NaN and
-    `turned` empty where
-    too few steps are in view to say anything.
+    out there. `score`: the mean strength of edges under them, of the best turn of the camera within a degree; `turn`
+    (3,): that one, a rotation vector about the camera's axes, rad. `turned` (t,): the same scores at poses turned by 3
+    to 8 degrees. `score` is NaN and `turned` empty where too few steps are in view to say anything.
     """
 
     places: Array
@@ -72,9 +68,7 @@ class Alignment:
 
     @property
     def log_odds(self) -> float:
-        """Logarithm of the odds for the pose against one elsewhere that the agreement makes; 0 where nothing is
-        said.
-        """
+        """Logarithm of the odds that the agreement makes for the pose against one elsewhere; 0 where it says nothing."""
         return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
 
     @property
@@ -103,9 +97,9 @@ def check_alignment(
     """How well the photo and world points (n, 3), metres, agree at a pose, whatever led to it.
 
     Depth steps of the points as the camera would see them, against edges of the photo (h, w) or (h, w, 3), uint8,
-    uint16 or floats in
-    [0, 1]; a `Photo` of it saves work for more than one pose. `regions`: those that the pose comes from; steps beside
-    them are left out, since they agree at any pose that the regions allow. ValueError for other shapes.
+    uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose. `regions`: those that the pose comes
+    from; steps beside them are left out, since they agree at any pose that the regions allow. ValueError for other
+    shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
     places = real_array(points, "points", "(n, 3)").astype(np.float64)

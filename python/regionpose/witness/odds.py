@@ -14,8 +14,7 @@ Array = NDArray[np.float64]
 
 RIGHT_MEDIAN, RIGHT_LOG_SIGMA = 0.05, 0.75
 """Median of how far right poses stand out, and the standard deviation of its logarithm, of 21 frames of cars, fisheyes
-and rooms
-(`python benchmarks/witness.py`)."""
+and rooms (`python -m benchmarks.witness`)."""
 
 WRONG_FREEDOM = 6.0
 """Degrees of freedom of Student's distribution of the scores of wrong poses, which has room for the largest z of some
@@ -23,9 +22,7 @@ hundred, 3 to 4 (the same command)."""
 
 
 def log_odds(lead: float, deviation: float) -> float:
-    """Logarithm of the odds for a right pose of a score that leads those of turned ones, of this deviation, by so
-    much.
-    """
+    """Logarithm of the odds for a right pose, of a score that leads those of turned ones; their deviation."""
     # Below those of turned poses it says no more than among them.
     lead, deviation = max(lead, 0.0), max(deviation, 1e-9)
     nodes, log_weights = _nodes()

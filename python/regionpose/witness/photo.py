@@ -19,13 +19,12 @@ DIRECTIONS = 4
 
 MOST_PIXELS = 1_000_000
 """Pixels that are looked at; of a larger photo several are averaged. Photos of half as many find poses to a quarter of
-a
-degree."""
+a degree."""
 
 REACHES_PX = (1, 4)
 """How far an edge may lie from where it is looked for, in pixels that are looked at: those of a good pose, and of one
-that is
-off. 1, 2, 4 and 8, alone and together, tell poses apart as well or worse (`python benchmarks/witness.py`)."""
+that is off. Of 1, 2, 4 and 8, alone and together, those that told poses apart best or as well (the AUC of `python -m
+benchmarks.witness`)."""
 
 GRADIENT_PX = 1.0
 """Standard deviation of the Gaussian whose derivative is the gradient: convention."""
@@ -45,9 +44,7 @@ LEVELS = 1 << 12
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A photo's luminance (h, w), 0 to 255; each of its pixels is `reduction` pixels wide and high in the original
-    one.
-    """
+    """A photo's luminance (h, w), 0 to 255; each pixel is a square of the original's, `reduction` wide."""
 
     luminance: Pictures
     reduction: int
@@ -75,10 +72,8 @@ class Photo:
         """Strength (k, h, w) of edges across each of `DIRECTIONS`, from x towards y.
 
         For each reach the strongest derivative within it, as the share of the photo that has a weaker one, less the
-        mean of
-        that about each place: where the photo is busy all over, an edge counts no more than none (docs/math.md, eq.
-        18.2). The
-        mean over the reaches.
+        mean of that about each place: where the photo is busy all over, an edge counts no more than none (docs/math.md,
+        eq. 18.2). The mean over the reaches.
         """
         angles = np.pi * np.arange(DIRECTIONS, dtype=np.float32) / DIRECTIONS
         x, y = self._gradients()

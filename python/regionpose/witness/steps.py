@@ -94,9 +94,7 @@ def _evenly(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _moved(photo: Photo, camera: Camera, bearings: Array) -> Array:
-    """Derivatives (n, 6) of places x, then y, by rotations about the camera's axes, a radian; 0 at the end of the
-    view.
-    """
+    """Derivatives (n, 6) of places x, then y, a radian, by rotations about the camera's axes; 0 where unknown."""
     start = camera.project(bearings)
     ends = [camera.project(bearings + DIFFERENCE * np.cross(axis, bearings)) for axis in np.eye(3)]
     moved = np.stack([(end - start) / (DIFFERENCE * photo.reduction) for end in ends], axis=2)
