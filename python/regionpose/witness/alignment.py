@@ -68,7 +68,7 @@ class Alignment:
 
     @property
     def log_odds(self) -> float:
-        """Logarithm of the odds that the agreement makes for the pose against one elsewhere; 0 where it says nothing."""
+        """Logarithm of the odds for the pose that the agreement makes; 0 where it says nothing."""
         return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
 
     @property
