@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -10,24 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import run
 from PIL import Image
 from regionpose import Pose, __version__
 from regionpose.calibration import load_camera
 from regionpose.cli import main
-from regionpose.cli.outputs import text_writer, write_files
 from regionpose.cli.poses import read_pose
 from regionpose.clouds import read_cloud
 from regionpose.demo.scene import folder as demo_folder
 from scene_files import POSE, scene_values, write_scene
 
 COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command line."""
-    code = main([str(word) for word in words])
-    said = capsys.readouterr()
-    return code, said.out, said.err
 
 
 @pytest.fixture(scope="module")
@@ -86,165 +78,6 @@ def test_json_is_all_of_standard_output_and_the_written_result(
     code, said, err = run(capsys, "estimate", write_scene(tmp_path), "--out", tmp_path / "out", "--json", "--quiet")
     assert (code, err) == (0, "")
     assert json.loads(said) == json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
-
-
-def test_nothing_is_overwritten_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene, out = write_scene(tmp_path), tmp_path / "out"
-    out.mkdir()
-    (out / "report.html").write_text("mine", encoding="utf-8")
-    code, said, err = run(capsys, "estimate", scene, "--out", out)
-    assert (code, said) == (2, "")
-    assert "report.html: the file exists" in err and "--force" in err
-    assert "pose ..." not in err, "the work began before the refusal"
-    assert [path.name for path in out.iterdir()] == ["report.html"]
-    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
-    assert run(capsys, "estimate", scene, "--out", out, "--force")[0] == 0
-    assert (out / "report.html").read_text(encoding="utf-8") != "mine"
-
-
-def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
-    def fails(path: Path) -> None:
-        path.write_text("half", encoding="utf-8")
-        raise OSError("disk full")
-
-    (tmp_path / "a").write_text("old", encoding="utf-8")
-    with pytest.raises(OSError, match="disk full"):
-        write_files(tmp_path, {"a": text_writer("new"), "b": fails}, force=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
-    assert (tmp_path / "a").read_text(encoding="utf-8") == "old"
-
-
-def test_an_output_below_a_file_is_refused_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = write_scene(tmp_path)
-    code, _, err = run(capsys, "estimate", scene, "--out", scene / "out")
-    assert code == 2
-    assert "found a file; needed a folder" in err and "pose ..." not in err
-
-
-def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
-    """Make the last of the writing fail."""
-    from regionpose.scene import bundle
-
-    def fails(*_: object, **__: object) -> None:
-        raise error
-
-    monkeypatch.setattr(bundle, "save_png", fails)
-
-
-def test_ctrl_c_leaves_nothing_behind_and_ends_with_130(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = write_scene(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    failing(monkeypatch, KeyboardInterrupt())
-    code, said, err = run(capsys, "estimate", scene, "--out", tmp_path / "new" / "out", "--quiet")
-    assert (code, said) == (130, "") and "Traceback" not in err
-    assert sorted(tmp_path.iterdir()) == before
-
-
-def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, out = write_scene(tmp_path), tmp_path / "out"
-    out.mkdir()
-    (out / "report.html").write_text("mine", encoding="utf-8")
-    failing(monkeypatch, KeyboardInterrupt())
-    assert main(["estimate", str(scene), "--out", str(out), "--force", "--quiet"]) == 130
-    assert [path.name for path in out.iterdir()] == ["report.html"]
-    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
-
-
-def started(scene: Path, out: Path) -> subprocess.Popen[str]:
-    """A run of the command that has claimed its files."""
-    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
-    assert process.stderr.readline().startswith("read files")
-    return process
-
-
-@pytest.fixture
-def slow_scene(tmp_path: Path) -> Path:
-    """A scene whose image is a pipe that nobody writes to: its run waits there."""
-    if not hasattr(os, "mkfifo"):
-        pytest.skip("needs named pipes")
-    path = write_scene(tmp_path)
-    (tmp_path / "image.png").unlink()
-    os.mkfifo(tmp_path / "image.png")
-    return path
-
-
-def test_sigterm_leaves_nothing_behind(slow_scene: Path, tmp_path: Path) -> None:
-    before = sorted(tmp_path.iterdir())
-    process = started(slow_scene, tmp_path / "out")
-    process.terminate()
-    assert process.wait(timeout=60) == 143
-    assert sorted(tmp_path.iterdir()) == before
-
-
-def test_what_a_killed_run_left_is_removed_by_the_next(slow_scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = started(slow_scene, out)
-    process.kill()
-    process.wait(timeout=60)
-    assert [path.name.startswith(".regionpose-") for path in out.iterdir()] == [True]
-    write_files(out, {"a": text_writer("new")}, force=False)
-    assert [path.name for path in out.iterdir()] == ["a"]
-
-
-def test_of_two_runs_into_one_folder_one_is_refused(slow_scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = started(slow_scene, out)
-    try:
-        with pytest.raises(FileExistsError, match=r"report\.html: found another run that is about to write it"):
-            write_files(out, {"report.html": text_writer("other")}, force=True)
-        assert write_files(out, {"notes.txt": text_writer("mine")}, force=False) == [out / "notes.txt"]
-    finally:
-        process.terminate()
-        process.wait(timeout=60)
-    assert [path.name for path in out.iterdir()] == ["notes.txt"]
-
-
-def test_a_link_in_the_output_folder_is_replaced_and_not_followed(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "result.json").symlink_to(tmp_path / "mine.txt")
-    write_files(out, {"result.json": text_writer("new")}, force=True)
-    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
-    assert not (out / "result.json").is_symlink()
-
-
-def test_region_names_stay_in_the_output_folder(tmp_path: Path) -> None:
-    values = scene_values()
-    for region, name in zip(values["regions"], ("../../x", "/etc/passwd"), strict=True):
-        region["name"] = name
-        region["image"] = {"seed": [20.0, 20.0]}
-    scene = write_scene(tmp_path, values)
-    before = {path for path in tmp_path.rglob("*")}
-    assert main(["segment", str(scene), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    made = {path for path in tmp_path.rglob("*")} - before - {tmp_path / "out"}
-    assert sorted(path.relative_to(tmp_path / "out").as_posix() for path in made) == [
-        "01-x.png",
-        "02-etc-passwd.png",
-        "scene.yaml",
-    ]
-
-
-def test_a_full_disk_is_one_line_and_a_mistake_of_ours_is_raised(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from regionpose.clouds import MissingExtraError
-
-    scene, out = write_scene(tmp_path), tmp_path / "out"
-    expected = OSError(28, "No space left on device", "cloud.ply"), MissingExtraError("needed regionpose[las]")
-    for error, line in zip(expected, ("cloud.ply: no space left on device", "needed regionpose[las]"), strict=True):
-        failing(monkeypatch, error)
-        code, said, err = run(capsys, "estimate", scene, "--out", out, "--quiet")
-        assert (code, said, err) == (2, "", f"error: {line}\n")
-    for unexpected in (KeyError("pose"), ImportError("scipy is broken"), MemoryError()):
-        failing(monkeypatch, unexpected)
-        with pytest.raises(type(unexpected)):
-            main(["estimate", str(scene), "--out", str(out), "--quiet"])
-    assert not out.exists()
 
 
 def test_an_initial_pose_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
