@@ -196,6 +196,11 @@ def test_agreement_never_makes_a_pose_surer_than_its_regions_do() -> None:
     assert [warning.code for warning in after.warnings] == ["low-confidence"]
 
 
+def test_without_confidence_there_is_none_after_either() -> None:
+    after, _ = heard(estimate([0.0, 0.0], "ambiguous"), [0.1, 0.1])
+    assert after.confidence == 0.0 and [warning.code for warning in after.warnings] == ["ambiguous"]
+
+
 def test_a_pose_that_only_falls_below_what_is_trusted_has_a_low_confidence() -> None:
     after, _ = heard(estimate([0.91]), [0.01])
     assert after.confidence < 0.9 and [warning.code for warning in after.warnings] == ["low-confidence"]

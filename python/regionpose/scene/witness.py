@@ -75,7 +75,8 @@ def _heard(estimate: PoseEstimate, align: Callable[[Pose], Alignment]) -> tuple[
     before = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
     alignments = [align(pose) for pose in answers]
     after = weighed(before, [alignment.log_odds for alignment in alignments])
-    return alignments, after * min(1.0, float(np.sum(before)) / float(after.sum()))
+    total, most = float(after.sum()), float(np.sum(before))
+    return alignments, after * (most / total) if total > most else after
 
 
 def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarning, ...]:
