@@ -82,6 +82,14 @@ class Camera(ABC):
         """Pixel coordinates of points, NaN where not visible."""
 
 
+def scaled_intrinsics(
+    focal: tuple[float, float], centre: tuple[float, float], factors: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """fx, fy, cx and cy of photos whose sides are scaled by two factors, corners to corners."""
+    (fx, fy), (cx, cy), (across, down) = focal, centre, factors
+    return across * fx, down * fy, across * (cx + 0.5) - 0.5, down * (cy + 0.5) - 0.5
+
+
 def resize_factor(size: tuple[int, int], other: tuple[int, int]) -> float | None:
     """The factor that leads from one width and height to another, each rounded by less than a pixel; None if none does.
 

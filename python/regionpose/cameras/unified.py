@@ -19,6 +19,7 @@ from regionpose.cameras.base import (
     intrinsic_matrix,
     intrinsics_of,
     positive_number,
+    scaled_intrinsics,
 )
 from regionpose.cameras.distortion import RadialTangential, distortion_of
 
@@ -99,15 +100,8 @@ class UnifiedCamera(Camera):
         return 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else math.inf
 
     def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> UnifiedCamera:
-        return replace(
-            self,
-            fx=horizontal * self.fx,
-            fy=vertical * self.fy,
-            cx=horizontal * (self.cx + 0.5) - 0.5,
-            cy=vertical * (self.cy + 0.5) - 0.5,
-            width=size[0],
-            height=size[1],
-        )
+        fx, fy, cx, cy = scaled_intrinsics((self.fx, self.fy), (self.cx, self.cy), (horizontal, vertical))
+        return replace(self, fx=fx, fy=fy, cx=cx, cy=cy, width=size[0], height=size[1])
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
