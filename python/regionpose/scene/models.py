@@ -420,7 +420,10 @@ class SolverItem(Item):
 
     system: Literal["plane", "sphere"] = "plane"
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
-    refine: Literal["contour", "none"] = "contour"
+    refine: Annotated[
+        Literal["contour", "scene", "none"],
+        Field(description="scene: on the regions' contours, then on the edges of the rest of photo and cloud"),
+    ] = "contour"
     driver: Literal["scipy", "native"] = "scipy"
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")

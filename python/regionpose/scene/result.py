@@ -48,6 +48,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "boundary_noise_px": estimate.boundary_noise,
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
+        "scene_refinement": refinement_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
         "regions": region_values(run),
@@ -97,6 +98,21 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
         "confidence_before": witness.confidence_before,
         "place_before": witness.place + 1,
         "answers": witness.answers,
+    }
+
+
+def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """What the edges of the rest of the scene did to the pose; None where they were not asked."""
+    refinement = run.refinement
+    if refinement is None:
+        return None
+    return {
+        "refined": refinement.refined,
+        "log_odds": refinement.log_odds,
+        "depth_steps": sum(refinement.steps),
+        "turned_deg": refinement.turned_deg,
+        "moved_m": refinement.moved_m,
+        "camera_from_world_before": pose_values(refinement.before),
     }
 
 
