@@ -13,7 +13,7 @@ import typer
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import claimed, refuse_existing, text_writer, write_file
+from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneSides

@@ -231,6 +231,9 @@ class ImageMask(Item):
     image: int | str | None = Field(
         None, description="which image of a COCO file that holds several: its id or its file name"
     )
+    coverage: bool = Field(
+        False, description="the file is a grey picture: each pixel's level over the largest is the share that is covered"
+    )
     unknown: FileName | None = Field(
         None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"
     )

@@ -65,6 +65,9 @@ LOCAL_REACH = 5
 """Pixels within which the colours of both sides are taken, beyond the soft ones."""
 
 
+OTHER_SIZE = 1.3
+"""Ratio of areas from which two regions around a seed are two proposals; a convention, plain to see."""
+
 CLOSER_SHARE = 0.5
 """A region whose surroundings take less than this share of the image is grown again in them alone, less reduced."""
 
@@ -150,6 +153,27 @@ def grow_image_region(
     shares = np.zeros(given.shape[:2], dtype=np.float32)
     shares[closer] = _outlined(given[closer], seed_place, reduced, growth, fill_holes, linear_light)
     return shares if coverage else np.asarray(shares >= 0.5)
+
+
+def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[tuple[float, float]]:
+    """Tolerances (CIELAB units) of up to `most` regions around a seed whose outlines stand out, in order of size.
+
+    Each with its region's area over that of the region that `grow_image_region` chooses, which is among them. Arguments
+    and errors as there.
+    """
+    given = _checked_image(image)
+    x, y = _checked_seed(seed, given.shape)
+    reduced, growth = _found(given, (x, y), None, None)
+    start = int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)
+    steps, scores = _stepped(reduced.lab, start, growth.colour)
+    areas = np.cumsum(np.bincount(steps.ravel(), minlength=len(scores) + 1))[: len(scores)]
+    own = round(growth.tolerance / TOLERANCE_STEP)
+    kept = [own]
+    for step in np.argsort(-scores, kind="stable"):
+        apart = all(max(areas[step], areas[other]) > OTHER_SIZE * min(areas[step], areas[other]) for other in kept)
+        if len(kept) < most and scores[step] > 0.0 and apart:
+            kept.append(int(step))
+    return [(float(step * TOLERANCE_STEP), float(areas[step] / areas[own])) for step in sorted(kept)]
 
 
 def _found(
@@ -275,12 +299,26 @@ def _region_around(lab: Floats, start: tuple[int, int], colour: Floats, toleranc
     arrivals = _arrivals(distances, start)
     if tolerance is not None:
         return _Growth(np.asarray(arrivals <= tolerance), colour, tolerance, 0.0)
-    steps = np.minimum(np.ceil(arrivals / TOLERANCE_STEP), LARGEST_TOLERANCE / TOLERANCE_STEP + 1).astype(np.int64)
+    steps = _steps(arrivals)
     scores = _scores(steps, lab)
     good = np.flatnonzero(scores >= GOOD_SHARE * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
     best = first[scores[first] >= NEAR_BEST_SHARE * scores[first].max()][0]
     return _Growth(np.asarray(steps <= best), colour, float(best * TOLERANCE_STEP), float(scores[best]))
+
+
+def _stepped(lab: Floats, start: tuple[int, int], colour: Floats) -> tuple[NDArray[np.int64], Array]:
+    """The step of the tolerance at which growth arrives at each pixel, and the score of the region of each step."""
+    distances = np.linalg.norm(lab - colour, axis=2)
+    distances[start] = 0.0
+    steps = _steps(_arrivals(distances, start))
+    return steps, _scores(steps, lab)
+
+
+def _steps(arrivals: Floats) -> NDArray[np.int64]:
+    """Tolerances in steps, those that are too large by one beyond the last."""
+    last = LARGEST_TOLERANCE / TOLERANCE_STEP + 1
+    return np.asarray(np.minimum(np.ceil(arrivals / TOLERANCE_STEP), last), dtype=np.int64)
 
 
 def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:

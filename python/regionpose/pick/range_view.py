@@ -1,0 +1,227 @@
+"""The cloud as seen from one place: a picture of directions, each pixel knowing the point of the full cloud it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from regionpose.clouds import Cloud
+from regionpose.drawing import depth_colours
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+MOST_COLUMNS, MOST_ROWS = 4096, 2048
+"""Pixels of the picture at the most: a browser's textures hold them, and a pixel is 0.09 degrees of a full turn."""
+
+PIXELS_PER_SPACING = 1.5
+"""Pixels between neighbouring points along the picture's sides: enough to click on each of them."""
+
+NEAR_POLE = 60.0
+"""Degrees above or below the horizon from which directions crowd at a pole of the picture; a convention."""
+
+STRAYS = 0.1
+"""Percent of the points above and below the picture that it leaves out."""
+
+MARGIN_DEG = 0.5
+"""Degrees of empty border, so that outlines at the edge are seen."""
+
+GAP_SLACK = 1.5
+"""Gaps up to this many times the usual one between scan lines are filled."""
+
+BACKGROUND = (22, 26, 33)
+
+SHADING = 60.0
+"""Strength with which a pixel darkens for how much nearer its neighbours are, on a logarithmic scale: a step of 1 %
+takes a third of the light (after Boucheny 2009, eye-dome lighting)."""
+
+SHADED_LEAST = 0.35
+"""Light that is left in the deepest shade."""
+
+
+class Axes(NamedTuple):
+    """Rows: the picture's middle, its left, and up, unit vectors in the world."""
+
+    ahead: Array
+    left: Array
+    up: Array
+
+    @property
+    def matrix(self) -> Array:
+        """World directions to these axes (3, 3)."""
+        return np.stack(self)
+
+
+@dataclass(frozen=True, eq=False)
+class RangeView:
+    """A picture of the directions from `place` (3,), about the cloud's local origin, to its points.
+
+    `axes`: what its columns and rows are counted along. `start`: azimuth of the left border and elevation of the upper
+    one, degrees, azimuth growing to the left. `step`: degrees of a pixel. `indices` (h, w): the point that each pixel
+    shows, -1 for none.
+    """
+
+    place: Array
+    axes: Axes
+    start: tuple[float, float]
+    step: float
+    indices: Indices
+
+    @classmethod
+    def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
+        """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
+        axes = _axes(cloud.points, place, up)
+        angles, ranges = _angles(cloud.points, place, axes)
+        azimuth, elevation = angles[:, 0], angles[:, 1]
+        cut = _widest_gap(azimuth)
+        azimuth = (cut - azimuth) % 360.0
+        top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
+        across, down = float(azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
+        step = _step(across, down, len(cloud))
+        shape = (int(np.ceil(down / step)), int(np.ceil(across / step)))
+        columns, rows = (azimuth + MARGIN_DEG) / step, (top + MARGIN_DEG - elevation) / step
+        nearest = _nearest(columns.astype(np.int64), np.floor(rows).astype(np.int64), ranges, shape)
+        return cls(place, axes, (cut + MARGIN_DEG, float(top) + MARGIN_DEG), step, _filled(nearest))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+        return self.indices.shape[1], self.indices.shape[0]
+
+    def point_at(self, x: float, y: float) -> int | None:
+        """Index of the point that the pixel at (x, y) shows, an integer being a pixel's centre; None where it is empty.
+
+        Clicks beside a point by a pixel or two find it.
+        """
+        column, row = round(x), round(y)
+        top, left = max(row - 2, 0), max(column - 2, 0)
+        around = self.indices[top : row + 3, left : column + 3]
+        rows, columns = np.nonzero(around >= 0)
+        if not len(rows):
+            return None
+        nearest = np.argmin((rows + top - row) ** 2 + (columns + left - column) ** 2)
+        return int(around[rows[nearest], columns[nearest]])
+
+    def pixels(self, points: Array) -> Array:
+        """Pixels (n, 2) of points (n, 3) about the cloud's local origin."""
+        angles, _ = _angles(points, self.place, self.axes)
+        azimuth = (self.start[0] - angles[:, 0]) % 360.0
+        # What lies just left of the border is not a turn to the right of it.
+        width = self.size[0] * self.step
+        azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
+        return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
+
+    def picture(self, cloud: Cloud, colours: Bytes) -> Bytes:
+        """The picture (h, w, 3) of a cloud's points in colours (n, 3), edges of depth shaded."""
+        shown = self.indices >= 0
+        drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
+        drawn[:] = BACKGROUND
+        light = self._light(cloud)[shown]
+        drawn[shown] = np.round(colours[self.indices[shown]] * light[:, None]).astype(np.uint8)
+        return drawn
+
+    def _light(self, cloud: Cloud) -> Array:
+        """The light (h, w) that the nearer neighbours of each pixel leave it."""
+        ranges = np.linalg.norm(cloud.points[self.indices] - self.place, axis=2)
+        height = np.where(self.indices >= 0, np.log(np.maximum(ranges, 1e-9)), np.inf)
+        padded = np.pad(height, 2, constant_values=np.inf)
+        steps = np.zeros_like(height)
+        for down, right in ((0, 2), (0, -2), (2, 0), (-2, 0)):
+            rows, columns = height.shape
+            other = padded[2 + down : 2 + down + rows, 2 + right : 2 + right + columns]
+            with np.errstate(invalid="ignore"):
+                step = np.where(np.isfinite(other) & np.isfinite(height), height - other, 0.0)
+            steps += np.clip(step, 0.0, 0.02)
+        return np.maximum(np.exp(-SHADING * steps / 4.0), SHADED_LEAST)
+
+
+def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
+    """Colours (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
+    ranges = np.linalg.norm(cloud.points - place, axis=1)
+    near, far = np.percentile(ranges, [1.0, 99.0])
+    table = depth_colours()
+    share = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)
+    colours = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
+    if cloud.intensity is None:
+        return np.asarray(colours, dtype=np.uint8)
+    return np.round(colours * (0.4 + 0.6 * greys(cloud))[:, None]).astype(np.uint8)
+
+
+def greys(cloud: Cloud) -> Array:
+    """The intensity (n,) of a cloud's points in [0, 1], by rank: scanners have scales of their own."""
+    if cloud.intensity is None:
+        return np.ones(len(cloud))
+    levels, inverse = np.unique(cloud.intensity, return_inverse=True)
+    if len(levels) == 1:
+        return np.ones(len(cloud))
+    counts = np.bincount(inverse.ravel())
+    rank = (np.cumsum(counts) - 0.5 * counts) / len(cloud)
+    return np.asarray(rank[inverse.ravel()])
+
+
+def _axes(points: Array, place: Array, up: Array | None) -> Axes:
+    """Axes whose poles the points keep clear of: upwards as given, else along z, else along -y as of a camera's frame."""
+    step = max(1, len(points) // 20_000)
+    directions = points[::step] - place
+    directions = directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-12)[:, None]
+    crowded = np.mean(np.abs(directions[:, 2]) > np.sin(np.radians(NEAR_POLE))) > 0.5
+    upward = np.array([0.0, -1.0, 0.0] if crowded else [0.0, 0.0, 1.0]) if up is None else up / np.linalg.norm(up)
+    ahead = np.array([0.0, 0.0, 1.0]) if abs(upward[1]) > 0.9 else np.array([1.0, 0.0, 0.0])
+    ahead = ahead - upward * (ahead @ upward)
+    ahead = ahead / np.linalg.norm(ahead)
+    return Axes(ahead, np.cross(upward, ahead), upward)
+
+
+def _angles(points: Array, place: Array, axes: Axes) -> tuple[Array, Array]:
+    """Azimuth and elevation (n, 2), degrees, of points from a place, and their distances (n,)."""
+    seen = (points - place) @ axes.matrix.T
+    flat = np.hypot(seen[:, 0], seen[:, 1])
+    angles = np.stack([np.arctan2(seen[:, 1], seen[:, 0]), np.arctan2(seen[:, 2], flat)], axis=1)
+    return np.degrees(angles), np.hypot(flat, seen[:, 2])
+
+
+def _widest_gap(azimuth: Array) -> float:
+    """The azimuth, degrees, right of which the picture begins: the left end of the widest gap, or behind."""
+    held = np.flatnonzero(np.bincount(np.floor(azimuth % 360.0).astype(np.int64) % 360, minlength=360))
+    if not len(held) or len(held) == 360:
+        return 180.0
+    gaps = np.diff(np.append(held, held[0] + 360))
+    widest = int(np.argmax(gaps))
+    return float(held[widest] + 1) if gaps[widest] > 5 else 180.0
+
+
+def _step(across: float, down: float, count: int) -> float:
+    """Degrees of a pixel for so many points on so large a picture."""
+    spacing = np.sqrt(across * down / max(count, 1))
+    return float(max(spacing / PIXELS_PER_SPACING, across / MOST_COLUMNS, down / MOST_ROWS))
+
+
+def _nearest(columns: Indices, rows: Indices, ranges: Array, shape: tuple[int, int]) -> Indices:
+    """The nearest point of each pixel (h, w), -1 for none."""
+    inside = np.flatnonzero((rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1]))
+    order = inside[np.argsort(-ranges[inside], kind="stable")]
+    nearest = np.full(shape, -1, dtype=np.int64)
+    nearest[rows[order], columns[order]] = order
+    return nearest
+
+
+def _filled(nearest: Indices) -> Indices:
+    """The picture with the gaps between scan lines closed by the points beside them."""
+    empty = nearest < 0
+    if empty.all():
+        return nearest
+    distance, (rows, columns) = distance_transform_edt(empty, return_indices=True)
+    return np.where(distance <= 0.5 * GAP_SLACK * _gap(~empty) + 1.0, nearest[rows, columns], -1)
+
+
+def _gap(held: Mask) -> float:
+    """The usual distance, pixels, from a held pixel to the next one below it."""
+    rows, columns = np.nonzero(held.T)[::-1]
+    steps = np.diff(rows)[np.diff(columns) == 0]
+    return float(np.percentile(steps, 75)) if len(steps) else 1.0
