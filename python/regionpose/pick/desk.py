@@ -1,4 +1,4 @@
-"""A session as several pages look at it: edits one after the other, the pose in the background, pictures ready to send."""
+"""A session as several pages look at it: edits one after the other, the pose and the pictures in the background."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ class Desk:
 
     def _estimate(self) -> None:
         with self._lock:
-            session, revision = copy(self.session), self.revision
+            session = copy(self.session)
         if not session.pairs:
             return
         start = time.perf_counter()

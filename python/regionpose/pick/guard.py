@@ -77,7 +77,7 @@ class Guard:
         return None
 
     def _has_token(self, scope: Scope, headers: dict[str, str]) -> bool:
-        cookies = SimpleCookie()
+        cookies: SimpleCookie = SimpleCookie()
         cookies.load(headers.get("cookie", ""))
         held = cookies.get(self._cookie)
         given = _query_token(scope) if self._is_first(scope) else (held.value if held else "")
@@ -110,7 +110,8 @@ class Guard:
 
 
 def _query_token(scope: Scope) -> str:
-    return parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+    query: bytes = scope.get("query_string", b"")
+    return parse_qs(query.decode("latin-1")).get("token", [""])[0]
 
 
 def _is_served(scope: Scope) -> bool:

@@ -213,16 +213,24 @@ class Page:
         if count > 1:
             slider = ui.slider(min=0, max=count - 1, value=index).props("snap markers dense")
             slider.on("change", lambda e: self._choose(key, side, int(e.args)), js_handler="(v) => emit(v)")
-            slider.on("click.stop").tooltip("smaller – larger")
+            slider.on("click.stop").tooltip("from small to large")
 
     def _tools(self, picked: Picked) -> None:
         key = picked.key
         if picked.image is not None and not picked.image.chosen.is_polygon:
-            _button("polyline", "Make the mask a polygon, to move its vertices", lambda: self._edit(
-                lambda session: session.as_polygon(key, MASK_TO_POLYGON_PX)), stop=True)
+            _button(
+                "polyline",
+                "Make the mask a polygon, to move its vertices",
+                lambda: self._edit(lambda session: session.as_polygon(key, MASK_TO_POLYGON_PX)),
+                stop=True,
+            )
         if picked.is_paired:
-            _button("link_off", "Unpair: two regions of one", lambda: self._edit(
-                lambda session: session.unpair(key)), stop=True)
+            _button(
+                "link_off",
+                "Unpair: two regions of one",
+                lambda: self._edit(lambda session: session.unpair(key)),
+                stop=True,
+            )
         else:
             self._pair_menu(picked)
         _button("delete_outline", "Remove (Delete)", lambda: self._edit(lambda session: session.remove(key)), stop=True)
@@ -249,7 +257,9 @@ class Page:
         again = bool(args.get("again"))
         origin, ahead = (np.array(args[name], dtype=np.float64) for name in ("origin", "direction"))
         await self._grow(
-            self.solid, "growing the plane …", lambda s: s.click_cloud(self.desk.point_on_ray(origin, ahead), again=again)
+            self.solid,
+            "growing the plane …",
+            lambda s: s.click_cloud(self.desk.point_on_ray(origin, ahead), again=again),
         )
 
     async def _drawn(self, args: dict[str, Any]) -> None:

@@ -25,8 +25,8 @@ FULL = 255
 class ImagePart:
     """A region's side in the photo.
 
-    `written`: what the scene file says of it, without the name of a mask that was picked. `picked`: whether that mask is
-    still to be written.
+    `written`: what the scene file says of it, without the name of a mask that was picked. `picked`: whether it is such
+    a mask, which `save` writes.
     """
 
     written: dict[str, Any]
@@ -105,6 +105,10 @@ class Picked:
     name: str
     image: Choices[ImagePart] | None = None
     world: Choices[WorldPart] | None = None
+
+    def with_side(self, side: str, choices: Choices[Any] | None) -> Picked:
+        """The region with another side, "image" or "world", or without it."""
+        return replace(self, image=choices) if side == "image" else replace(self, world=choices)
 
     @property
     def is_paired(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,8 @@ from scipy.spatial import cKDTree
 from regionpose.pick.parts import Choices, ImagePart, WorldPart
 from regionpose.scene import Scene
 from regionpose.scene.sensors import Picture
-from regionpose.scene.sides import Scan, WorldSide, world_side
+from regionpose.scene.sides import Scan, world_side
+from regionpose.segmentation.cloud import grow_plane
 from regionpose.segmentation.image import grow_image_region, stable_tolerances
 
 Array = NDArray[np.float64]
@@ -67,31 +69,31 @@ def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], see
     makes a scene of one region whose world side is given. ValueError where no plane is.
     """
     place = {"seed": [float(value) for value in seed]}
-    whole = _patch(scan, scene_with, place, "the whole plane")
-    shade = _shade(scan, seed, whole.side)
-    if shade is None:
-        return Choices((lambda: whole,))
-    marked = partial(_patch, scan, scene_with, {**place, "intensity_tolerance": shade}, "points of like intensity")
-    choices = Choices((marked, lambda: whole))
-    try:
-        _ = choices.chosen
-    except ValueError:
-        return Choices((lambda: whole,))
-    return choices
+    whole: Choices[WorldPart] = Choices((partial(_patch, scan, scene_with, place, "the whole plane"),))
+    shade = _shade(scan, seed)
+    if shade is not None:
+        marked = partial(_patch, scan, scene_with, {**place, "intensity_tolerance": shade}, "points of like intensity")
+        choices: Choices[WorldPart] = Choices((marked, *whole.makers))
+        with suppress(ValueError):
+            _ = choices.chosen
+            return choices
+    _ = whole.chosen
+    return whole
 
 
 def _patch(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], written: dict[str, Any], label: str) -> WorldPart:
     return WorldPart(written, world_side(scene_with(written), 0, scan), label)
 
 
-def _shade(scan: Scan, seed: Array, whole: WorldSide) -> float | None:
-    """The tolerance of the intensity that marks a region of its own on the plane; None where none does."""
+def _shade(scan: Scan, seed: Array) -> float | None:
+    """The tolerance of the intensity that marks a region of its own on the seed's plane; None where none does."""
     cloud = scan.cloud
-    if cloud is None or cloud.intensity is None or whole.indices is None:
+    if cloud is None or cloud.intensity is None:
         return None
+    indices = grow_plane(cloud.points, seed - scan.origin)
     low, high = np.percentile(cloud.intensity, RANGE_PERCENTILES)
-    places, levels = cloud.points[whole.indices], cloud.intensity[whole.indices]
-    neighbours = cKDTree(places).query(places, NEAREST_AND_SELF)[1]
+    places, levels = cloud.points[indices], cloud.intensity[indices]
+    neighbours = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
     start = int(np.argmin(np.sum((places - (seed - scan.origin)) ** 2, axis=1)))
     found = [(_purity(levels, neighbours, start, share * (high - low)), share) for share in SHADES]
     purity, share = max(found)

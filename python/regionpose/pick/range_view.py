@@ -1,4 +1,4 @@
-"""The cloud as seen from one place: a picture of directions, each pixel knowing the point of the full cloud it shows."""
+"""The cloud as seen from one place: a picture of directions whose pixels know the points that they show."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class RangeView:
         """
         column, row = round(x), round(y)
         top, left = max(row - 2, 0), max(column - 2, 0)
-        around = self.indices[top : row + 3, left : column + 3]
+        around = self.indices[top : max(row + 3, 0), left : max(column + 3, 0)]
         rows, columns = np.nonzero(around >= 0)
         if not len(rows):
             return None
@@ -150,7 +150,8 @@ def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
     colours = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
     if cloud.intensity is None:
         return np.asarray(colours, dtype=np.uint8)
-    return np.round(colours * (0.4 + 0.6 * greys(cloud))[:, None]).astype(np.uint8)
+    shaded: Bytes = np.round(colours * (0.55 + 0.45 * greys(cloud))[:, None]).astype(np.uint8)
+    return shaded
 
 
 def greys(cloud: Cloud) -> Array:
@@ -166,7 +167,7 @@ def greys(cloud: Cloud) -> Array:
 
 
 def _axes(points: Array, place: Array, up: Array | None) -> Axes:
-    """Axes whose poles the points keep clear of: upwards as given, else along z, else along -y as of a camera's frame."""
+    """Axes whose poles the points keep clear of: up as given, else along z, else along -y as of a camera's frame."""
     step = max(1, len(points) // 20_000)
     directions = points[::step] - place
     directions = directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-12)[:, None]

@@ -7,7 +7,7 @@ import webbrowser
 from collections.abc import Callable
 from threading import Timer
 
-from regionpose.clouds import MissingExtraError
+from regionpose.clouds.errors import load_extra
 from regionpose.pick.desk import Desk
 from regionpose.pick.guard import MOST_BYTES, Guard
 
@@ -20,12 +20,11 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
 
     MissingExtraError without NiceGUI; OSError for a port that is taken.
     """
-    try:
-        import uvicorn
-        from fastapi import FastAPI, Response
-        from nicegui import ui
-    except ImportError as error:
-        raise MissingExtraError("the picking page needs the extra pick: pip install 'regionpose[pick]'") from error
+    load_extra("nicegui", "pick", "the picking page")
+    import uvicorn
+    from fastapi import FastAPI, Response
+    from nicegui import ui
+
     from regionpose.pick.page import Page
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,14 +15,12 @@ from PIL import Image
 
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
-from regionpose.image_region import ImageRegion
 from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, plane_choices
-from regionpose.pick.scene_text import MASK_NAME, mask_name, region_lists, scene_of, scene_text
+from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
 from regionpose.scene.estimate import checked
-from regionpose.scene.models import ImageMask
 from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
 from regionpose.scene.sides import Scan, image_side, scene_origin, world_side
 
@@ -189,7 +187,7 @@ class Session:
         if selected is None or (getattr(selected, side) is not None and not again):
             selected = Picked(self._next, self._free_name())
             self._next += 1
-        self._change(self.sketch.with_region(replace(selected, **{side: choices})))
+        self._change(self.sketch.with_region(selected.with_side(side, choices)))
 
     def _free_name(self) -> str:
         names = {picked.name for picked in self.regions}
@@ -204,7 +202,7 @@ class Session:
         other = choices.at(index)
         if other.index != choices.index:
             _ = other.chosen
-            self._change(self.sketch.with_region(replace(region, **{side: other})))
+            self._change(self.sketch.with_region(region.with_side(side, other)))
 
     def rename(self, key: int, name: str) -> None:
         """Name a region; ValueError for a name that another has, or that a scene file can't hold."""
@@ -225,7 +223,7 @@ class Session:
     def remove(self, key: int, side: str | None = None) -> None:
         """Remove a region, or one side of it."""
         region = self.sketch.region(key)
-        left = None if side is None else replace(region, **{side: None})
+        left = None if side is None else region.with_side(side, None)
         if left is None or (left.image is None and left.world is None):
             self._change(self.sketch.without(key))
         else:
@@ -249,7 +247,9 @@ class Session:
             raise ValueError(f"{one.name} and {two.name}: needed one side in the photo and one in the cloud")
         self._change(self.sketch.without(second).with_region(replace(one, image=image, world=world)))
 
-    def edit_polygon(self, key: int, rings: Sequence[Sequence[Sequence[float]]], hidden: Sequence[Sequence[int]]) -> None:
+    def edit_polygon(
+        self, key: int, rings: Sequence[Sequence[Sequence[float]]], hidden: Sequence[Sequence[int]]
+    ) -> None:
         """Give a region's polygon other vertices and hidden edges, each for its rings."""
         region = self.sketch.region(key)
         written: dict[str, Any] = {"polygon": [[[round(float(v), 2) for v in vertex] for vertex in r] for r in rings]}
@@ -322,8 +322,8 @@ class Session:
         A mask has a name of its own for what it holds, so that none is replaced; the scene file goes last.
         """
         values = self.values()
-        if not values["regions"] and len(values) == len(self.base) + 1:
-            raise ValueError("found no region; needed one to save")
+        if not self.pairs:
+            raise ValueError("found no pair; needed a region with a side in the photo and one in the cloud to save")
         scene_of(self.path, values)
         writers: dict[str, Writer] = {}
         for picked in self.regions:

@@ -77,4 +77,6 @@ class RayIndex:
         least = float(np.min((off[sure] + self.radius) / (depth[sure] - self.radius)))
         near = (depth + self.radius > 0.0) & (off - self.radius <= 2.0 * least * (depth + self.radius))
         ends = np.append(self.starts[1:], len(self.order))
-        return np.concatenate([self.order[start:end] for start, end in zip(self.starts[near], ends[near], strict=True)])
+        beside = [self.order[start:end] for start, end in zip(self.starts[near], ends[near], strict=True)]
+        # A cloud has three points at least; what lies off the ray doesn't change what it meets.
+        return np.unique(np.concatenate([*beside, self.order[:3]]))
