@@ -481,7 +481,15 @@ def _local_mean(
 
 
 def _one_piece(mask: Mask, seed: tuple[int, int], fill_holes: bool) -> Mask:
-    """The piece of the mask that holds the seed, or the largest, with its holes filled when asked."""
+    """The piece of the mask that holds the seed, or the largest, with its holes filled when asked.
+
+    ValueError for an empty mask.
+    """
+    if not mask.any():
+        raise ValueError(
+            "found a region around the seed so thin that smoothing its outline leaves nothing of it; needed a larger"
+            " tolerance or another seed"
+        )
     pieces, _ = ndimage.label(mask)
     chosen = pieces == (pieces[seed] or np.argmax(np.bincount(pieces[mask])))
     if not fill_holes:
