@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from regionpose.cli.options import CAMERA_HELP
+from regionpose.cli.options import CAMERA_HELP, SegmenterName
 
 if TYPE_CHECKING:
     from regionpose.pick.session import Session
@@ -19,6 +19,7 @@ def pick(
     camera: Annotated[Path | None, typer.Option("--camera", help=f"{CAMERA_HELP}", show_default=False)] = None,
     cloud: Annotated[Path | None, typer.Option("--cloud", help="Cloud of a new scene.", show_default=False)] = None,
     demo: Annotated[bool, typer.Option("--demo", help="A new scene of the demo's photo and cloud.")] = False,
+    segmenter: SegmenterName = None,
     port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
@@ -32,11 +33,15 @@ def pick(
       regionpose pick --demo
       regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply
       regionpose pick scene.yaml
+      regionpose pick scene.yaml --segmenter my_sam:predictor
     """
     from regionpose.pick.desk import Desk
     from regionpose.pick.server import serve
+    from regionpose.segmentation.segmenters import load_segmenter
 
     session = _session(scene, {"--image": image, "--camera": camera, "--cloud": cloud}, demo)
+    if segmenter is not None:
+        session.segmenter = load_segmenter(segmenter)
     serve(Desk(session), port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
 
 

@@ -19,6 +19,7 @@ from regionpose.scene.sensors import Picture
 from regionpose.scene.sides import Scan, world_side
 from regionpose.segmentation.cloud import grow_plane
 from regionpose.segmentation.image import grow_image_region, stable_tolerances
+from regionpose.segmentation.segmenters import Segmenter, segmented
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,14 @@ def mask_choices(image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
     choices = Choices(makers, best)
     _ = choices.chosen
     return choices
+
+
+def segmenter_choices(segmenter: Segmenter, image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
+    """Masks that a segmenter finds around a pixel (x, y), in order of size; the one that it puts first is taken."""
+    masks = segmented(segmenter, image, [seed], [1])
+    order = np.argsort([float(mask.sum()) for mask in masks], kind="stable").tolist()
+    makers = tuple(partial(ImagePart.of_shares, masks[index], "segmenter") for index in order)
+    return Choices(makers, order.index(0))
 
 
 def _mask(image: Picture, seed: tuple[float, float], tolerance: float) -> ImagePart:

@@ -17,12 +17,13 @@ from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
-from regionpose.pick.proposals import mask_choices, plane_choices
+from regionpose.pick.proposals import mask_choices, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
 from regionpose.scene.estimate import checked
 from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
 from regionpose.scene.sides import Scan, image_side, scene_origin, world_side
+from regionpose.segmentation.segmenters import Segmenter
 
 Array = NDArray[np.float64]
 
@@ -63,8 +64,9 @@ class Sketch:
 class Session:
     """Regions picked in the photo and the cloud of a scene.
 
-    `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. Edits are ValueErrors that say
-    what is needed, and change nothing then. Not safe for several threads at once.
+    `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. `segmenter`: what clicks in
+    the photo ask; they grow by colour where it is None. Edits are ValueErrors that say what is needed, and change
+    nothing then. Not safe for several threads at once.
     """
 
     path: Path
@@ -73,6 +75,7 @@ class Session:
     image: Picture
     cloud: Cloud
     scan: Scan
+    segmenter: Segmenter | None = None
     sketch: Sketch = field(default_factory=Sketch)
     _past: list[Sketch] = field(default_factory=list)
     _future: list[Sketch] = field(default_factory=list)
@@ -170,7 +173,8 @@ class Session:
 
         `again`: the selected region's mask is replaced.
         """
-        self._give("image", mask_choices(self.image, pixel), again)
+        ask = mask_choices if self.segmenter is None else partial(segmenter_choices, self.segmenter)
+        self._give("image", ask(self.image, pixel), again)
 
     def draw_polygon(self, ring: Sequence[Sequence[float]], *, again: bool = False) -> None:
         """Give the selected region, or a new one, a polygon of pixels (n, 2)."""
