@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from regionpose.clouds import Cloud
 from regionpose.fusion import coloured_cloud
 from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
@@ -55,7 +56,10 @@ class Desk:
     """A session and what its pages show of it. Every method may be called from any thread."""
 
     def __init__(self, session: Session) -> None:
-        """Make the pictures of photo and cloud, and wait for edits."""
+        """Make the pictures of photo and cloud, and wait for edits.
+
+        `cloud`: the points that either picture of the cloud shows.
+        """
         self.session = session
         self.revision = self.pictured = 0
         self.outcome = Outcome()
@@ -68,10 +72,13 @@ class Desk:
         scanner = session.scan.scanner
         self.place = np.zeros(3) if scanner is None else scanner
         self.range_view = RangeView.of(session.cloud, self.place, _up(session))
-        self._sample = sample_indices(len(session.cloud))
-        self.middle = np.median(session.cloud.points[self._sample], axis=0)
+        sample, pictured = sample_indices(len(session.cloud)), self.range_view.indices
+        self._shown = np.union1d(sample, pictured[pictured >= 0])
+        self._sample = np.searchsorted(self._shown, sample)
+        self.cloud = _part(session.cloud, self._shown)
+        self.middle = np.median(self.cloud.points[self._sample], axis=0)
         self._rays: RayIndex | None = None
-        self._colours: dict[str, Bytes] = {"depth": depth_and_intensity(session.cloud, self.place)}
+        self._colours: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
         self._serve_still()
         self._serve_cloud()
         self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
@@ -87,7 +94,7 @@ class Desk:
     @property
     def colourings(self) -> dict[str, str]:
         """The ways to colour the cloud that there are now, and what the page calls them."""
-        cloud = self.session.cloud
+        cloud = self.cloud
         there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colours is not None}
         there["photo"] = self.outcome.state == "ready" or "photo" in self._colours
         return {key: title for key, title in COLOURINGS.items() if there[key]}
@@ -179,13 +186,13 @@ class Desk:
         photo = Image.fromarray(self.session.image)
         photo.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
         self.files["photo.jpg"] = Served(_encoded(photo, "JPEG"), "image/jpeg")
-        points = self.session.cloud.points[self._sample]
+        points = self.cloud.points[self._sample]
         self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
 
     def _serve_cloud(self) -> None:
         """The range image and the colours of the shown points, with the regions' own points in their colours."""
         colours = self._marked(self._colours_of(self.colouring))
-        picture = Image.fromarray(self.range_view.picture(self.session.cloud, colours))
+        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._shown))
         self.pictured += 1
         self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
         self.files["colours.bin"] = Served(colours[self._sample].tobytes(), "application/octet-stream")
@@ -194,13 +201,13 @@ class Desk:
         marked = colours.copy()
         for picked in self.session.regions:
             if picked.world is not None and picked.world.chosen.side.indices is not None:
-                indices = picked.world.chosen.side.indices
+                indices = _places_in(self._shown, picked.world.chosen.side.indices)
                 own = np.array([int(colour_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
                 marked[indices] = np.round(MEMBER_SHARE * own + (1.0 - MEMBER_SHARE) * marked[indices])
         return marked
 
     def _colours_of(self, colouring: str) -> Bytes:
-        cloud = self.session.cloud
+        cloud = self.cloud
         if colouring == "photo":
             return self._photo_colours()
         if colouring not in self._colours:
@@ -214,7 +221,7 @@ class Desk:
         run = self.outcome.run
         if run is None:
             return self._colours_of("depth")
-        cloud, visible = coloured_cloud(self.session.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+        cloud, visible = coloured_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
         dark = np.round(UNSEEN_LIGHT * self._colours_of("depth")).astype(np.uint8)
         return dark if cloud.colours is None else np.where(visible[:, None], cloud.colours, dark).astype(np.uint8)
 
@@ -250,6 +257,22 @@ class Desk:
 def colour_of(key: int) -> str:
     """The colour of a region, as the page writes it."""
     return PALETTE[key % len(PALETTE)]
+
+
+def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
+    """The points of a cloud with these indices."""
+    return Cloud(
+        cloud.points[indices],
+        colours=None if cloud.colours is None else cloud.colours[indices],
+        intensity=None if cloud.intensity is None else cloud.intensity[indices],
+        origin=cloud.origin,
+    )
+
+
+def _places_in(held: NDArray[np.int64], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where those wanted that are among the held, both ascending, stand there."""
+    places = np.minimum(np.searchsorted(held, wanted), len(held) - 1)
+    return np.asarray(places[held[places] == wanted])
 
 
 def _up(session: Session) -> Array | None:

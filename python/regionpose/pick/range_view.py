@@ -14,6 +14,8 @@ from regionpose.drawing import depth_colours
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
+Floats = NDArray[np.float32]
+Cells = NDArray[np.int32]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
@@ -35,11 +37,17 @@ MARGIN_DEG = 0.5
 GAP_SLACK = 1.5
 """Gaps up to this many times the usual one between scan lines are filled."""
 
+BLOCK = 1 << 20
+"""Points worked on at a time, so that a large cloud's temporaries stay small beside it."""
+
 BACKGROUND = (22, 26, 33)
 
 SHADING = 60.0
 """Strength with which a pixel darkens for how much nearer its neighbours are, on a logarithmic scale: a step of 1 %
 takes a third of the light (after Boucheny 2009, eye-dome lighting)."""
+
+LARGEST_STEP = 0.02
+"""Step of the logarithm of the distance beyond which a neighbour takes no more light: an edge is an edge."""
 
 SHADED_LEAST = 0.35
 """Light that is left in the deepest shade."""
@@ -77,16 +85,16 @@ class RangeView:
     def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
         """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
         axes = _axes(cloud.points, place, up)
-        angles, ranges = _angles(cloud.points, place, axes)
-        azimuth, elevation = angles[:, 0], angles[:, 1]
+        azimuth, elevation, ranges = _directions(cloud.points, place, axes)
         cut = _widest_gap(azimuth)
         azimuth = (cut - azimuth) % 360.0
         top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
         across, down = float(azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
         step = _step(across, down, len(cloud))
         shape = (int(np.ceil(down / step)), int(np.ceil(across / step)))
-        columns, rows = (azimuth + MARGIN_DEG) / step, (top + MARGIN_DEG - elevation) / step
-        nearest = _nearest(columns.astype(np.int64), np.floor(rows).astype(np.int64), ranges, shape)
+        columns = ((azimuth + MARGIN_DEG) / step).astype(np.int32)
+        rows = np.floor((top + MARGIN_DEG - elevation) / step).astype(np.int32)
+        nearest = _nearest(columns, rows, ranges, shape)
         return cls(place, axes, (cut + MARGIN_DEG, float(top) + MARGIN_DEG), step, _filled(nearest))
 
     @property
@@ -117,28 +125,20 @@ class RangeView:
         azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
         return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
 
-    def picture(self, cloud: Cloud, colours: Bytes) -> Bytes:
-        """The picture (h, w, 3) of a cloud's points in colours (n, 3), edges of depth shaded."""
+    def picture(self, points: Array, colours: Bytes, shown_of: Indices) -> Bytes:
+        """The picture (h, w, 3) of points (n, 3) in colours (n, 3), edges of depth shaded.
+
+        `shown_of`: the indices, ascending, that these points have in the whole cloud; all that the picture shows are
+        among them.
+        """
         shown = self.indices >= 0
+        own = np.searchsorted(shown_of, self.indices[shown])
         drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
         drawn[:] = BACKGROUND
-        light = self._light(cloud)[shown]
-        drawn[shown] = np.round(colours[self.indices[shown]] * light[:, None]).astype(np.uint8)
+        ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
+        ranges[shown] = np.linalg.norm(points[own] - self.place, axis=1)
+        drawn[shown] = np.round(colours[own] * _light(ranges)[shown, None]).astype(np.uint8)
         return drawn
-
-    def _light(self, cloud: Cloud) -> Array:
-        """The light (h, w) that the nearer neighbours of each pixel leave it."""
-        ranges = np.linalg.norm(cloud.points[self.indices] - self.place, axis=2)
-        height = np.where(self.indices >= 0, np.log(np.maximum(ranges, 1e-9)), np.inf)
-        padded = np.pad(height, 2, constant_values=np.inf)
-        steps = np.zeros_like(height)
-        for down, right in ((0, 2), (0, -2), (2, 0), (-2, 0)):
-            rows, columns = height.shape
-            other = padded[2 + down : 2 + down + rows, 2 + right : 2 + right + columns]
-            with np.errstate(invalid="ignore"):
-                step = np.where(np.isfinite(other) & np.isfinite(height), height - other, 0.0)
-            steps += np.clip(step, 0.0, 0.02)
-        return np.maximum(np.exp(-SHADING * steps / 4.0), SHADED_LEAST)
 
 
 def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
@@ -166,6 +166,19 @@ def greys(cloud: Cloud) -> Array:
     return np.asarray(rank[inverse.ravel()])
 
 
+def _light(ranges: Floats) -> Floats:
+    """The light (h, w) that the nearer neighbours leave to pixels of these distances, infinite ones being empty."""
+    height = np.log(np.maximum(ranges, np.float32(1e-9)))
+    padded = np.pad(height, 2, constant_values=np.inf)
+    steps = np.zeros_like(height)
+    rows, columns = height.shape
+    for down, right in ((0, 2), (0, -2), (2, 0), (-2, 0)):
+        other = padded[2 + down : 2 + down + rows, 2 + right : 2 + right + columns]
+        both = np.isfinite(other) & np.isfinite(height)
+        steps[both] += np.clip(height[both] - other[both], 0.0, LARGEST_STEP)
+    return np.maximum(np.exp(-SHADING * steps / 4.0), np.float32(SHADED_LEAST))
+
+
 def _axes(points: Array, place: Array, up: Array | None) -> Axes:
     """Axes whose poles the points keep clear of: up as given, else along z, else along -y as of a camera's frame."""
     step = max(1, len(points) // 20_000)
@@ -187,7 +200,17 @@ def _angles(points: Array, place: Array, axes: Axes) -> tuple[Array, Array]:
     return np.degrees(angles), np.hypot(flat, seen[:, 2])
 
 
-def _widest_gap(azimuth: Array) -> float:
+def _directions(points: Array, place: Array, axes: Axes) -> tuple[Floats, Floats, Floats]:
+    """Azimuth and elevation (n,), degrees, and distances (n,) of points from a place, worked out a block at a time."""
+    held = np.empty((3, len(points)), dtype=np.float32)
+    for start in range(0, len(points), BLOCK):
+        block = slice(start, start + BLOCK)
+        angles, held[2, block] = _angles(points[block], place, axes)
+        held[:2, block] = angles.T
+    return held[0], held[1], held[2]
+
+
+def _widest_gap(azimuth: Floats) -> float:
     """The azimuth, degrees, right of which the picture begins: the left end of the widest gap, or behind."""
     held = np.flatnonzero(np.bincount(np.floor(azimuth % 360.0).astype(np.int64) % 360, minlength=360))
     if not len(held) or len(held) == 360:
@@ -203,13 +226,19 @@ def _step(across: float, down: float, count: int) -> float:
     return float(max(spacing / PIXELS_PER_SPACING, across / MOST_COLUMNS, down / MOST_ROWS))
 
 
-def _nearest(columns: Indices, rows: Indices, ranges: Array, shape: tuple[int, int]) -> Indices:
+def _nearest(columns: Cells, rows: Cells, ranges: Floats, shape: tuple[int, int]) -> Indices:
     """The nearest point of each pixel (h, w), -1 for none."""
-    inside = np.flatnonzero((rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1]))
-    order = inside[np.argsort(-ranges[inside], kind="stable")]
-    nearest = np.full(shape, -1, dtype=np.int64)
-    nearest[rows[order], columns[order]] = order
-    return nearest
+    nearest, least = np.full(shape, -1, dtype=np.int64).ravel(), np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
+    for start in range(0, len(ranges), BLOCK):
+        block = slice(start, start + BLOCK)
+        down, right, far = rows[block], columns[block], ranges[block]
+        inside = np.flatnonzero((down >= 0) & (down < shape[0]) & (right >= 0) & (right < shape[1]))
+        inside = inside[np.argsort(-far[inside], kind="stable")]
+        cells = down[inside].astype(np.int64) * shape[1] + right[inside]
+        # Of several points of a cell the last one is written, which is the nearest of them.
+        closer = far[inside] < least[cells]
+        nearest[cells[closer]], least[cells[closer]] = start + inside[closer], far[inside[closer]]
+    return nearest.reshape(shape)
 
 
 def _filled(nearest: Indices) -> Indices:
