@@ -75,7 +75,7 @@ def test_the_picture_has_the_cloud_s_colours_where_it_is_flat() -> None:
     cloud = scanned_wall()
     view = RangeView.of(cloud, ORIGIN)
     colours = np.full((len(cloud), 3), 200, dtype=np.uint8)
-    picture = view.picture(cloud.points, colours, np.arange(len(cloud)))
+    picture = view.picture(cloud.points, colours, view.indices.astype(np.int32))
     assert picture.shape == (*view.indices.shape, 3)
     rows, columns = view.indices.shape
     assert np.median(picture[rows // 4 : -rows // 4, columns // 4 : -columns // 4]) > 120

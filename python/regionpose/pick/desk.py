@@ -73,8 +73,9 @@ class Desk:
         self.place = np.zeros(3) if scanner is None else scanner
         self.range_view = RangeView.of(session.cloud, self.place, _up(session))
         sample, pictured = sample_indices(len(session.cloud)), self.range_view.indices
-        self._shown = np.union1d(sample, pictured[pictured >= 0])
-        self._sample = np.searchsorted(self._shown, sample)
+        self._shown, places = _places(len(session.cloud), sample, pictured[pictured >= 0])
+        self._sample = places[sample]
+        self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
         self.cloud = _part(session.cloud, self._shown)
         self.middle = np.median(self.cloud.points[self._sample], axis=0)
         self._rays: RayIndex | None = None
@@ -192,7 +193,7 @@ class Desk:
     def _serve_cloud(self) -> None:
         """The range image and the colours of the shown points, with the regions' own points in their colours."""
         colours = self._marked(self._colours_of(self.colouring))
-        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._shown))
+        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._pictured))
         self.pictured += 1
         self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
         self.files["colours.bin"] = Served(colours[self._sample].tobytes(), "application/octet-stream")
@@ -257,6 +258,17 @@ class Desk:
 def colour_of(key: int) -> str:
     """The colour of a region, as the page writes it."""
     return PALETTE[key % len(PALETTE)]
+
+
+def _places(count: int, *chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Indices, ascending, of the chosen ones of so many points, and the place of each point among them, -1 for none."""
+    marked = np.zeros(count, dtype=np.bool_)
+    for indices in chosen:
+        marked[indices] = True
+    held = np.flatnonzero(marked)
+    places = np.full(count, -1, dtype=np.int32)
+    places[held] = np.arange(len(held), dtype=np.int32)
+    return held, places
 
 
 def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:

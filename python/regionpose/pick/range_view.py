@@ -125,19 +125,18 @@ class RangeView:
         azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
         return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
 
-    def picture(self, points: Array, colours: Bytes, shown_of: Indices) -> Bytes:
+    def picture(self, points: Array, colours: Bytes, shown: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colours (n, 3), edges of depth shaded.
 
-        `shown_of`: the indices, ascending, that these points have in the whole cloud; all that the picture shows are
-        among them.
+        `shown` (h, w): which of these points each pixel shows, -1 for none.
         """
-        shown = self.indices >= 0
-        own = np.searchsorted(shown_of, self.indices[shown])
+        held = shown >= 0
+        own = shown[held]
         drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
         drawn[:] = BACKGROUND
         ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
-        ranges[shown] = np.linalg.norm(points[own] - self.place, axis=1)
-        drawn[shown] = np.round(colours[own] * _light(ranges)[shown, None]).astype(np.uint8)
+        ranges[held] = np.linalg.norm(points[own] - self.place, axis=1)
+        drawn[held] = np.round(colours[own] * _light(ranges)[held, None]).astype(np.uint8)
         return drawn
 
 
