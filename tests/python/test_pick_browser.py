@@ -169,6 +169,19 @@ def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> 
     assert odd == []
 
 
+def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: Any) -> None:
+    page, odd = opened(browser, server)
+    hand = Hand(page)
+    page.get_by_role("button", name="3D").click()
+    page.wait_for_timeout(3000)
+    box = page.locator(".cv").bounding_box()
+    page.mouse.click(box["x"] + 0.85 * box["width"], box["y"] + 0.45 * box["height"])
+    hand.wait_for_rows(1)
+    hand.wait_for_points(1)
+    hand.shot("7-solid")
+    assert odd == []
+
+
 def polygon(hand: Hand, corners: list[tuple[float, float]]) -> None:
     """Draw a polygon with the keyboard's help."""
     hand.page.keyboard.press("p")

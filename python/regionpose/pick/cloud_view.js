@@ -16,13 +16,13 @@ export default {
     <div v-if="failed" class="cv-failed">{{ failed }}</div>
     <div v-if="busy" class="pv-busy"><span></span>{{ busy }}</div>
   </div>`,
-  props: {points: String, colours: String, shapes: Array, eye: Array, up: Array, reach: Number, busy: String},
+  props: {points: String, colours: String, shapes: Array, eye: Array, zenith: Array, reach: Number, busy: String},
   data: () => ({failed: '', held: null}),
   watch: { colours() { this.fetchColours(); }, shapes() { this.fillLines(); this.draw(); } },
   async mounted() {
     const gl = this.gl = this.$refs.canvas.getContext('webgl2', {antialias: true, preserveDrawingBuffer: true});
     if (!gl) { this.failed = 'This browser shows no WebGL2; pick in the range image.'; return; }
-    this.target = [0, 0, 0]; this.upward = unit(this.up); this.frame(this.eye);
+    this.target = [0, 0, 0]; this.upward = unit(this.zenith); this.frame(this.eye);
     this.program = this.built(gl);
     this.buffers = {place: gl.createBuffer(), colour: gl.createBuffer(), line: gl.createBuffer()};
     this.lines = []; this.count = 0;

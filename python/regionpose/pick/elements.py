@@ -41,10 +41,12 @@ class PictureView(Element, component="picture_view.js"):
 class CloudView(Element, component="cloud_view.js"):
     """Points in 3D with outlines. Event: `pick` {origin, direction, again}, about the points' own zero."""
 
-    def __init__(self, *, eye: list[float], up: list[float], reach: float) -> None:
-        """A view from `eye`, metres, of points within `reach` of zero."""
+    def __init__(self, *, eye: list[float], zenith: list[float], reach: float) -> None:
+        """A view from `eye`, metres, of points within `reach` of zero; `zenith`: the direction up."""
         super().__init__()
-        self._props.update(points="files/points.bin", colours="", shapes=[], eye=eye, up=up, reach=reach, busy="")
+        self._props.update(
+            points="files/points.bin", colours="", shapes=[], eye=eye, zenith=zenith, reach=reach, busy=""
+        )
 
     def show(self, **props: Any) -> None:
         """Set what the view shows."""

@@ -101,7 +101,7 @@ class Page:
             with ui.element("div").classes("rp-view"):
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
-                self.solid = CloudView(eye=eye.tolist(), up=up.tolist(), reach=reach)
+                self.solid = CloudView(eye=eye.tolist(), zenith=up.tolist(), reach=reach)
                 self.solid.on("pick", lambda e: self._click_solid(e.args))
                 self.solid.set_visibility(False)
             self.cloud_hint = ui.html("", sanitize=False).classes("rp-hint")
