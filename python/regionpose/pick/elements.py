@@ -33,10 +33,6 @@ class PictureView(Element, component="picture_view.js"):
             self._props.update(changed)
             self.update()
 
-    def reset(self) -> None:
-        """Show the whole picture."""
-        self.run_method("reset")
-
 
 class CloudView(Element, component="cloud_view.js"):
     """Points in 3D with outlines. Event: `pick` {origin, direction, again}, about the points' own zero."""

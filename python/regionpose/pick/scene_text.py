@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,6 @@ from regionpose.pick.parts import ImagePart, Picked
 from regionpose.scene import Scene
 from regionpose.scene.document import Document
 from regionpose.scene.models import SceneModel
-
-MASK_NAME = re.compile(r"-mask-[0-9a-f]{12}\.png$")
-"""How the names of the masks end that are written beside a scene file: by what they hold, so that a mask never
-replaces another one."""
 
 HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"
 

@@ -272,15 +272,6 @@ class Session:
         corners = [[list(vertex) for vertex in ring.coords[:-1]] for ring in rings if len(ring.coords) > 3]
         self.edit_polygon(key, corners, [])
 
-    def world_options(self, key: int, **options: Any) -> None:
-        """Set keys of a region's side in the cloud, such as `extends` or `min_width`; None takes one away."""
-        region = self.sketch.region(key)
-        if region.world is None:
-            raise ValueError(f"{region.name} has no side in the cloud yet")
-        held = {**region.world.chosen.written, **options}
-        part = self._world_part({name: value for name, value in held.items() if value not in (None, False)})
-        self._change(self.sketch.with_region(replace(region, world=only(part))))
-
     def _change(self, sketch: Sketch) -> None:
         self._past = [*self._past[-MOST_UNDO + 1 :], self.sketch]
         self._future, self.sketch = [], sketch
