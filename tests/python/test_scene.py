@@ -126,7 +126,8 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 
 def test_the_schema_knows_every_key_and_refuses_others() -> None:
     schema = scene_schema()
-    assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", "regions", "prior", "solver"}
+    lists = {"regions", "image_regions", "world_regions"}
+    assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", *lists, "prior", "solver"}
     assert schema["additionalProperties"] is False
     assert schema["required"] == ["camera", "image", "regions"]
     mappings = [item for item in schema["$defs"].values() if item["type"] == "object"]

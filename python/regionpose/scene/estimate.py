@@ -145,13 +145,18 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
         world_sides = tuple(world_side(scene, index, scan) for index in range(count))
     sides = SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
     with stages.stage("checks"):
-        return replace(sides, warnings=_checked(sides))
+        return checked(sides)
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     """The pose of a scene; SceneError for bad input, PoseError where no pose shows every region."""
     stages = stages or Stages()
-    sides = scene_sides(scene, stages)
+    return estimate_sides(scene_sides(scene, stages), stages)
+
+
+def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEstimate:
+    """The pose of the camera that saw both sides of a scene's regions; errors as of `estimate_scene`."""
+    stages = stages or Stages()
     with stages.stage("pose"):
         try:
             estimate = _estimate(sides)
@@ -263,8 +268,8 @@ def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
     return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
 
 
-def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
-    """What speaks against the camera and the regions of a scene before any pose is known."""
+def checked(sides: SceneSides) -> SceneSides:
+    """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
     size = (sides.image.shape[1], sides.image.shape[0])
     sparse = (
         PoseWarning("sparse-sampling", f"region {index}: {remark}")
@@ -273,7 +278,7 @@ def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
     )
     regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
     unit = () if sides.cloud is None else check_unit(sides.cloud)
-    return (*check_camera(sides.camera, size), *unit, *regions, *sparse)
+    return replace(sides, warnings=(*check_camera(sides.camera, size), *unit, *regions, *sparse))
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:

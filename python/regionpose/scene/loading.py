@@ -69,6 +69,11 @@ def _check_references(scene: Scene) -> None:
         if isinstance(image, ImageMask) and image.unknown_label is not None and image.unknown is None:
             place = ("regions", index, "image", "unknown_label")
             raise scene.error(place, "found a label of nothing; needed the key unknown")
+        if isinstance(image, ImageMask) and image.coverage and (image.label, image.image, image.unknown) != (None,) * 3:
+            place = ("regions", index, "image", "coverage")
+            raise scene.error(
+                place, "found it beside label, image or unknown; needed a file of one region, and it alone"
+            )
         if scene.model.cloud is None and needs_cloud(region.world):
             raise scene.error(
                 ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"

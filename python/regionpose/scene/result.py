@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, SceneSides
 from regionpose.scene.loading import Scene
@@ -34,6 +35,8 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
     values = {
         "format": FORMAT,
         "scene": str(run.sides.scene.path),
+        "camera": camera_values(run.sides.camera),
+        "image": run.sides.scene.model.image,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
