@@ -21,8 +21,8 @@ const NEXT_ITERATIONS: usize = 3;
 const FIRST_WIDE: f64 = 1.2;
 const FIRST_SHARE: f64 = 0.3;
 
-/// Logarithm of odds from which a piece is disturbed for certain.
-const CERTAIN: f64 = 500.0;
+/// Odds from which a piece is disturbed for certain in double precision: one less the inverse of more rounds to one.
+const CERTAIN: f64 = 8.0 / f64::EPSILON;
 
 /// Bounds of a region's disturbed share.
 const SHARES: (f64, f64) = (1e-3, 0.999);
@@ -86,8 +86,7 @@ pub struct Odds {
 impl Odds {
     /// Probability that a piece is clean.
     pub fn clean_probability(&self, reading: &Reading) -> f64 {
-        let fall = self.fall * (reading.misfit * reading.misfit);
-        1.0 / (1.0 + self.nearest * fall.min(CERTAIN).exp())
+        1.0 / (1.0 + self.nearest * (self.fall * (reading.misfit * reading.misfit)).exp())
     }
 
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
@@ -171,10 +170,11 @@ impl Distances {
         let ratio = mixture.sigma / mixture.wide;
         for (bins, share) in self.regions.iter().zip(&mut mixture.disturbed) {
             let odds = *share / (1.0 - *share) * ratio;
-            let (mut count, mut disturbed) = (0.0, 0.0);
+            let (mut count, mut disturbed, certain) = (0.0, 0.0, (CERTAIN / odds).ln());
             for &(square, held) in bins {
-                // Beyond this many variances nothing is clean; the exponential would be infinite.
-                let expected = held * (1.0 - 1.0 / (1.0 + odds * (fall * square).min(CERTAIN).exp()));
+                let exponent = fall * square;
+                let clean = if exponent >= certain { 0.0 } else { 1.0 / (1.0 + odds * exponent.exp()) };
+                let expected = held * (1.0 - clean);
                 count += held;
                 disturbed += expected;
                 squares += square * expected;
