@@ -108,7 +108,8 @@ impl Problem {
 
     /// The same with the world sides by fewer vertices, for first looks.
     pub(crate) fn coarse(&self) -> &[RegionEquations] {
-        self.coarse.get_or_init(|| self.regions.iter().map(RegionEquations::coarse).collect())
+        let pairs = || self.regions.iter().zip(self.worlds.iter());
+        self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
     }
 
     /// The world side of each region.

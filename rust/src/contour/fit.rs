@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::correlation;
 use super::mixture::{Distances, Mixture};
 use super::readings::{Contour, Reading};
-use crate::equations::residual::NormalEquations;
+use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
