@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix6, Vector6};
 
 use super::correlation::correlation;
-use super::mixture::{Distances, Mixture};
+use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
@@ -23,9 +23,6 @@ const FAR_OFF: f64 = 0.25;
 /// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
 /// that median is 1.48 times as large, and nothing is to be given up yet.
 const FIRST_SCALE: f64 = 2.2;
-
-/// From scale to scale.
-const SCALE_STEP: f64 = 2.0;
 
 /// Gauss-Newton steps from one reading of the nearest edges to the next at most, and such rounds at the finest scale.
 const STEPS: usize = 3;
@@ -57,10 +54,13 @@ const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 /// Clean share of a contour above which the rest is what disturbs it.
 pub const MOSTLY: f64 = 0.5;
 
-/// Variances that count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
-/// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by more than one
+/// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard deviations, a
+/// convention.
+///
+/// As many count at most against a pose whose likelihood is behind by one standard deviation of chance, from the scatter of the
+/// pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by more than one
 /// (`cargo test --test symmetry`).
-const CHANCE: f64 = 25.0;
+pub const AMBIGUITY: f64 = 25.0;
 
 /// A pose and what the contours show there.
 #[derive(Debug, Clone)]
@@ -177,7 +177,7 @@ impl ContourFit {
         let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
-        (2.0 * self.independent() * mean).min(CHANCE * sigmas * sigmas.abs())
+        (2.0 * self.independent() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
     }
 }
 

@@ -10,8 +10,9 @@ const BIN_RATIO: f64 = 1.2;
 /// Bins, up to 1e5 pixels.
 const BINS: usize = 80;
 
-/// Ratio of neighbouring scales that are tried.
-const SCALE_RATIO: f64 = 2.0;
+/// Ratio of neighbouring scales: of those that are tried, and of the wide scale over the narrow one at least, since a nearer one
+/// is no other scale. A convention.
+pub(super) const SCALE_STEP: f64 = 2.0;
 
 /// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of it.
 const ITERATIONS: usize = 8;
@@ -26,9 +27,6 @@ const CERTAIN: f64 = 8.0 / f64::EPSILON;
 
 /// Bounds of a region's disturbed share.
 const SHARES: (f64, f64) = (1e-3, 0.999);
-
-/// The wide scale over the narrow one at least.
-const WIDE: f64 = 2.0;
 
 /// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +44,7 @@ pub struct Mixture {
 impl Mixture {
     /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
     pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
-        Self { sigma, wide: wide.max(WIDE * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
+        Self { sigma, wide: wide.max(SCALE_STEP * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
     /// Probability that a piece of a region is clean.
@@ -135,8 +133,8 @@ impl Distances {
         let spread = self.root_mean_square();
         let mut best = self.mixture_of(finest, spread);
         let mut next = best.clone();
-        while (SCALE_RATIO * next.sigma).powi(2) < SCALE_RATIO * spread * spread {
-            next.sigma *= SCALE_RATIO;
+        while (SCALE_STEP * next.sigma).powi(2) < SCALE_STEP * spread * spread {
+            next.sigma *= SCALE_STEP;
             self.improve_times(NEXT_ITERATIONS, &mut next, None);
             if next.likelihood > best.likelihood {
                 best = next.clone();
@@ -150,7 +148,7 @@ impl Distances {
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
-            wide: (FIRST_WIDE * spread).max(WIDE * sigma),
+            wide: (FIRST_WIDE * spread).max(SCALE_STEP * sigma),
             disturbed: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
@@ -188,7 +186,7 @@ impl Distances {
             mixture.sigma =
                 ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }
-        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * mixture.sigma);
+        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(SCALE_STEP * mixture.sigma);
     }
 
     /// Mean logarithm of the density over all pieces.

@@ -4,6 +4,7 @@ mod boundary;
 pub mod correlation;
 pub mod covariance;
 pub mod creases;
+mod feet;
 pub mod fit;
 pub mod mixture;
 pub mod pieces;

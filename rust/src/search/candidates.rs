@@ -12,6 +12,7 @@ use super::moments::{
 };
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
+pub use crate::contour::fit::AMBIGUITY;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, minimize};
@@ -21,10 +22,6 @@ use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, Prior};
 use crate::problem::Problem;
-
-/// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
-/// deviations.
-pub const AMBIGUITY: f64 = 25.0;
 
 /// A candidate stays while it is worse by less than so many times what would count as fitting.
 const COARSE_AMBIGUITY: f64 = 4.0;

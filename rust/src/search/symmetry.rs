@@ -14,7 +14,7 @@ use crate::problem::Problem;
 use crate::region::{PlaneFrame, WorldRegion};
 
 /// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
-const STEPS: usize = 90;
+pub(super) const TURNS: usize = 90;
 
 /// Parts of a step to which the least ones are found, each half the last.
 const HALVINGS: usize = 4;
@@ -96,14 +96,14 @@ impl Drawing {
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
 fn least_turns(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
-    let step = 2.0 * std::f64::consts::PI / STEPS as f64;
+    let step = 2.0 * std::f64::consts::PI / TURNS as f64;
     let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
-    let misfits: Vec<f64> = (0..STEPS).map(|index| misfit_at(step * index as f64)).collect();
+    let misfits: Vec<f64> = (0..TURNS).map(|index| misfit_at(step * index as f64)).collect();
     let is_least = |&index: &usize| {
-        let (before, after) = (misfits[(index + STEPS - 1) % STEPS], misfits[(index + 1) % STEPS]);
+        let (before, after) = (misfits[(index + TURNS - 1) % TURNS], misfits[(index + 1) % TURNS]);
         misfits[index].is_finite() && misfits[index] <= before && misfits[index] < after
     };
-    let others = (usize::from(!behind)..STEPS).filter(is_least);
+    let others = (usize::from(!behind)..TURNS).filter(is_least);
     let near = |index: usize| least_near(misfit_at, (misfits[index], step * index as f64), step);
     others.map(near).map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }
