@@ -7,8 +7,8 @@ use super::pieces::Piece;
 use super::readings::Reading;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
-/// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite does
-/// where that crosses the outline; and what its spread across counts beside its squared distance.
+/// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite
+/// does where that crosses the outline; and what its spread across counts beside its squared distance.
 const ALIGNED: f64 = 3.0;
 const CROSSING: f64 = 4.0;
 

@@ -3,29 +3,31 @@
 
 use super::readings::Reading;
 
-/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales.
+/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales:
+/// conventions.
 const FIRST_BIN: f64 = 0.05;
 const BIN_RATIO: f64 = 1.2;
 
 /// Bins, up to 1e5 pixels.
 const BINS: usize = 80;
 
-/// Ratio of neighbouring scales: of those that are tried, and of the wide scale over the narrow one at least, since a nearer one
-/// is no other scale. A convention.
+/// Ratio of neighbouring scales: of those that are tried, and of the wide scale over the narrow one at least, since a
+/// nearer one is no other scale. A convention.
 pub(super) const SCALE_STEP: f64 = 2.0;
 
-/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of it.
+/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of
+/// it: conventions.
 const ITERATIONS: usize = 8;
 const NEXT_ITERATIONS: usize = 3;
 
-/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share.
+/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share. Conventions.
 const FIRST_WIDE: f64 = 1.2;
 const FIRST_SHARE: f64 = 0.3;
 
 /// Odds from which a piece is disturbed for certain in double precision: one less the inverse of more rounds to one.
 const CERTAIN: f64 = 8.0 / f64::EPSILON;
 
-/// Bounds of a region's disturbed share.
+/// Bounds of a region's disturbed share: a piece in a thousand, more than a region has. A convention.
 const SHARES: (f64, f64) = (1e-3, 0.999);
 
 /// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.

@@ -20,7 +20,7 @@ use crate::region::{PlaneFrame, WorldRegion};
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
-/// Pieces of all contours that a first look takes, and of each at least.
+/// Pieces of all contours that a first look takes, and of each at least, as of three: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
 

@@ -7,11 +7,12 @@ use nalgebra::{Matrix6, Rotation3, Vector6};
 use crate::geometry::pose::Tangent;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
-/// Entries of an equation with derivatives: its residual, its derivatives by the left increment, and a zero that makes them two
-/// lane groups.
+/// Entries of an equation with derivatives: its residual, its derivatives by the left increment, and a zero that makes
+/// them two lane groups.
 pub(crate) const DERIVED: usize = 2 * LANES;
 
-/// What least squares need of equations: with residuals `r` and derivatives `J` by the left increment, the sums over all.
+/// What least squares need of equations: with residuals `r` and derivatives `J` by the left increment, the sums over
+/// all.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NormalEquations {
     /// `J^T J`.
@@ -104,8 +105,8 @@ impl NormalEquations {
         }
     }
 
-    /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera` (`docs/math.md`,
-    /// eq. 6.7).
+    /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera`
+    /// (`docs/math.md`, eq. 6.7).
     pub fn turned(self, rotation: &Rotation3<f64>) -> Self {
         let turn = rotation.matrix();
         let mut information = Matrix6::zeros();

@@ -209,7 +209,8 @@ impl Segments {
         Self(Vec::with_capacity(count))
     }
 
-    /// Adds the part below a chain and one that begins no later and ends beyond its left end, over the x that they share.
+    /// Adds the part below a chain and one that begins no later and ends beyond its left end, over the x that they
+    /// share.
     fn add_below_both(&mut self, late: &Chain, early: &Chain) {
         let (a, b, sign) = (late.points, early.points, late.sign * early.sign);
         let (mut i, mut j) = (1, b.partition_point(|point| point.x <= a[0].x));
@@ -227,8 +228,8 @@ impl Segments {
         }
     }
 
-    /// Adds the part below two edges between their places on the left and on the right, each a point and the y of the other at its
-    /// x; the lower edge changes where they cross.
+    /// Adds the part below two edges between their places on the left and on the right, each a point and the y of the
+    /// other at its x; the lower edge changes where they cross.
     fn add_below(&mut self, sign: f64, left: &(Point, f64), right: &(Point, f64)) {
         let lower =
             |&(point, other): &(Point, f64)| Point { y: if point.y < other { point.y } else { other }, ..point };

@@ -55,7 +55,8 @@ impl NormalizedShape {
     }
 }
 
-/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem (`docs/math.md`, eq. 7.2).
+/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem (`docs/math.md`, eq.
+/// 7.2).
 fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     let root = matrix.determinant();
     if root.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
@@ -92,7 +93,8 @@ static EXPANSIONS: LazyLock<Vec<Expansion>> = LazyLock::new(|| {
     SHAPE_ORDERS.flat_map(of_order).collect()
 });
 
-/// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that order.
+/// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that
+/// order.
 fn disc_moment(order: usize) -> f64 {
     2.0 * 2.0_f64.powi(order as i32) / (order + 2) as f64
 }

@@ -1,5 +1,5 @@
-//! What follows from a world region's outline alone: worked out when it is first asked for, once for all problems that the region
-//! and its copies are in.
+//! What follows from a world region's outline alone: worked out when it is first asked for, once for all problems that
+//! the region and its copies are in.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,12 +11,12 @@ use crate::geometry::rings::signed_area;
 use crate::geometry::simplified::simplified;
 use crate::moments::shape::NormalizedShape;
 
-/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area: around a
-/// square (a perimeter of 4 such roots) the area is then right to 4 x 0.003, about a hundredth.
+/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area:
+/// around a square (a perimeter of 4 such roots) the area is then right to 4 x 0.003, about a hundredth.
 const COARSE: f64 = 0.003;
 
-/// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves keep
-/// corners every 20 degrees, masks lose their staircase.
+/// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves
+/// keep corners every 20 degrees, masks lose their staircase.
 pub(crate) const CORNER_TOLERANCE: f64 = 0.015;
 
 /// What follows from an outline on a plane.

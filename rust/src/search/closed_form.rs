@@ -25,10 +25,11 @@ pub enum WantedTurns {
     All,
 }
 
-/// Multiple of the least difference below which a turn is likely.
+/// Multiple of the least difference below which a turn is likely: a convention.
 const LIKELY: f64 = 10.0;
 
-/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
+/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least: a
+/// convention.
 const POWER_SHARE: f64 = 0.05;
 
 /// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).

@@ -7,8 +7,9 @@ use crate::geometry::pose::Pose;
 /// Newton steps on the depths: the closed form leaves 1e-10 or so, and each step squares that.
 const POLISHES: usize = 4;
 
-/// Half the digits, the root of the precision, which is what a double root is good to: depths nearer than this, as a share of
-/// them, are one solution, may miss a squared side by this share of the sum of all, and a sine below it is none.
+/// Half the digits, the root of the precision, which is what a double root is good to: depths nearer than this, as a
+/// share of them, are one solution, may miss a squared side by this share of the sum of all, and a sine below it is
+/// none.
 const HALF_THE_DIGITS: f64 = 1.0 / (1_u64 << (f64::MANTISSA_DIGITS / 2)) as f64;
 
 /// All poses (up to four) that see three world points along three unit bearings, `camera_from_world`.

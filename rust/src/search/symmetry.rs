@@ -16,7 +16,7 @@ use crate::region::{PlaneFrame, WorldRegion};
 /// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
 pub(super) const TURNS: usize = 90;
 
-/// Parts of a step to which the least ones are found, each half the last.
+/// Parts of a step to which the least ones are found, each half the last: a quarter of a degree, a convention.
 const HALVINGS: usize = 4;
 
 /// Turns that come back at most: those of an eightfold symmetry from before and from behind but the first, about two middles.
@@ -26,7 +26,8 @@ const MOST_TURNS: usize = 30;
 /// others do.
 const MOST_WORSE: f64 = 0.15;
 
-/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one plane.
+/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one
+/// plane: a convention.
 const FLAT: f64 = 0.02;
 
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
