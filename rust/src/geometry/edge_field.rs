@@ -117,10 +117,10 @@ impl NullaryFnOnce for NearestAmong<'_> {
         let (mut squares, mut places) = (Lanes::splat(f64::INFINITY), [0; LANES]);
         for (place, (few, _)) in self.0.iter().enumerate() {
             let others = few.squares(&point);
-            for lane in 0..LANES {
+            for (lane, first) in places.iter_mut().enumerate() {
                 let nearer = others.0[lane] < squares.0[lane];
                 squares.0[lane] = if nearer { others.0[lane] } else { squares.0[lane] };
-                places[lane] = if nearer { place } else { places[lane] };
+                *first = if nearer { place } else { *first };
             }
         }
         let least = squares.min();
