@@ -9,6 +9,7 @@ use regionpose::witness::steps;
 
 use crate::arrays::{array, points};
 
+type SumArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond; distances (m,)
@@ -79,7 +80,7 @@ pub fn edge_evidence<'py>(
     moved: &Bound<'py, PyAny>,
     directions: PyReadonlyArray1<'py, i64>,
     increments: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<SumArrays<'py>> {
     let pictures = pictures("values", &values)?;
     let increments = points::<6>("increments", increments)?;
     let steps: Vec<MovedStep> = steps_of::<12>(pixels, moved, &directions)?

@@ -154,10 +154,17 @@ impl Seen<'_> {
 pub(super) struct Edge {
     pub(super) from: Vector3<f64>,
     pub(super) to: Vector3<f64>,
-    pub(super) start: Vector2<f64>,
-    pub(super) step: Vector2<f64>,
-    /// Of the squared length of the step.
-    pub(super) inverse: f64,
+    start: Vector2<f64>,
+    step: Vector2<f64>,
+    inverse: f64,
+}
+
+/// The place on an edge nearest to a point.
+pub(super) struct Foot {
+    /// Where on the edge, 0 to 1.
+    pub(super) share: f64,
+    /// Unit direction in which the distance grows.
+    pub(super) normal: Vector2<f64>,
 }
 
 impl Edge {
@@ -177,10 +184,22 @@ impl Edge {
         Self { from, to, start, step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
     }
 
-    /// Squared distance of a point.
-    pub(super) fn square(&self, point: &Vector2<f64>) -> f64 {
+    /// Where on the edge, 0 to 1, it is nearest to a point, and the way from there to the point.
+    pub(super) fn offset(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
         let offset = point - self.start;
         let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
-        (offset - self.step * share).norm_squared()
+        (share, offset - self.step * share)
+    }
+
+    /// The place nearest to a point, and the point's signed distance.
+    pub(super) fn foot(&self, point: &Vector2<f64>) -> (Foot, f64) {
+        let (share, offset) = self.offset(point);
+        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
+        let length = if share > 0.0 && share < 1.0 { 0.0 } else { offset.norm() };
+        if length > 0.0 {
+            return (Foot { share, normal: offset / length }, length);
+        }
+        let normal = Vector2::new(self.step.y, -self.step.x) * self.inverse.sqrt();
+        (Foot { share, normal }, offset.dot(&normal))
     }
 }

@@ -4,7 +4,6 @@ mod boundary;
 pub mod correlation;
 pub mod covariance;
 pub mod creases;
-mod feet;
 pub mod fit;
 pub mod mixture;
 pub mod pieces;

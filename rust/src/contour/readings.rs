@@ -6,8 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::boundary::{Boundary, Edge, Seen};
-use super::feet::{self, Pair};
+use super::boundary::{Boundary, Edge, Foot, Seen};
 use super::pieces::{self, Piece, pieces};
 use crate::equations::normal_equations::{NormalEquations, WeightedRow};
 use crate::equations::residual::RegionEquations;
@@ -16,11 +15,16 @@ use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::region::{PlaneFrame, WorldRegion};
 
+/// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite does
+/// where that crosses the outline; and what its spread across counts beside its squared distance.
+const ALIGNED: f64 = 3.0;
+const CROSSING: f64 = 4.0;
+
 /// Sine of the angle between a plane and the ray to it (9 degrees) below which the nearest edge on the plane need not be the
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
-/// Pieces of all contours that a first look takes, and of each at least, as of three: conventions.
+/// Pieces of all contours that a first look takes, and of each at least: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
 
@@ -127,7 +131,10 @@ impl Contour {
     /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
     pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
         let view = self.view(pose)?;
-        into.extend(feet::readings(&self.nearest_pairs(&view, step), self.pixels));
+        into.extend(self.pieces(step).map(|piece| {
+            let index = self.nearest(&view, &piece.mean);
+            self.reading(&view.edge(index), index, piece).0
+        }));
         Some(())
     }
 
@@ -135,21 +142,15 @@ impl Contour {
     pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
         let view = self.view(pose)?;
         let back = self.rotation.inverse();
-        let rows = feet::rows(&self.nearest_pairs(&view, 1), self.pixels);
-        into.extend(rows.into_iter().map(|(reading, row)| {
+        into.extend(self.pieces(1).map(|piece| {
+            let index = self.nearest(&view, &piece.mean);
+            let edge = view.edge(index);
+            let (reading, foot) = self.reading(&edge, index, piece);
+            let row = self.derivative(&edge, &foot);
             let [turning, moving] = [0, 3].map(|first| back * row.fixed_rows::<3>(first));
             (reading, Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z))
         }));
         Some(())
-    }
-
-    /// Every `step`-th piece with the edge of the boundary that it is nearest to.
-    fn nearest_pairs<'a>(&'a self, view: &View<'_>, step: usize) -> Vec<Pair<'a>> {
-        let pair = |piece: &'a Piece| {
-            let index = self.nearest(view, &piece.mean);
-            (piece, view.edge(index), index as u32)
-        };
-        self.pieces(step).map(pair).collect()
     }
 
     /// Adds the normal equations of every `step`-th piece, each with the weight of its reading against the edge that it was
@@ -164,11 +165,14 @@ impl Contour {
     ) -> Option<()> {
         let view = self.view(pose)?;
         let pairs = self.pieces(step).zip(before);
-        let pairs: Vec<Pair> =
-            pairs.map(|(piece, before)| (piece, view.edge(before.edge as usize), before.edge)).collect();
-        let rows = feet::rows(&pairs, self.pixels).into_iter();
-        let rows: Vec<WeightedRow> =
-            rows.map(|(reading, row)| WeightedRow::new(&row, reading.distance, weight(&reading))).collect();
+        let rows: Vec<WeightedRow> = pairs
+            .map(|(piece, before)| {
+                let edge = view.edge(before.edge as usize);
+                let (reading, foot) = self.reading(&edge, before.edge as usize, piece);
+                let derivative = self.derivative(&edge, &foot);
+                WeightedRow::new(&derivative, reading.distance, weight(&reading))
+            })
+            .collect();
         *into += NormalEquations::weighted(&rows).turned(&self.rotation);
         Some(())
     }
@@ -205,8 +209,29 @@ impl Contour {
             return field.nearest_edge(&place);
         }
         let edges = view.edges();
-        let square = |index: &usize| edges[*index].square(point);
+        let square = |index: &usize| edges[*index].offset(point).1.norm_squared();
         (0..edges.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0)
+    }
+
+    /// What a piece shows against an edge, and the place on the edge that it is nearest to.
+    fn reading(&self, edge: &Edge, index: usize, piece: &Piece) -> (Reading, Foot) {
+        let (foot, value) = edge.foot(&piece.mean);
+        let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));
+        let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
+        let squared = self.pixels * self.pixels;
+        let misfit = (distance * distance + squared * crossing).sqrt();
+        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
+    }
+
+    /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).
+    fn derivative(&self, edge: &Edge, foot: &Foot) -> Vector6<f64> {
+        // The point of the edge in space that is seen at the foot.
+        let weight = foot.share * edge.from.z / (foot.share * edge.from.z + (1.0 - foot.share) * edge.to.z);
+        let seen = edge.from.lerp(&edge.to, weight);
+        let n = foot.normal * (self.pixels / seen.z);
+        let moving = Vector3::new(-n.x, -n.y, (n.x * seen.x + n.y * seen.y) / seen.z);
+        let turning = seen.cross(&moving);
+        Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
     }
 }
 
