@@ -78,6 +78,8 @@ def _check_references(scene: Scene) -> None:
             raise scene.error(
                 ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"
             )
+    if scene.model.cloud is None and scene.model.solver.refine == "scene":
+        raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
     prior = scene.model.prior
     for key, of in (("initial_sigma", "initial"), ("up_sigma_deg", "up")):
         if getattr(prior, key) is not None and getattr(prior, of) is None:
