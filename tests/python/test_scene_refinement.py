@@ -63,8 +63,8 @@ def test_the_rest_of_the_scene_refines_a_rough_pose(tmp_path: Path) -> None:
     assert rough.refinement is None and run.refinement is not None and run.refinement.refined
     assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
     assert run.refinement.before.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
-    whole, errors = overlap_errors(run.sides, run.local_pose)
-    assert run.estimate.overlap_error == whole and (run.estimate.region_overlap_errors == errors).all()
+    whole, each = overlap_errors(run.sides, run.local_pose)
+    assert run.estimate.overlap_error == whole and (run.estimate.region_overlap_errors == each).all()
     result = json.loads(json.dumps(bundle(run, Stages()).result))
     said = result["scene_refinement"]
     assert said["refined"] and said["turned_deg"] == pytest.approx(run.refinement.turned_deg)
