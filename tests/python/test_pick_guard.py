@@ -103,6 +103,16 @@ def test_a_body_that_says_it_is_a_gigabyte_is_refused_unread() -> None:
     assert answer("/_nicegui_ws/socket.io/", headers, "POST", b"x")[0].status_code == 413
 
 
+@pytest.mark.parametrize("length", ["", "much", "-1", "9" * 40])
+def test_a_size_that_is_none_is_refused(length: str) -> None:
+    headers = COOKIE | {"content-length": length}
+    assert answer("/_nicegui_ws/socket.io/", headers, "POST", b"x")[0].status_code == 413
+
+
+def test_a_cookie_that_is_none_is_no_token() -> None:
+    assert answer("/", {"cookie": 'a\x01b="; =;;'})[0].status_code == 403
+
+
 def test_a_body_that_grows_without_saying_so_is_cut_off() -> None:
     async def endless() -> AsyncIterator[bytes]:
         for _ in range(64):

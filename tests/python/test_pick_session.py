@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -211,5 +212,28 @@ def test_two_pages_edit_one_after_the_other_and_nothing_is_lost(session: Session
         assert len(session.regions) == 24
         assert len({picked.name for picked in session.regions}) == 24
         assert len(desk.photo_shapes()) == 24
+    finally:
+        desk.close()
+
+
+def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+
+    def broken(held: Session) -> None:
+        tried.append(len(tried))
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(Session, "pairs", property(lambda held: (held,)))
+    monkeypatch.setattr(Session, "estimate", broken)
+    desk = Desk(session)
+    try:
+        for number in (1, 2):
+            until = time.monotonic() + 60.0
+            while (len(tried) < number or desk.outcome.state != "failed") and time.monotonic() < until:
+                time.sleep(0.01)
+            assert desk.outcome.message == "RuntimeError: broken" and len(tried) == number
+            desk._wake.set()
     finally:
         desk.close()

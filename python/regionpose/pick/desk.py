@@ -247,6 +247,9 @@ class Desk:
             outcome = Outcome.of(run, [picked.key for picked in session.pairs], time.perf_counter() - start)
         except ValueError as error:
             outcome = Outcome("failed", str(error))
+        except Exception as error:
+            # The page would wait for ever for a worker that is gone.
+            outcome = Outcome("failed", f"{type(error).__name__}: {error}")
         with self._lock:
             if _pairs(session.regions) == _pairs(self.session.regions):
                 self.outcome = outcome

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import SimpleCookie
+from contextlib import suppress
+from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -72,13 +73,15 @@ class Guard:
             return 403, "the address needs the token that `regionpose pick` printed"
         if not _is_served(scope):
             return 404, "nothing is served here"
-        if int(headers.get("content-length", "0") or 0) > MOST_BYTES:
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or int(length[:20]) > MOST_BYTES:
             return 413, f"a request holds at most {MOST_BYTES} bytes"
         return None
 
     def _has_token(self, scope: Scope, headers: dict[str, str]) -> bool:
         cookies: SimpleCookie = SimpleCookie()
-        cookies.load(headers.get("cookie", ""))
+        with suppress(CookieError):
+            cookies.load(headers.get("cookie", ""))
         held = cookies.get(self._cookie)
         given = _query_token(scope) if self._is_first(scope) else (held.value if held else "")
         return secrets.compare_digest(given.encode(), self.token.encode())

@@ -45,7 +45,8 @@ def outcome_html(outcome: Outcome) -> str:
         for what, advice in judged.remarks
     )
     facts = [
-        (f"{100.0 * estimate.confidence:.0f} %", "confidence"),
+        # No pose is certain.
+        (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
         (f"{np.max(estimate.rotation_sigma_deg):.3f}°", "rotation, 1 sigma"),
         (f"{1000.0 * np.max(estimate.translation_sigma):.0f} mm", "place, 1 sigma"),
         (f"{100.0 * estimate.overlap_error:.1f} %", "overlap error"),
