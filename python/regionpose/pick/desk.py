@@ -109,12 +109,13 @@ class Desk:
                 self._edited(before.regions)
 
     def _edited(self, before: tuple[Picked, ...]) -> None:
-        self.revision += 1
-        if _worlds(before) != _worlds(self.session.regions):
-            self._serve_cloud()
+        # First of all: no page may show the pose of other pairs as that of these.
         if _pairs(before) != _pairs(self.session.regions):
             self.outcome = replace(self.outcome, state="busy") if self.session.pairs else Outcome()
             self._wake.set()
+        self.revision += 1
+        if _worlds(before) != _worlds(self.session.regions):
+            self._serve_cloud()
 
     def save(self) -> list[Path]:
         """Save the session; errors and paths as of `Session.save`."""
