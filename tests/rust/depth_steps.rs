@@ -4,7 +4,7 @@ mod support;
 
 use nalgebra::{Matrix2x3, Matrix2x6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
-use regionpose::witness::agreement::{EdgeStrength, MovedStep, SeenStep};
+use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::steps::depth_steps;
 use support::random::Random;
 
@@ -114,10 +114,10 @@ fn means_are_those_of_the_pixels_that_turns_lead_to() {
 }
 
 /// Steps that increments move across pictures with waves, some of them to outside.
-fn waves() -> (Vec<f32>, Vec<MovedStep>) {
+fn waves() -> (Vec<f32>, Vec<SeenStep<6>>) {
     let wave = |k: usize| ((k % 40) as f64 * 0.37).sin() + ((k / 40) as f64 * 0.23).cos();
     let mut random = Random::new(5);
-    let steps = (0..200).map(|number| MovedStep {
+    let steps = (0..200).map(|number| SeenStep {
         pixel: Vector2::new(random.uniform(-2.0, 42.0), random.uniform(-2.0, 32.0)),
         moved: Matrix2x6::from_fn(|_, _| random.uniform(-3.0, 3.0)),
         direction: number % 3,
@@ -146,8 +146,8 @@ fn sums_are_those_of_the_pixels_and_of_nothing_outside() {
     let values: Vec<f32> = (0..2 * 4 * 5).map(|k| k as f32).collect();
     let pictures = EdgeStrength::new(&values, 4, 5).expect("two pictures");
     let moved = Matrix2x6::from_fn(|row, column| if row == column { 1.0 } else { 0.0 });
-    let step = |x, y, direction| MovedStep { pixel: Vector2::new(x, y), moved, direction };
-    let sum = |steps: &[MovedStep], x: f64| pictures.sum(steps, &Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)).0;
+    let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
+    let sum = |steps: &[SeenStep<6>], x: f64| pictures.sum(steps, &Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)).0;
     assert_eq!(sum(&[step(1.0, 1.0, 0), step(1.0, 1.0, 1)], 0.0), 6.0 + 26.0);
     assert_eq!(sum(&[step(1.0, 1.5, 0)], 0.25), 6.25 + 2.5);
     let outside = [step(-0.1, 1.0, 0), step(4.0, 1.0, 0), step(1.0, 3.0, 1), step(1.0, 1.0, 2), step(f64::NAN, 0.0, 0)];

@@ -21,9 +21,8 @@ from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, d
 Array = NDArray[np.float64]
 
 SHOWN, POWER = 0.5, 4.0
-"""The share of depth steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: where the cloud
-of ten street scenes ends at their true poses, a rank in the upper eighth is 1.3 to 2.5 times as frequent as by chance,
-one in the lowest 0.2 to 0.7 times; this model says 2.0 and 0.5."""
+"""The share of depth steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
+between a rank that tells nothing and one that tells all."""
 
 AROUND_PX = 41
 """Width of the window within which ranks are made comparable: that of the widest reach of `Photo.strength`."""

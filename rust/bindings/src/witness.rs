@@ -1,10 +1,10 @@
 //! Depth steps and how far they lie on a photo's edges.
 
-use nalgebra::{Matrix2x3, Matrix2x6, SVector, Vector2};
+use nalgebra::{SMatrix, SVector};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::witness::agreement::{EdgeStrength, MovedStep, SeenStep};
+use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::steps;
 
 use crate::arrays::{array, points};
@@ -56,13 +56,7 @@ pub fn edge_agreement<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let pictures = pictures("strength", &strength)?;
     let turns = points::<3>("turns", turns)?;
-    let steps: Vec<SeenStep> = steps_of::<6>(pixels, moved, &directions)?
-        .map(|(pixel, moved, direction)| SeenStep {
-            pixel,
-            moved: Matrix2x3::from_row_slice(moved.as_slice()),
-            direction,
-        })
-        .collect();
+    let steps = steps_of(pixels, points::<6>("moved", moved)?, &directions)?;
     // The interpreter's lock is kept: nothing else may write into the pictures, which are not copied.
     Ok(PyArray1::from_vec(py, pictures.means(&steps, &turns)))
 }
@@ -83,13 +77,7 @@ pub fn edge_evidence<'py>(
 ) -> PyResult<SumArrays<'py>> {
     let pictures = pictures("values", &values)?;
     let increments = points::<6>("increments", increments)?;
-    let steps: Vec<MovedStep> = steps_of::<12>(pixels, moved, &directions)?
-        .map(|(pixel, moved, direction)| MovedStep {
-            pixel,
-            moved: Matrix2x6::from_row_slice(moved.as_slice()),
-            direction,
-        })
-        .collect();
+    let steps = steps_of(pixels, points::<12>("moved", moved)?, &directions)?;
     let (sums, slopes): (Vec<_>, Vec<_>) = increments.iter().map(|increment| pictures.sum(&steps, increment)).unzip();
     Ok((PyArray1::from_vec(py, sums), array(py, &slopes)?))
 }
@@ -101,15 +89,13 @@ fn pictures<'a>(item: &str, values: &'a PyReadonlyArray3<'_, f32>) -> PyResult<E
     EdgeStrength::new(held, rows, columns).ok_or_else(refused)
 }
 
-type Step<const D: usize> = (Vector2<f64>, SVector<f64, D>, usize);
-
-/// Pixel, derivatives and direction of each step.
-fn steps_of<const D: usize>(
+/// The steps of pixels, derivatives of x and then of y, and directions, as many of each.
+fn steps_of<const D: usize, const TWICE: usize>(
     pixels: &Bound<'_, PyAny>,
-    moved: &Bound<'_, PyAny>,
+    moved: Vec<SVector<f64, TWICE>>,
     directions: &PyReadonlyArray1<'_, i64>,
-) -> PyResult<impl Iterator<Item = Step<D>>> {
-    let (pixels, moved) = (points::<2>("pixels", pixels)?, points::<D>("moved", moved)?);
+) -> PyResult<Vec<SeenStep<D>>> {
+    let pixels = points::<2>("pixels", pixels)?;
     let directions: Vec<i64> = directions.as_array().iter().copied().collect();
     let found = [pixels.len(), moved.len(), directions.len()];
     if found.iter().any(|count| *count != pixels.len()) {
@@ -117,5 +103,10 @@ fn steps_of<const D: usize>(
         return Err(PyValueError::new_err(refused));
     }
     let items = pixels.into_iter().zip(moved).zip(directions);
-    Ok(items.map(|((pixel, moved), direction)| (pixel, moved, usize::try_from(direction).unwrap_or(usize::MAX))))
+    let step = |((pixel, moved), direction): ((_, SVector<f64, TWICE>), i64)| SeenStep {
+        pixel,
+        moved: SMatrix::from_row_slice(moved.as_slice()),
+        direction: usize::try_from(direction).unwrap_or(usize::MAX),
+    };
+    Ok(items.map(step).collect())
 }
