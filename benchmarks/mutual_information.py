@@ -128,7 +128,7 @@ def entropy(shares: Array) -> float:
 def moved(pose: rp.Pose, increment: Array) -> rp.Pose:
     """The pose after a left increment (6,) `[omega (rad), tau (m)]`."""
     turn = Rotation.from_rotvec(increment[:3])
-    return rp.Pose(turn * pose.rotation, turn.apply(pose.translation) + increment[3:])
+    return rp.Pose(turn * pose.rotation, turn.as_matrix() @ pose.translation + increment[3:])
 
 
 def disturbed(pose: rp.Pose, degrees: float, metres: float, seed: int) -> rp.Pose:

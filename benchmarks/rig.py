@@ -39,7 +39,7 @@ def print_frames(rig: rp.RigEstimate) -> None:
     for fit, one in zip(rig.frames, rig.influence, strict=True):
         print(
             f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
-            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift:6.2f} mm,"
+            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift_m:6.2f} mm,"
             f" contour {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
         )
 

@@ -12,6 +12,7 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
+from regionpose import kernels
 from regionpose.cameras import Camera
 
 from benchmarks.published.moments import (
@@ -108,8 +109,8 @@ def world_side(rings: Sequence[Array], system: System, integration: Integration)
 def _mesh(rings: Sequence[Array], system: System, integration: Integration) -> tuple[Array, NDArray[np.int64]]:
     """Vertices and triangles of flat rings: a plain Delaunay mesh where triangles are exact, else a fine one."""
     if system == "plane":
-        return rp.triangulate(rings)
-    return rp.triangulate(rings, max_area=_area(rings) / SPHERE_TRIANGLES)
+        return kernels.triangulate(rings)
+    return kernels.triangulate(rings, max_area=_area(rings) / SPHERE_TRIANGLES)
 
 
 def _area(rings: Sequence[Array]) -> float:

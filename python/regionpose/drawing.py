@@ -14,6 +14,7 @@ from skimage.color import lab2rgb, rgb2lab
 
 from regionpose.cameras import Camera
 from regionpose.clouds.whole_file import whole_file
+from regionpose.estimation.sample_fit import sample_fit
 from regionpose.fusion import checked_image, project_points
 from regionpose.image_region import ImageRegion
 from regionpose.pens import (
@@ -32,7 +33,6 @@ from regionpose.pens import (
     written,
 )
 from regionpose.pose import Pose
-from regionpose.sample_fit import sample_fit
 from regionpose.witness import Alignment
 from regionpose.world_region import WorldRegion
 

@@ -122,10 +122,11 @@ def coloured_cloud(
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colours of images, and which points (n,) any of the cameras sees.
 
-    Poses are for points about the cloud's origin. Points that aren't seen keep their colour, or are black; the field
+    Points that aren't seen keep their colour, or are black; the field
     `visible` (0, 1) tells. Colours as of `blend_colors`.
     """
-    colours, visible = blend_colors(cloud.points, views, normals=normals)
+    near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
+    colours, visible = blend_colors(cloud.local_points, near, normals=normals)
     if cloud.colours is not None:
         colours[~visible] = cloud.colours[~visible]
     return replace(cloud, colours=colours, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
+from regionpose.arrays import read_only, ring_list, signed_area
 from regionpose.cameras import Camera
 from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
-from regionpose.ring_arrays import ring_list, signed_area
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -30,7 +31,7 @@ ALONG_BORDER = 0.5
 """Slope of an edge against the border up to which it runs along it; short ones that cross the border are steeper."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImageRegion:
     """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
 
@@ -68,8 +69,41 @@ class ImageRegion:
         not finite, crossing edges, no area, a hole that is not inside the first ring, or an edge that isn't there.
         """
         given = ring_list(rings, 2)
-        checked = tuple(_core.plane_rings(given, polygon=True))
-        return cls(checked, hidden=marked_edges(given, checked, hidden_edges))
+        checked = _core.plane_rings(given, polygon=True)
+        return cls._valid(checked, hidden=marked_edges(given, checked, hidden_edges))
+
+    def __post_init__(self) -> None:
+        """Check rings and marks, and keep copies that nobody can write to."""
+        given = ring_list(self.rings, 2)
+        rings = _core.plane_rings(given, polygon=False)
+        self._keep("rings", rings)
+        if self.hidden is None:
+            return
+        marks = [np.asarray(marks) for marks in self.hidden]
+        if [(each.dtype.kind, each.shape) for each in marks] != [("b", ring.shape[:1]) for ring in given]:
+            raise ValueError("hidden has other shapes; needed (n,) of bool for each ring (n, 2)")
+        edges = [np.flatnonzero(each).tolist() for each in marks]
+        hidden = marked_edges(given, rings, edges if len(edges) > 1 else edges[0])
+        self._keep("hidden", hidden)
+
+    def _keep(self, name: str, arrays: Iterable[NDArray[Any]] | None) -> None:
+        object.__setattr__(self, name, None if arrays is None else tuple(read_only(each) for each in arrays))
+
+    @classmethod
+    def _valid(
+        cls,
+        rings: Iterable[Array],
+        mask: MaskWindow | None = None,
+        border: Border | None = None,
+        hidden: tuple[Marks, ...] | None = None,
+    ) -> ImageRegion:
+        """The region of rings that the core has made or checked."""
+        region = object.__new__(cls)
+        region._keep("rings", rings)
+        region._keep("hidden", hidden)
+        object.__setattr__(region, "mask", mask)
+        object.__setattr__(region, "border", border)
+        return region
 
     @classmethod
     def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
@@ -87,7 +121,14 @@ class ImageRegion:
         else:
             rings, window, hidden = traced_beside(mask, unknown)
         height, width = window.shape
-        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+        return cls._valid(rings, window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+
+    def __repr__(self) -> str:
+        """Its area and vertices, and what it is made of."""
+        made = "polygon" if self.mask is None else "mask of {} x {} px".format(*self.mask.shape[::-1])
+        hidden = 0 if self.hidden is None else int(sum(np.count_nonzero(marks) for marks in self.hidden))
+        parts = [f"area={self.area:.6g} px", f"vertices={sum(map(len, self.rings))}", made]
+        return f"ImageRegion({', '.join(parts + [f'{hidden} hidden edges'] * bool(hidden))})"
 
     @cached_property
     def area(self) -> float:

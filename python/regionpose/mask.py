@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
+from regionpose.arrays import read_only
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ class MaskWindow:
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        """Check that the window lies in the image."""
+        """Check that the window lies in the image, and keep a copy that nobody can write to."""
         if self.coverage.ndim != 2:
             raise ValueError(f"coverage has shape {self.coverage.shape}; needed (rows, columns)")
         (rows, columns), (left, top), (height, width) = self.coverage.shape, self.offset, self.shape
@@ -36,6 +37,7 @@ class MaskWindow:
                 f"a window of {rows} rows and {columns} columns at (x, y) = {self.offset} leaves the image of shape"
                 f" {self.shape}; needed one inside"
             )
+        object.__setattr__(self, "coverage", read_only(self.coverage))
 
     def full(self) -> NDArray[Any]:
         """The whole mask (h, w), of the coverage's type."""
@@ -57,6 +59,7 @@ def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
     held = given[top:bottom, left:right]
     coverage = held != 0 if binary else _native(held).copy()
+    coverage.setflags(write=False)
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 
 

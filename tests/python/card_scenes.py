@@ -33,4 +33,4 @@ def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
 def turned(degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> rp.Pose:
     """The pose, the camera turned about one of its axes in its place."""
     turn = Rotation.from_rotvec(np.radians(degrees) * np.asarray(axis))
-    return rp.Pose(turn * POSE.rotation, turn.apply(POSE.translation))
+    return rp.Pose(turn * POSE.rotation, turn.as_matrix() @ POSE.translation)

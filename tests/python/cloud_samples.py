@@ -21,14 +21,12 @@ UTM = np.array([449_123.456, 5_411_987.123456, 117.25])
 def full_cloud() -> Cloud:
     """A cloud at map coordinates with everything a cloud can hold."""
     fields = {"gps time": np.array([1e9 + 0.125, 2.0, 3.0, 4.0]), "ring": np.array([1, 2, 3, 65535], dtype=np.uint16)}
-    return Cloud.from_world_points(
-        POINTS + UTM, colours=COLOURS, intensity=INTENSITY, fields=fields, triangles=TRIANGLES
-    )
+    return Cloud.from_points(POINTS + UTM, colours=COLOURS, intensity=INTENSITY, fields=fields, triangles=TRIANGLES)
 
 
 def assert_same(cloud: Cloud, points: Any = POINTS, colours: Any = None, intensity: Any = None) -> None:
     """The cloud holds exactly these points, colours and intensities."""
-    np.testing.assert_array_equal(cloud.world_points, points)
+    np.testing.assert_array_equal(cloud.points, points)
     for found, needed in ((cloud.colours, colours), (cloud.intensity, intensity)):
         if needed is None:
             assert found is None

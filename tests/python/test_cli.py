@@ -140,8 +140,8 @@ def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pyte
 def test_no_pose_ends_with_3_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from regionpose.estimation.answer import PoseError
     from regionpose.scene import estimate
-    from regionpose.solver import PoseError
 
     def no_pose(*_: object, **__: object) -> None:
         raise PoseError("no pose shows every world region where its image region is")

@@ -31,29 +31,29 @@ from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_d
 
 
 def test_small_coordinates_have_no_origin() -> None:
-    cloud = Cloud.from_world_points(POINTS)
+    cloud = Cloud.from_points(POINTS)
     assert not cloud.origin.any()
     assert len(cloud) == 4
     assert_same(cloud)
 
 
 def test_map_coordinates_have_an_origin_on_the_large_axes_and_lose_nothing() -> None:
-    cloud = Cloud.from_world_points(POINTS + UTM)
+    cloud = Cloud.from_points(POINTS + UTM)
     np.testing.assert_array_equal(cloud.origin, [449_100.0, 5_412_000.0, 0.0])
-    assert np.abs(cloud.points).max() < 300.0
+    assert np.abs(cloud.local_points).max() < 300.0
     assert_same(cloud, POINTS + UTM)
 
 
 def test_one_stray_point_does_not_move_the_origin() -> None:
     stray = np.vstack([np.tile(POINTS, (3, 1)), [[1e9, -1e9, 1e9]]])
-    assert not Cloud.from_world_points(stray).origin.any()
+    assert not Cloud.from_points(stray).origin.any()
 
 
 def test_points_that_are_not_finite_are_dropped_with_their_colours_and_triangles() -> None:
     points = POINTS.copy()
     points[1, 2] = np.nan
     triangles = [[0, 2, 3], [0, 1, 2]]
-    cloud = Cloud.from_world_points(
+    cloud = Cloud.from_points(
         points, colours=COLOURS, intensity=INTENSITY, fields={"a": np.arange(4)}, triangles=triangles
     )
     kept = [0, 2, 3]
@@ -81,16 +81,16 @@ def test_arrays_are_read_only_and_the_givers_own_array_is_not() -> None:
     ],
 )
 def test_colours_of_16_bits_and_fractions_are_brought_to_8_bits(given_colours: Any, needed: Any) -> None:
-    assert_same(Cloud.from_world_points(POINTS, colours=given_colours), POINTS, needed)
+    assert_same(Cloud.from_points(POINTS, colours=given_colours), POINTS, needed)
 
 
 @pytest.mark.parametrize(
     ("parts", "item"),
     [
-        ({"points": np.zeros((0, 3))}, "points"),
-        ({"points": np.zeros((4, 2))}, "points"),
-        ({"points": [["a", "b", "c"]]}, "points"),
-        ({"points": [[0.0, np.inf, 0.0]]}, "points"),
+        ({"local_points": np.zeros((0, 3))}, "points"),
+        ({"local_points": np.zeros((4, 2))}, "local_points"),
+        ({"local_points": [["a", "b", "c"]]}, "local_points"),
+        ({"local_points": [[0.0, np.inf, 0.0]]}, "local_points"),
         ({"colours": COLOURS[:3]}, "colours"),
         ({"colours": COLOURS.astype(float)}, "colours"),
         ({"intensity": np.zeros(3)}, "intensity"),
@@ -102,7 +102,7 @@ def test_colours_of_16_bits_and_fractions_are_brought_to_8_bits(given_colours: A
 )
 def test_parts_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
     with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
-        Cloud(**({"points": POINTS} | parts))
+        Cloud(**({"local_points": POINTS} | parts))
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_parts_that_disagree_are_named(parts: dict[str, Any], item: str) -> None
 )
 def test_parts_of_world_points_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
     with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
-        Cloud.from_world_points(POINTS, **parts)
+        Cloud.from_points(POINTS, **parts)
 
 
 def test_a_written_ply_comes_back_whole(tmp_path: Path) -> None:
@@ -138,9 +138,9 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_v
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(points=hnp.arrays(np.float64, st.tuples(st.integers(1, 20), st.just(3)), elements=FINITE))
 def test_any_cloud_survives_writing_to_the_last_bit(tmp_path: Path, points: Any) -> None:
-    cloud = Cloud.from_world_points(points, fields={"value": points[:, 0]})
+    cloud = Cloud.from_points(points, fields={"value": points[:, 0]})
     back = read_cloud(write_ply(tmp_path / "any.ply", cloud, overwrite=True))
-    np.testing.assert_array_equal(back.world_points, cloud.world_points)
+    np.testing.assert_array_equal(back.points, cloud.points)
     np.testing.assert_array_equal(back.fields["value"], points[:, 0])
 
 

@@ -7,7 +7,7 @@ import pytest
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.drawing import OUTSIDE, PROJECTED
-from regionpose.sample_fit import SampleFit, sample_fit
+from regionpose.estimation.sample_fit import SampleFit, sample_fit
 from scipy.spatial.transform import Rotation
 
 CAMERA = rp.PinholeCamera(400.0, 400.0, 199.5, 149.5, width=400, height=300)

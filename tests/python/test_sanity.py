@@ -118,7 +118,7 @@ def test_a_calibration_whose_axis_leaves_the_middle_of_the_photo_is_warned_of(tm
     values["camera"] |= {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
     sides = scene_sides(load_scene(write_scene(tmp_path, values)))
     (warning,) = sides.warnings
-    assert warning.code == "odd-centre"
+    assert warning.code == "odd-center"
     assert "seems to be for photos of about 640 x 480" in warning.message
 
 
@@ -128,8 +128,8 @@ FISHEYE = {
     "width": 1024,
     "height": 768,
 }
-AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)
-AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, 1024, 768, (2e-2, -4e-3, 1e-3, -2e-4))
+AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768)
+AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, width=1024, height=768, distortion=(2e-2, -4e-3, 1e-3, -2e-4))
 
 
 def calibration(folder: Path, **more: object) -> Path:
@@ -148,7 +148,10 @@ def calibration(folder: Path, **more: object) -> Path:
         ({"cv2_fisheye_flags": 10}, AS_FISHEYE),
         ({"model": "pinhole"}, AS_PINHOLE),
         ({"fisheye": False}, AS_PINHOLE),
-        ({"xi": 1.2}, rp.UnifiedCamera(1.2, 310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)),
+        (
+            {"xi": 1.2},
+            rp.UnifiedCamera(310, 311, 512, 384, xi=1.2, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768),
+        ),
     ],
 )
 def test_a_calibration_is_read_in_the_model_that_it_names(
@@ -219,7 +222,7 @@ def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
 def test_a_cloud_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The demo's, in a scene and alone."""
     cloud = rp.clouds.read_cloud(DEMO / "cloud.ply")
-    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, points=1000.0 * cloud.points))
+    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
     values = yaml.safe_load((DEMO / "scene.yaml").read_text())
     values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
     values.pop("sensor_origin", None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +39,8 @@ class FisheyeCamera(Camera):
     fy: float
     cx: float
     cy: float
-    k: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    _: KW_ONLY
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     width: int | None = None
     height: int | None = None
 
@@ -52,20 +53,23 @@ class FisheyeCamera(Camera):
         store(self, "cy", finite_number("cy", self.cy))
         store(self, "width", image_length("width", self.width))
         store(self, "height", image_length("height", self.height))
-        store(self, "k", finite_numbers("k", self.k))
-        if len(self.k) != 4:
-            raise ValueError(f"k: found {len(self.k)} coefficients; needed 4 (k1 k2 k3 k4)")
+        store(self, "distortion", finite_numbers("distortion", self.distortion))
+        if len(self.distortion) != 4:
+            raise ValueError(f"distortion: found {len(self.distortion)} coefficients; needed 4 (k1 k2 k3 k4)")
 
     @classmethod
     def from_matrix(
         cls,
         matrix: ArrayLike,
+        *,
         distortion: ArrayLike = (0.0, 0.0, 0.0, 0.0),
         width: int | None = None,
         height: int | None = None,
     ) -> FisheyeCamera:
         """The camera with the matrix K (3, 3), without skew, and OpenCV's four coefficients in any shape."""
-        return cls(*intrinsics_of(matrix), k=tuple(np.ravel(np.asarray(distortion))), width=width, height=height)
+        return cls(
+            *intrinsics_of(matrix), distortion=tuple(np.ravel(np.asarray(distortion))), width=width, height=height
+        )
 
     @property
     def matrix(self) -> Array:
@@ -75,7 +79,7 @@ class FisheyeCamera(Camera):
     @cached_property
     def max_angle(self) -> float:
         """Largest angle off the optical axis, in radians: pi, or the fold of the polynomial."""
-        slope = np.asarray([1.0, *self.k]) * np.array([1.0, 3.0, 5.0, 7.0, 9.0])
+        slope = np.asarray([1.0, *self.distortion]) * np.array([1.0, 3.0, 5.0, 7.0, 9.0])
         return min(math.pi, math.sqrt(first_positive_root(slope)))
 
     @property
@@ -85,7 +89,7 @@ class FisheyeCamera(Camera):
 
     def _radius(self, angle: Array) -> tuple[Array, Array]:
         """Distance from the centre before the focal lengths, and its derivative by the angle."""
-        factor = np.asarray([1.0, *self.k])
+        factor = np.asarray([1.0, *self.distortion])
         square = angle * angle
         value = polynomial(factor, square)
         return angle * value, value + 2.0 * square * polynomial(derivative(factor), square)

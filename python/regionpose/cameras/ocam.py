@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,7 @@ class OcamCamera(Camera):
 
     polynomial: tuple[float, ...]
     center: tuple[float, ...]
+    _: KW_ONLY
     stretch: Stretch = ((1.0, 0.0), (0.0, 1.0))
     width: int | None = None
     height: int | None = None
@@ -68,6 +69,7 @@ class OcamCamera(Camera):
         ss: tuple[float, ...],
         center: tuple[float, float],
         cde: tuple[float, float, float] = (1.0, 0.0, 0.0),
+        *,
         width: int | None = None,
         height: int | None = None,
     ) -> OcamCamera:
@@ -75,7 +77,7 @@ class OcamCamera(Camera):
         c, d, e = cde
         row, column = center
         forward = tuple(0.0 - coefficient for coefficient in ss)
-        return cls(forward, (column, row), ((1.0, e), (d, c)), width=width, height=height)
+        return cls(forward, (column, row), stretch=((1.0, e), (d, c)), width=width, height=height)
 
     @cached_property
     def max_angle(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,9 +36,10 @@ class PinholeCamera(Camera):
     fy: float
     cx: float
     cy: float
+    _: KW_ONLY
+    distortion: tuple[float, ...] = ()
     width: int | None = None
     height: int | None = None
-    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the parameters and store them as plain numbers."""
@@ -53,7 +54,7 @@ class PinholeCamera(Camera):
 
     @classmethod
     def from_matrix(
-        cls, matrix: ArrayLike, distortion: ArrayLike = (), width: int | None = None, height: int | None = None
+        cls, matrix: ArrayLike, *, distortion: ArrayLike = (), width: int | None = None, height: int | None = None
     ) -> PinholeCamera:
         """The camera with the matrix K (3, 3), without skew, and OpenCV's distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,11 +34,12 @@ class UnifiedCamera(Camera):
     a focal length that is not positive, a number that is not finite, a wrong count of coefficients.
     """
 
-    xi: float
     fx: float
     fy: float
     cx: float
     cy: float
+    _: KW_ONLY
+    xi: float
     distortion: tuple[float, ...] = ()
     width: int | None = None
     height: int | None = None
@@ -61,15 +62,15 @@ class UnifiedCamera(Camera):
     def from_matrix(
         cls,
         matrix: ArrayLike,
+        *,
+        xi: float,
         distortion: ArrayLike = (),
         width: int | None = None,
         height: int | None = None,
-        *,
-        xi: float,
     ) -> UnifiedCamera:
         """The camera with xi, the matrix K (3, 3), without skew, and distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))
-        return cls(xi, *intrinsics_of(matrix), distortion=coefficients, width=width, height=height)
+        return cls(*intrinsics_of(matrix), xi=xi, distortion=coefficients, width=width, height=height)
 
     @property
     def matrix(self) -> Array:

@@ -83,7 +83,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
             ("translation_m", _vector(estimate.pose.translation, 6)),
             ("camera centre in world, m", _vector(estimate.pose.camera_center, 6)),
             ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
-            ("translation sigma, m", _vector(estimate.translation_sigma, 5)),
+            ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
             ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
         ]

@@ -45,7 +45,7 @@ def fuse(
     with Progress(quiet) as progress:
         progress.begin("read cloud")
         points = read_cloud(cloud)
-        views = (read_view(each, points) for each in progress.each(files, "colours of image"))
+        views = (read_view(each) for each in progress.each(files, "colours of image"))
         coloured, visible = coloured_cloud(points, views)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, coloured), force=force)

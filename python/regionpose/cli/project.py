@@ -53,7 +53,7 @@ def project(
     with Progress(quiet) as progress:
         progress.begin("read files")
         points = read_cloud(cloud)
-        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model), points)
+        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model))
         progress.begin("projection")
         rows = _rows_inside(points, view)
         write_file(out, lambda path: _write(path, rows, points, view), force=force)

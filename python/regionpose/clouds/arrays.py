@@ -94,7 +94,7 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
         for name, array in arrays.items()
         if name not in known and array.shape == (len(points),) and array.dtype.kind in "biuf"
     }
-    return Cloud.from_world_points(
+    return Cloud.from_points(
         points + origin,
         colours=colours,
         intensity=arrays.get("intensity"),
@@ -116,7 +116,7 @@ def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
     if size % row:
         raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
     cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)
-    points = cloud.world_points
+    points = cloud.points
     farthest = float(max(points.max(), -points.min()))
     if farthest > FARTHEST_RETURN:
         needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"

@@ -31,7 +31,7 @@ def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: Arra
     colour_names = next(([lower[n] for n in names] for names in COLOUR_NAMES if set(names) <= set(lower)), [])
     intensity_name = next((lower[name] for name in INTENSITY_NAMES if name in lower), None)
     taken = {SKIPPED, *(lower[name] for name in COORDINATES), *colour_names, intensity_name}
-    return Cloud.from_world_points(
+    return Cloud.from_points(
         _stacked([columns[lower[name]] for name in COORDINATES], np.dtype(np.float64)),
         colours=_stacked([columns[name] for name in colour_names]) if colour_names else None,
         intensity=None if intensity_name is None else columns[intensity_name],

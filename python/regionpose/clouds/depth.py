@@ -67,7 +67,7 @@ def cloud_from_depth(
     points = camera.bearings(np.stack([columns, rows], axis=1))
     points *= _ray_lengths(metres.reshape(-1), points[:, 2], distance)[:, None]
     colours = None if shades is None else shades.reshape(-1, 3)
-    return Cloud.from_world_points(points, colours=colours, source=source).scanned_from(np.zeros(3))
+    return Cloud.from_points(points, colours=colours, source=source).scanned_from(np.zeros(3))
 
 
 def _ray_lengths(metres: Array, cosines: Array, distance: str) -> Array:

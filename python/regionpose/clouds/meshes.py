@@ -35,7 +35,7 @@ def read_mesh(path: Path, kind: str) -> Cloud:
         raise cloud_error(path, "vertices", "none", "at least 1")
     starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts])
     colours = [shades for _, _, shades in parts]
-    return Cloud.from_world_points(
+    return Cloud.from_points(
         np.concatenate([vertices for vertices, _, _ in parts]),
         colours=None if any(shades is None for shades in colours) else np.concatenate(colours),
         triangles=np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]),

@@ -76,9 +76,9 @@ def _header(row: np.dtype[np.void], cloud: Cloud) -> str:
 
 def _rows(cloud: Cloud, columns: Mapping[str, Scalars], row: np.dtype[np.void], part: slice) -> Scalars:
     """The points of `part` as the file holds them."""
-    rows = np.empty(len(cloud.points[part]), dtype=row)
+    rows = np.empty(len(cloud.local_points[part]), dtype=row)
     for axis, name in enumerate(COORDINATES):
-        rows[name] = cloud.points[part, axis] + cloud.origin[axis]
+        rows[name] = cloud.local_points[part, axis] + cloud.origin[axis]
     if cloud.colours is not None:
         for channel, name in enumerate(COLOURS):
             rows[name] = cloud.colours[part, channel]

@@ -77,7 +77,7 @@ class Desk:
         self._sample = places[sample]
         self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
         self.cloud = _part(session.cloud, self._shown)
-        self.middle = np.median(self.cloud.points[self._sample], axis=0)
+        self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._rays: RayIndex | None = None
         self._colours: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
         self._serve_still()
@@ -135,11 +135,11 @@ class Desk:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""
         with self._lock:
             if self._rays is None:
-                self._rays = RayIndex.of(self.session.cloud.points)
+                self._rays = RayIndex.of(self.session.cloud.local_points)
         return self._world(self._rays.nearest(origin + self.middle, direction))
 
     def _world(self, index: int) -> Array:
-        return np.asarray(self.session.cloud.points[index] + self.session.cloud.origin)
+        return np.asarray(self.session.cloud.local_points[index] + self.session.cloud.origin)
 
     def colour_by(self, colouring: str) -> None:
         """Colour the cloud in one of the ways of `colourings`."""
@@ -188,13 +188,13 @@ class Desk:
         photo = Image.fromarray(self.session.image)
         photo.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
         self.files["photo.jpg"] = Served(_encoded(photo, "JPEG"), "image/jpeg")
-        points = self.cloud.points[self._sample]
+        points = self.cloud.local_points[self._sample]
         self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
 
     def _serve_cloud(self) -> None:
         """The range image and the colours of the shown points, with the regions' own points in their colours."""
         colours = self._marked(self._colours_of(self.colouring))
-        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._pictured))
+        picture = Image.fromarray(self.range_view.picture(self.cloud.local_points, colours, self._pictured))
         self.pictured += 1
         self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
         self.files["colours.bin"] = Served(colours[self._sample].tobytes(), "application/octet-stream")
@@ -223,7 +223,7 @@ class Desk:
         run = self.outcome.run
         if run is None:
             return self._colours_of("depth")
-        cloud, visible = coloured_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+        cloud, visible = coloured_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
         dark = np.round(UNSEEN_LIGHT * self._colours_of("depth")).astype(np.uint8)
         return dark if cloud.colours is None else np.where(visible[:, None], cloud.colours, dark).astype(np.uint8)
 
@@ -278,7 +278,7 @@ def _places(count: int, *chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
 def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
     """The points of a cloud with these indices."""
     return Cloud(
-        cloud.points[indices],
+        cloud.local_points[indices],
         colours=None if cloud.colours is None else cloud.colours[indices],
         intensity=None if cloud.intensity is None else cloud.intensity[indices],
         origin=cloud.origin,

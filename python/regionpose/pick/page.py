@@ -89,7 +89,7 @@ class Page:
 
     def _cloud(self) -> None:
         desk = self.desk
-        reach = float(np.percentile(np.linalg.norm(desk.cloud.points - desk.middle, axis=1), 90))
+        reach = float(np.percentile(np.linalg.norm(desk.cloud.local_points - desk.middle, axis=1), 90))
         up, ahead = desk.range_view.axes.up, desk.range_view.axes.ahead
         eye = -1.3 * reach * ahead + 0.9 * reach * up
         with ui.element("div").classes("rp-card"):

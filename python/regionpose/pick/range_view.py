@@ -84,8 +84,8 @@ class RangeView:
     @classmethod
     def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
         """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
-        axes = _axes(cloud.points, place, up)
-        azimuth, elevation, ranges = _directions(cloud.points, place, axes)
+        axes = _axes(cloud.local_points, place, up)
+        azimuth, elevation, ranges = _directions(cloud.local_points, place, axes)
         cut = _widest_gap(azimuth)
         azimuth = (cut - azimuth) % 360.0
         top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
@@ -142,7 +142,7 @@ class RangeView:
 
 def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
     """Colours (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
-    ranges = np.linalg.norm(cloud.points - place, axis=1)
+    ranges = np.linalg.norm(cloud.local_points - place, axis=1)
     near, far = np.percentile(ranges, [1.0, 99.0])
     table = depth_colours()
     share = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)

@@ -84,7 +84,7 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
     views: list[Figure] = []
     if run.sides.cloud is not None:
         with stages.stage("colours"):
-            cloud, visible = coloured_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+            cloud, visible = coloured_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
             views = cloud_views(run, cloud, visible)
         writers[CLOUD] = lambda path: write_ply(path, cloud)
     judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
@@ -118,7 +118,7 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
         )
     made[OVERLAY] = Figure(after, caption)
     if sides.cloud is not None:
-        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.points)
+        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
     if run.witness is not None:
         made[EDGES] = Figure(overlay_steps(sides.image, run.witness.alignment), EDGES_CAPTION)
@@ -150,13 +150,13 @@ def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) ->
     up = run.sides.scene.model.prior.up
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
     colours = np.where(visible[:, None], cloud.colours, _greys(cloud)[:, None]).astype(np.uint8)
-    views = viewpoints(cloud.points[visible], pose.camera_center, direction)
+    views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)
     captions = (
         "The coloured cloud, seen from the camera's left",
         "The coloured cloud, seen from the camera's right and above",
     )
     return [
-        Figure(splatted(cloud.points, colours, view), f"{caption}; grey: not in the image.")
+        Figure(splatted(cloud.local_points, colours, view), f"{caption}; grey: not in the image.")
         for view, caption in zip(views, captions, strict=True)
     ]
 

@@ -60,7 +60,7 @@ class Evidence:
 
     def turn(self, rotation: Rotation) -> Pose:
         """Look at the steps that the camera sees turned from the given pose, about its axes; that pose."""
-        pose = Pose(rotation * self._pose.rotation, rotation.apply(self._pose.translation))
+        pose = Pose(rotation * self._pose.rotation, rotation.as_matrix() @ self._pose.translation)
         steps = self._all.turned(rotation)
         seen = seen_steps(self._photo, self._camera, steps, self._known)
         middle = steps.near[seen.numbers] + steps.far[seen.numbers]

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from regionpose import _core
+from regionpose.arrays import real_array
 from regionpose.pose import Pose
-from regionpose.ring_arrays import real_array
 from regionpose.witness.evidence import Evidence, SceneFrame
 from regionpose.witness.steps import SEED, far_turns
 
@@ -154,7 +154,7 @@ class _Posterior:
 
     def units(self, pose: Pose) -> Array:
         """The increment (6,) from the prior's pose in units of its deviations."""
-        return np.asarray(np.linalg.solve(self._root, increment_between(self._prior, pose)), dtype=np.float64)
+        return np.asarray(np.linalg.solve(self._root, self._prior.increment_to(pose)), dtype=np.float64)
 
     def _costs(self, units: Array, spread_px: float) -> tuple[Array, Array]:
         """Negative log densities (t,) of increments (t, 6) in units of the prior's deviations, and their slopes."""
@@ -209,7 +209,7 @@ def _spread_of(peaks: Sequence[_Peak], best: _Peak) -> Array:
     """The covariance (6, 6) about the best of peaks, each of which counts by its mass."""
     masses = np.array([peak.mass for peak in peaks])
     shares = np.exp(masses - logsumexp(masses))
-    ways = [increment_between(best.pose, peak.pose) for peak in peaks]
+    ways = [best.pose.increment_to(peak.pose) for peak in peaks]
     return np.asarray(
         sum(
             share * (peak.covariance + np.outer(way, way)) for share, peak, way in zip(shares, peaks, ways, strict=True)
@@ -232,9 +232,3 @@ def moved(pose: Pose, increment: Array) -> Pose:
     """The pose after a left increment (6,): a rotation vector, rad, then a translation, metres."""
     rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
     return Pose.from_parts(rotation, translation)
-
-
-def increment_between(start: Pose, end: Pose) -> Array:
-    """The left increment (6,) from one pose to another."""
-    turn = end.rotation * start.rotation.inv()
-    return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])

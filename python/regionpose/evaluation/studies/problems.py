@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
+from regionpose.estimation.prior import Prior
 from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabelled
 from regionpose.evaluation.masks import (
     Patch,
@@ -39,7 +40,6 @@ from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.image_region import ImageRegion
 from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
-from regionpose.prior import Prior
 from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ def known_beforehand(scene: Scene, condition: Condition, rng: np.random.Generato
         degrees, metres = INITIAL_SIGMA
         turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
         true = Pose.from_parts(scene.rotation, scene.translation)
-        rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
+        rough = Pose(turn * true.rotation, turn.as_matrix() @ true.translation + rng.normal(0.0, metres, size=3))
         return Prior(initial=rough, initial_sigma=INITIAL_SIGMA)
     if condition.prior == "near":
         place = Pose.from_parts(scene.rotation, scene.translation).camera_center

@@ -67,7 +67,7 @@ class Prior:
         pose, near = self.initial, self.camera_near
         return replace(
             self,
-            initial=None if pose is None else Pose(pose.rotation, pose.transform(shift)),
+            initial=None if pose is None else pose.about(shift),
             camera_near=None if near is None else np.asarray(near) - shift,
         )
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from regionpose import _core
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
-from regionpose.contours import (
+from regionpose.estimation.contours import (
     Contours,
     Distances,
     correlation_length,
@@ -259,7 +259,7 @@ def _inverse_normal(jacobian: Array) -> Array:
 def _coefficients(camera: Camera) -> tuple[float, ...]:
     """Coefficients of distortion, of which the first two are k1 and k2."""
     if isinstance(camera, FisheyeCamera):
-        return camera.k
+        return camera.distortion
     assert isinstance(camera, PinholeCamera)
     return camera.distortion or (0.0,) * 4
 
@@ -280,6 +280,4 @@ def _with_parameters(camera: Camera, names: Sequence[str], values: Array) -> Cam
     if not set(names) & set(PARAMETERS["distortion"]):
         return replace(camera, **lens)
     coefficients = (changed["k1"], changed["k2"], *_coefficients(camera)[2:])
-    if isinstance(camera, FisheyeCamera):
-        return replace(camera, **lens, k=coefficients)
     return replace(camera, **lens, distortion=coefficients)

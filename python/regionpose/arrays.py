@@ -1,13 +1,15 @@
-"""Rings and arrays of numbers as they are given: their shapes and types, named where they are wrong."""
+"""Arrays of numbers and rings as they are given: their shapes and types, named where they are wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind", bound=np.generic)
 
 
 def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
@@ -47,6 +49,27 @@ def real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{item} has type {array.dtype}; needed real numbers {needed}")
     return array
+
+
+def finite_array(values: object, item: str, *shapes: tuple[int, ...]) -> Array:
+    """The values as finite floats of one of the shapes."""
+    needed = " or ".join(map(str, shapes))
+    array = real_array(values, item, needed)
+    if array.shape not in shapes:
+        raise ValueError(f"{item} has shape {array.shape}; needed {needed}")
+    floats = array.astype(np.float64)
+    if not np.isfinite(floats).all():
+        raise ValueError(f"{item} is {floats.tolist()}; needed finite numbers {needed}")
+    return floats
+
+
+def read_only(values: NDArray[Kind]) -> NDArray[Kind]:
+    """The array, if it cannot be written to, else a copy of it that can't."""
+    if not values.flags.writeable:
+        return values
+    kept = values.copy()
+    kept.setflags(write=False)
+    return kept
 
 
 def signed_area(ring: Array) -> float:

@@ -9,10 +9,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from regionpose.arrays import signed_area
 from regionpose.cameras import Camera
 from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.ring_arrays import signed_area
 from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
