@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         camera_to_colmap,
     )
     from regionpose.clouds import Cloud, read_cloud, write_ply
-    from regionpose.drawing import overlay_depth, overlay_regions
     from regionpose.estimation.answer import Alternative, Crease, PoseError, PoseEstimate
     from regionpose.estimation.batch import estimate_poses
     from regionpose.estimation.intrinsics import CameraRefinement
@@ -31,11 +30,13 @@ if TYPE_CHECKING:
     from regionpose.estimation.sides import overlap_errors
     from regionpose.estimation.single import estimate_pose
     from regionpose.estimation.warning import PoseWarning
-    from regionpose.fusion import blend_colors, colorize
-    from regionpose.image_region import ImageRegion
-    from regionpose.mask import MaskWindow
-    from regionpose.outline import SparseSamplingWarning
+    from regionpose.pictures.colors import blend_colors, colorize
+    from regionpose.pictures.overlays import overlay_depth, overlay_regions
     from regionpose.pose import Pose
+    from regionpose.regions.image import ImageRegion
+    from regionpose.regions.mask import MaskWindow
+    from regionpose.regions.outline import SparseSamplingWarning
+    from regionpose.regions.world import WorldRegion
     from regionpose.sanity import check_camera, check_regions
     from regionpose.scene import estimate_scene, load_scene
     from regionpose.segmentation.cloud import grow_plane
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     )
     from regionpose.segmentation.planes import find_planes
     from regionpose.witness import Alignment, SceneFrame, SceneRefinement, check_alignment, refine_with_scene
-    from regionpose.world_region import WorldRegion
 
 __all__ = [
     "Alignment",
@@ -126,7 +126,7 @@ _MODULES = {
         "read_cloud",
         "write_ply",
     ),
-    "drawing": (
+    "pictures.overlays": (
         "overlay_depth",
         "overlay_regions",
     ),
@@ -154,13 +154,13 @@ _MODULES = {
     "estimation.sides": ("overlap_errors",),
     "estimation.single": ("estimate_pose",),
     "estimation.warning": ("PoseWarning",),
-    "fusion": (
+    "pictures.colors": (
         "blend_colors",
         "colorize",
     ),
-    "image_region": ("ImageRegion",),
-    "mask": ("MaskWindow",),
-    "outline": ("SparseSamplingWarning",),
+    "regions.image": ("ImageRegion",),
+    "regions.mask": ("MaskWindow",),
+    "regions.outline": ("SparseSamplingWarning",),
     "pose": ("Pose",),
     "sanity": (
         "check_camera",
@@ -187,7 +187,7 @@ _MODULES = {
         "check_alignment",
         "refine_with_scene",
     ),
-    "world_region": ("WorldRegion",),
+    "regions.world": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -82,3 +82,19 @@ def signed_area(ring: Array) -> float:
 def counter_clockwise(ring: Array) -> Array:
     """The ring (n, 2), turned round where it turns clockwise."""
     return ring if signed_area(ring) > 0.0 else ring[::-1]
+
+
+def checked_image(image: ArrayLike) -> NDArray[np.uint8]:
+    """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1] as (h, w, 3) uint8; ValueError for others."""
+    given = np.asarray(image)
+    if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
+        raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
+    if given.dtype == np.uint16:
+        given = (given >> 8).astype(np.uint8)
+    elif given.dtype.kind == "f":
+        if not (given.min() >= 0.0 and given.max() <= 1.0):
+            raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
+        given = np.round(given * 255.0).astype(np.uint8)
+    if given.dtype != np.uint8:
+        raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
+    return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.estimation.warning import PoseWarning
-from regionpose.image_region import ImageRegion
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Region = TypeVar("Region", ImageRegion, WorldRegion)
@@ -51,7 +51,7 @@ MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 """Where in the photo, as a share of each side, the optical axis is looked for. Of a photo made smaller or larger by
 half and more than the calibrated one it is elsewhere; cameras have it within a twentieth of the middle."""
 
-MILLIMETRE = 0.001
+MILLIMETER = 0.001
 
 SAME_UNIT = 1e-6
 """Relative difference of two units that are one: the US survey foot and the international one differ by 2e-6."""
@@ -85,8 +85,8 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
     """
     if camera.width is not None and camera.height is not None:
         return ()
-    centre = camera.project([[0.0, 0.0, 1.0]])[0]
-    share = (centre + 0.5) / image_size
+    center = camera.project([[0.0, 0.0, 1.0]])[0]
+    share = (center + 0.5) / image_size
     if (share >= MIDDLE_THIRD[0]).all() and (share <= MIDDLE_THIRD[1]).all():
         return ()
     text = (
@@ -95,7 +95,7 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
         " {calibrated_height_px:.0f}; use a photo of the calibrated size, scale the calibration, or give its width and"
         " height if the photo was cut"
     )
-    x, y = centre.tolist()
+    x, y = center.tolist()
     values = {"width_px": image_size[0], "height_px": image_size[1], "x_px": x, "y_px": y}
     calibrated = {"calibrated_width_px": 2.0 * x + 1.0, "calibrated_height_px": 2.0 * y + 1.0}
     return (PoseWarning("odd-center", text, values={**values, **calibrated}),)
@@ -103,7 +103,7 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
     """What the file of a cloud says against its coordinates being metres: `odd-unit`, with the factor to use."""
-    factor = cloud.metres_per_unit
+    factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()
     text = (
@@ -123,7 +123,7 @@ def unit_remark(spacing: float, extent: float) -> str | None:
         return None
     return (
         f"points {spacing:.3g} apart over {extent:.4g} look like millimetres: multiply the coordinates by"
-        f" {MILLIMETRE:g} for metres"
+        f" {MILLIMETER:g} for metres"
     )
 
 
@@ -202,5 +202,5 @@ def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
             " millimetres, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
             " by {unit_m:g}, else what is said in metres is wrong"
         )
-        values = {"size_m": size, "in_millimeters_m": MILLIMETRE * size, "unit_m": MILLIMETRE}
+        values = {"size_m": size, "in_millimeters_m": MILLIMETER * size, "unit_m": MILLIMETER}
         yield PoseWarning("odd-unit", text, (index,), values)

@@ -253,7 +253,9 @@ CAMERAS: list[tuple[Callable[[], object], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("make", "message"), RINGS + MASKS + WORLDS + OPTIONS + CAMERAS, ids=lambda value: str(value)[:50]
+    ("make", "message"),
+    RINGS + MASKS + WORLDS + OPTIONS + CAMERAS,
+    ids=lambda value: value[:50] if isinstance(value, str) else "made",
 )
 def test_bad_input_is_named(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):

@@ -158,9 +158,9 @@ def test_meshlab_s_camera_projects_as_vcglib_does() -> None:
     text = exported(view(camera), "meshlab")["camera.xml"].split("\n", 1)[1]
     held = next(iter(ElementTree.fromstring(text))).attrib
     rows = np.array(held["RotationMatrix"].split(), dtype=float).reshape(4, 4)[:3, :3]
-    centre = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
+    center = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
     # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the centre, from the lower left.
-    local = (POINTS - centre) @ rows.T
+    local = (POINTS - center) @ rows.T
     size, middle = (np.array(held[key].split(), dtype=float) for key in ("PixelSizeMm", "CenterPx"))
     across, up = (float(held["FocalMm"]) * local[:, :2] / -local[:, 2:] / size + middle).T
     pixels = np.stack([across - 0.5, 720.0 - up - 0.5], axis=1)

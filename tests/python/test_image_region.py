@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionpose import kernels
 from regionpose.cameras import Camera
 from regionpose.evaluation import area_coverage, binary_mask
-from regionpose.pixel_edges import BEND_TOLERANCE_PX
+from regionpose.regions.pixel_edges import BEND_TOLERANCE_PX
 from skimage.measure import find_contours
 
 Array = NDArray[np.float64]
@@ -49,10 +49,10 @@ of the area does so the other way."""
 def image_shapes(draw: st.DrawFn) -> list[Array]:
     """A disc or a convex polygon, 20 to 80 px in radius, sometimes with a hole."""
     radius = draw(st.floats(20.0, 80.0))
-    centre = (draw(st.floats(100.0, 140.0)), draw(st.floats(85.0, 95.0)))
+    center = (draw(st.floats(100.0, 140.0)), draw(st.floats(85.0, 95.0)))
     corners = draw(st.sampled_from([3, 4, 5, 6, 400]))
-    outer = disc(radius, centre, corners)
-    hole = disc(0.3 * radius, centre, corners)[::-1]
+    outer = disc(radius, center, corners)
+    hole = disc(0.3 * radius, center, corners)[::-1]
     return [outer, hole] if draw(st.booleans()) else [outer]
 
 

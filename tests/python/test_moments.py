@@ -94,9 +94,9 @@ def planar_regions(draw: st.DrawFn) -> list[Array]:
     radii = draw(st.lists(st.floats(1.0, 3.0), min_size=3, max_size=24))
     scale, turn = 10.0 ** draw(st.floats(-3.0, 3.0)), draw(st.floats(0.0, 6.0))
     rings = [star(np.array(radii), turn)]
-    for centre in [(-0.2, 0.0), (0.2, 0.0)][: draw(st.integers(0, 2))]:
+    for center in [(-0.2, 0.0), (0.2, 0.0)][: draw(st.integers(0, 2))]:
         hole = draw(st.lists(st.floats(0.05, 0.15), min_size=3, max_size=8))
-        rings.append(star(np.array(hole))[::-1] + centre)
+        rings.append(star(np.array(hole))[::-1] + center)
     if draw(st.booleans()):
         part = star(np.array(draw(st.lists(st.floats(0.5, 1.0), min_size=3, max_size=9))))
         rings.append(part + np.array([5.0, 1.0]))

@@ -298,7 +298,7 @@ def test_convention_covariance_is_along_the_cameras_axes() -> None:
     assert np.allclose(rolled, block @ covariance @ block.T, rtol=1e-4, atol=1e-6 * np.abs(covariance).max())
 
 
-def test_convention_sigmas_are_degrees_and_metres_along_the_axes() -> None:
+def test_convention_sigmas_are_degrees_and_meters_along_the_axes() -> None:
     estimate = solved(PINHOLE, seen_at(10.0, TURN), [template_named("letter_f").region()])
     sigma = np.sqrt(np.diag(estimate.covariance))
     assert np.allclose(estimate.rotation_sigma_deg, np.degrees(sigma[:3]))

@@ -203,7 +203,7 @@ def answers(estimate: object) -> list[list[float]]:
     return [pose.matrix.ravel().tolist() for pose in (estimate.pose, *(other.pose for other in estimate.alternatives))]
 
 
-def test_convention_an_initial_poses_sigma_is_degrees_and_metres_of_the_cameras_place() -> None:
+def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_place() -> None:
     """Carried by 1 m in the world: 10 standard deviations of 0.1 m, 2 of 0.5 m; turned by 20 deg: 10 of 2 deg."""
     carried = rp.Pose(POSE.rotation, POSE.translation - POSE.rotation.apply([0.6, 0.0, -0.8]))
     turned = rp.Pose(Rotation.from_euler("y", 20.0, degrees=True) * POSE.rotation, POSE.translation)

@@ -94,7 +94,7 @@ def sides(frames: Sequence[rp.Frame]) -> tuple[list[rp.ImageRegion], list[rp.Wor
     return images, [region for frame in frames for region in frame.world_regions]
 
 
-def millimetres(pose: rp.Pose, frames: Sequence[rp.Frame]) -> float:
+def millimeters(pose: rp.Pose, frames: Sequence[rp.Frame]) -> float:
     """How far a pose puts the middle of all regions from where it is."""
     middle = np.mean([region.rings[0].mean(axis=0) for region in sides(frames)[1]], axis=0)
     return float(1e3 * np.linalg.norm(pose.transform(middle) - RIG.transform(middle)))
@@ -287,7 +287,7 @@ def test_a_frame_whose_world_was_moved_is_named(
     assert codes(rig) == ["outlier-frame"]
     assert "the moved one disagrees" in str(rig.warnings[-1])
     assert rig.influence[wrong].is_outlier
-    assert millimetres(rig.influence[wrong].pose, frames) < 1.0
+    assert millimeters(rig.influence[wrong].pose, frames) < 1.0
 
 
 def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
@@ -300,7 +300,7 @@ def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
 
 
 @pytest.mark.parametrize("first", [0, 2])
-def test_a_wrong_focal_length_and_centre_are_recovered(first: int) -> None:
+def test_a_wrong_focal_length_and_center_are_recovered(first: int) -> None:
     """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimetres."""
     camera, frames = perspective_frames(first, 4)
     given = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
@@ -312,9 +312,9 @@ def test_a_wrong_focal_length_and_centre_are_recovered(first: int) -> None:
     assert isinstance(rig.camera, rp.PinholeCamera)
     assert parameters(rig.camera, found.parameters) == pytest.approx(found.found)
     assert parameters(given, found.parameters) == pytest.approx(found.given)
-    assert millimetres(rp.estimate_rig(given, frames).pose, frames) > 30.0
-    assert millimetres(rig.pose, frames) < 3.0
-    assert millimetres(found.pose, frames) < 3.0
+    assert millimeters(rp.estimate_rig(given, frames).pose, frames) > 30.0
+    assert millimeters(rig.pose, frames) < 3.0
+    assert millimeters(found.pose, frames) < 3.0
 
 
 def test_a_fisheye_s_distortion_is_recovered_on_disturbed_contours() -> None:
@@ -330,7 +330,7 @@ def test_a_fisheye_s_distortion_is_recovered_on_disturbed_contours() -> None:
     assert found is not None and found.outcome == "refined"
     assert found.parameters == ("fx", "fy", "cx", "cy", "k1", "k2")
     assert (np.abs(found.found - parameters(camera, found.parameters)) < SIGMAS * found.sigma).all()
-    assert millimetres(rig.pose, frames) < 0.2 * millimetres(rp.estimate_rig(given, frames).pose, frames)
+    assert millimeters(rig.pose, frames) < 0.2 * millimeters(rp.estimate_rig(given, frames).pose, frames)
 
 
 @pytest.mark.parametrize("draw", [perspective_frames, fisheye_frames])
@@ -450,12 +450,12 @@ def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> No
     told = rp.Prior(initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma_deg=0.01)
     rig = rp.estimate_rig(camera, frames, prior=told)
     contradicted = {"initial-contradicted", "up-contradicted"}
-    assert {warning.code for warning in rig.warnings} == contradicted and millimetres(rig.pose, frames) < 5.0
+    assert {warning.code for warning in rig.warnings} == contradicted and millimeters(rig.pose, frames) < 5.0
     known = rp.estimate_rig(camera, frames, prior=rp.Prior(initial=RIG, initial_sigma=(3.0, 0.1)))
     assert not known.warnings
     elsewhere = rp.Prior(camera_near=RIG.camera_center + np.array([9.0, 0.0, 0.0]), camera_near_sigma_m=0.5)
     far = rp.estimate_rig(camera, frames, prior=elsewhere)
-    assert {warning.code for warning in far.warnings} == {"place-contradicted"} and millimetres(far.pose, frames) < 5.0
+    assert {warning.code for warning in far.warnings} == {"place-contradicted"} and millimeters(far.pose, frames) < 5.0
     assert not rp.estimate_rig(camera, frames, prior=rp.Prior(camera_near=RIG.camera_center)).warnings
 
 

@@ -210,7 +210,7 @@ def test_a_fisheye_calibration_of_a_real_scene_is_read_as_one() -> None:
     assert isinstance(camera, rp.FisheyeCamera)
 
 
-def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
+def test_a_world_in_millimeters_is_told_with_the_factor(tmp_path: Path) -> None:
     values = scene_values()
     for region in values["regions"]:
         region["world"]["polygon"] = (1000.0 * np.array(region["world"]["polygon"])).tolist()
@@ -219,7 +219,7 @@ def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
     assert "m; multiply those of the cloud and of the scene by 0.001" in warning.message
 
 
-def test_a_cloud_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The demo's, in a scene and alone."""
     cloud = rp.clouds.read_cloud(DEMO / "cloud.ply")
     rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
@@ -253,7 +253,7 @@ def test_a_cloud_whose_file_states_feet_is_told(
     stored = laspy.LasData(header)
     stored.x, stored.y, stored.z = np.random.default_rng(0).uniform(0.0, 9.0, (3, 50))
     stored.write(tmp_path / "cloud.las")
-    assert rp.clouds.read_cloud(tmp_path / "cloud.las").metres_per_unit == pytest.approx(factor)
+    assert rp.clouds.read_cloud(tmp_path / "cloud.las").unit_m == pytest.approx(factor)
     code, said = told(["info", str(tmp_path / "cloud.las")], capsys)
     assert code == 0
     assert ("states a unit of 0.3048006 m: multiply its coordinates" in said) == is_told
@@ -261,7 +261,7 @@ def test_a_cloud_whose_file_states_feet_is_told(
     assert [warning.code for warning in sides.warnings] == ["odd-unit"] * is_told
 
 
-def test_wide_scans_in_metres_are_not_taken_for_millimetres() -> None:
+def test_wide_scans_in_meters_are_not_taken_for_millimeters() -> None:
     """A terrestrial scan of 1 km, an airborne one of 5 km, a few far points."""
     for spacing, extent in ((0.3, 1000.0), (0.7, 7000.0), (5.0, 40.0)):
         assert unit_remark(spacing, extent) is None

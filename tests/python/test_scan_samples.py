@@ -185,7 +185,7 @@ def test_wrong_input_is_named() -> None:
         rp.WorldRegion.from_samples(points[members], [[0.0, 0.0, 9.0]])
 
 
-@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize("beams", [32, 64])
 def test_samples_give_a_better_pose_than_the_outline(beams: int) -> None:
     errors: dict[Scan, list[float]] = {"outline": [], "samples": []}

@@ -221,7 +221,7 @@ def region_from_cloud(folder: Path, world: dict[str, Any]) -> rp.WorldRegion:
         {"points": "points.npy"},
         {"seed": [0.5, 0.3, 0.0]},
     ],
-    ids=str,
+    ids=lambda world: str(world)[:50],
 )
 def test_a_plate_of_points_is_found_in_every_way(world: dict[str, Any], tmp_path: Path) -> None:
     region = region_from_cloud(tmp_path, world)

@@ -101,7 +101,7 @@ def test_a_smaller_mesh_is_nearer_to_the_boundary_on_the_sphere_and_any_is_exact
     assert max(apart_from_boundary("plane", size) for size in (1.0, 0.1)) < SAME_MOMENTS
 
 
-def test_three_planes_are_solved_within_millimetres() -> None:
+def test_three_planes_are_solved_within_millimeters() -> None:
     errors = []
     for seed in range(10):
         scene = perspective_scene(seed, 3, world="arbitrary")
@@ -158,7 +158,7 @@ def test_a_problem_without_a_pose_leaves_the_others(batch: list[Problem]) -> Non
     camera = rp.FisheyeCamera(300.0, 300.0, 500.0, 500.0)
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     sides = [np.array([500.0 + 300.0 * np.radians(angle), 500.0]) for angle in (-75.0, 75.0)]
-    images = [rp.ImageRegion.from_polygon(centre + 40.0 * (square[:, :2] - 0.5)) for centre in sides]
+    images = [rp.ImageRegion.from_polygon(center + 40.0 * (square[:, :2] - 0.5)) for center in sides]
     blind: Problem = camera, images, [rp.WorldRegion.from_polygon(square)] * 2
     before, error, after = rp.estimate_poses([batch[0], blind, batch[1]])
     assert isinstance(error, rp.PoseError) and "no pose shows every world region" in str(error)

@@ -83,10 +83,10 @@ class Camera(ABC):
 
 
 def scaled_intrinsics(
-    focal: tuple[float, float], centre: tuple[float, float], factors: tuple[float, float]
+    focal: tuple[float, float], center: tuple[float, float], factors: tuple[float, float]
 ) -> tuple[float, float, float, float]:
     """fx, fy, cx and cy of photos whose sides are scaled by two factors, corners to corners."""
-    (fx, fy), (cx, cy), (across, down) = focal, centre, factors
+    (fx, fy), (cx, cy), (across, down) = focal, center, factors
     return across * fx, down * fy, across * (cx + 0.5) - 0.5, down * (cy + 0.5) - 0.5
 
 

@@ -130,8 +130,8 @@ def _say_known(result: dict[str, Any]) -> None:
 def _say_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
-        centre = 1000.0 * errors["camera_center_m"]
-        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {centre:.2f} mm (camera centre)")
+        center = 1000.0 * errors["camera_center_m"]
+        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {center:.2f} mm (camera centre)")
 
 
 def _vector(values: object, digits: int) -> str:

@@ -135,7 +135,7 @@ def _cloud_facts(path: Path, progress: Progress) -> Facts:
         "sensor_origin_m": None if cloud.sensor_origin is None else cloud.sensor_origin.tolist(),
         "spacing_m": spacing,
         "unit": _unit(cloud, spacing),
-        "colours": cloud.colours is not None,
+        "colors": cloud.colors is not None,
         "intensity": cloud.intensity is not None,
         "fields": sorted(cloud.fields),
         "dropped_points": cloud.dropped,

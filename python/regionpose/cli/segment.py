@@ -144,8 +144,8 @@ def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, 
     if out.suffix.lower() == ".npy":
         write_file(out, lambda place: np.save(place, indices), force=force)
     else:
-        colours = None if cloud.colours is None else cloud.colours[indices]
-        part = Cloud(cloud.local_points[indices], colours=colours, origin=cloud.origin)
+        colors = None if cloud.colors is None else cloud.colors[indices]
+        part = Cloud(cloud.local_points[indices], colors=colors, origin=cloud.origin)
         write_file(out, lambda place: write_ply(place, part), force=force)
     return {"written": str(out), "points": len(indices)}
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 from regionpose.calibration import load_camera
 from regionpose.cli.poses import read_pose
-from regionpose.fusion import View
+from regionpose.pictures.colors import View
 from regionpose.scene.sensors import other_size, read_picture
 
 Item = TypeVar("Item")

@@ -74,7 +74,7 @@ class Cloud:
     """
 
     local_points: Array
-    colours: NDArray[np.uint8] | None = None
+    colors: NDArray[np.uint8] | None = None
     intensity: Array | None = None
     fields: Mapping[str, Scalars] = field(default_factory=dict)
     triangles: NDArray[np.int64] | None = None
@@ -82,7 +82,7 @@ class Cloud:
     source: Path | None = None
     dropped: int = 0
     sensor_origin: Array | None = None
-    metres_per_unit: float | None = None
+    unit_m: float | None = None
 
     def __post_init__(self) -> None:
         """Check the parts and keep read-only views of them."""
@@ -94,7 +94,7 @@ class Cloud:
         for name in ("local_points", "origin", "sensor_origin"):
             if getattr(self, name) is not None and not np.isfinite(getattr(self, name)).all():
                 raise cloud_error(self.source, name, "NaN or infinite coordinates", "finite numbers")
-        self._keep("colours", np.uint8, (count, 3))
+        self._keep("colors", np.uint8, (count, 3))
         self._keep("intensity", np.float64, (count,))
         object.__setattr__(self, "fields", MappingProxyType(self._checked_fields(count)))
         triangles = self._keep("triangles", np.int64, (-1, 3))
@@ -137,7 +137,7 @@ class Cloud:
         cls,
         points: ArrayLike,
         *,
-        colours: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
         intensity: ArrayLike | None = None,
         fields: Mapping[str, ArrayLike] | None = None,
         triangles: ArrayLike | None = None,
@@ -157,12 +157,12 @@ class Cloud:
         if not finite.any():
             found = f"{len(world)} points, none with finite coordinates" if len(world) else "no points"
             raise cloud_error(source, "points", found, "at least 1 with finite coordinates")
-        shades = None if colours is None else _kept_rows("colours", colours, finite, source)
+        shades = None if colors is None else _kept_rows("colors", colors, finite, source)
         kept = _kept_rows("points", world, finite, source)
         origin = _origin(kept)
         return cls(
             local_points=kept - origin if origin.any() else kept,
-            colours=None if shades is None else _bytes_of_colours(shades, source),
+            colors=None if shades is None else _bytes_of_colors(shades, source),
             intensity=None if intensity is None else _kept_rows("intensity", intensity, finite, source),
             fields={
                 name: _kept_rows(f"field {name}", values, finite, source) for name, values in (fields or {}).items()
@@ -193,7 +193,7 @@ class Cloud:
     def __repr__(self) -> str:
         """The counts and what the cloud carries."""
         parts = [f"{len(self)} points"]
-        parts += [name for name in ("colours", "intensity") if getattr(self, name) is not None]
+        parts += [name for name in ("colors", "intensity") if getattr(self, name) is not None]
         parts += [f"fields {', '.join(self.fields)}"] if self.fields else []
         parts += [f"{len(self.triangles)} triangles"] if self.triangles is not None else []
         parts += [f"origin {self.origin.tolist()}"] if self.origin.any() else []
@@ -227,21 +227,21 @@ def _origin(world: Array) -> Array:
     return np.asarray(origin, dtype=np.float64)
 
 
-def _bytes_of_colours(colours: Scalars, source: Path | None) -> NDArray[np.uint8]:
+def _bytes_of_colors(colors: Scalars, source: Path | None) -> NDArray[np.uint8]:
     """Colours (n, 3) of 8 bits: fractions times 255, and the upper byte of 16 bits where a value exceeds 255."""
-    if colours.dtype == np.uint8:
-        return colours
+    if colors.dtype == np.uint8:
+        return colors
     needed = "numbers in [0, 1], [0, 255] or [0, 65535]"
-    if colours.dtype.kind not in "iuf":
-        raise cloud_error(source, "colours", colours.dtype, needed)
-    least, most = colours.min(), colours.max()
+    if colors.dtype.kind not in "iuf":
+        raise cloud_error(source, "colors", colors.dtype, needed)
+    least, most = colors.min(), colors.max()
     if not (least >= 0 and most <= WORD_LIMIT):
-        raise cloud_error(source, "colours", f"values from {least} to {most}", needed)
-    if colours.dtype.kind == "f" and most <= 1.0:
-        return np.asarray(np.rint(colours * BYTE_LIMIT), dtype=np.uint8)
+        raise cloud_error(source, "colors", f"values from {least} to {most}", needed)
+    if colors.dtype.kind == "f" and most <= 1.0:
+        return np.asarray(np.rint(colors * BYTE_LIMIT), dtype=np.uint8)
     if most > BYTE_LIMIT:
-        return np.asarray(colours.astype(np.uint16) >> 8, dtype=np.uint8)
-    return np.asarray(np.rint(colours), dtype=np.uint8)
+        return np.asarray(colors.astype(np.uint16) >> 8, dtype=np.uint8)
+    return np.asarray(np.rint(colors), dtype=np.uint8)
 
 
 def _kept_triangles(triangles: Scalars, finite: NDArray[np.bool_], source: Path | None) -> Scalars:

@@ -21,8 +21,8 @@ from regionpose.estimation.sides import (
     observed_regions,
     ring_bearings,
 )
-from regionpose.image_region import ImageRegion
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]

@@ -17,8 +17,8 @@ from regionpose.estimation.prior import Prior
 from regionpose.estimation.sides import check_camera, checked_regions, core_prior, observed_regions
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
-from regionpose.image_region import ImageRegion
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]

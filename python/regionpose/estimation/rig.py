@@ -23,9 +23,9 @@ from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.estimation.options import Integration, Solver
 from regionpose.estimation.prior import Prior
-from regionpose.image_region import ImageRegion
-from regionpose.pixel_edges import straight_bearings
 from regionpose.pose import Pose
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.pixel_edges import straight_bearings
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Item = TypeVar("Item")

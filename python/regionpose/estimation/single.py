@@ -10,8 +10,8 @@ from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.scipy_driver import scipy_minimum
 from regionpose.estimation.sides import core_prior, core_problem
-from regionpose.image_region import ImageRegion
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 
 def estimate_pose(

@@ -174,9 +174,9 @@ def _meshlab(view: ExportedView) -> Files:
     camera = _undistorted(view, "MeshLab")
     rows = np.eye(4)
     rows[:3, :3] = GRAPHICS_FROM_OPTICAL @ view.pose.rotation.as_matrix()
-    centre = np.append(-view.pose.camera_center, 1.0)
+    center = np.append(-view.pose.camera_center, 1.0)
     attributes = {
-        "TranslationVector": _row(centre),
+        "TranslationVector": _row(center),
         "RotationMatrix": _row(rows.ravel()),
         "FocalMm": _number(camera.fx * SENSOR_PIXEL_MM),
         "PixelSizeMm": _row([SENSOR_PIXEL_MM, SENSOR_PIXEL_MM * camera.fx / camera.fy]),

@@ -19,8 +19,8 @@ from regionpose.estimation.sample_fit import SampleFit, sample_fit
 from regionpose.estimation.sides import overlap_errors
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
 from regionpose.sanity import check_camera, check_regions, check_unit
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, SolverItem, WorldFromCamera

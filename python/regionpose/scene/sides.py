@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.clouds import Cloud, read_cloud
-from regionpose.image_region import ImageRegion
-from regionpose.outline import SparseSamplingWarning
 from regionpose.reading import read_array
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.outline import SparseSamplingWarning
+from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, SensorOrigin, named
-from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

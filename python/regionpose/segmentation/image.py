@@ -130,7 +130,7 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     x, y = _checked_seed(seed, given.shape)
     reduced, growth = _found(given, (x, y), None, None)
     start = int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)
-    steps, scores = _stepped(reduced.lab, start, growth.colour)
+    steps, scores = _stepped(reduced.lab, start, growth.color)
     areas = np.cumsum(np.bincount(steps.ravel(), minlength=len(scores) + 1))[: len(scores)]
     own = round(growth.tolerance / TOLERANCE_STEP)
     kept = [own]
@@ -217,24 +217,24 @@ def _grown(reduced: Reduced, start: tuple[int, int], tolerance: float | None) ->
     return again if again.score >= once.score and again.mask[start] else once
 
 
-def _region_around(lab: Floats, start: tuple[int, int], colour: Floats, tolerance: float | None) -> Growth:
+def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
     """The connected region within a tolerance of a colour."""
-    distances = np.linalg.norm(lab - colour, axis=2)
+    distances = np.linalg.norm(lab - color, axis=2)
     distances[start] = 0.0
     arrivals = _arrivals(distances, start)
     if tolerance is not None:
-        return Growth(np.asarray(arrivals <= tolerance), colour, tolerance, 0.0)
+        return Growth(np.asarray(arrivals <= tolerance), color, tolerance, 0.0)
     steps = _steps(arrivals)
     scores = _scores(steps, lab)
     good = np.flatnonzero(scores >= GOOD_SHARE * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
     best = first[scores[first] >= NEAR_BEST_SHARE * scores[first].max()][0]
-    return Growth(np.asarray(steps <= best), colour, float(best * TOLERANCE_STEP), float(scores[best]))
+    return Growth(np.asarray(steps <= best), color, float(best * TOLERANCE_STEP), float(scores[best]))
 
 
-def _stepped(lab: Floats, start: tuple[int, int], colour: Floats) -> tuple[NDArray[np.int64], Array]:
+def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[NDArray[np.int64], Array]:
     """The step of the tolerance at which growth arrives at each pixel, and the score of the region of each step."""
-    distances = np.linalg.norm(lab - colour, axis=2)
+    distances = np.linalg.norm(lab - color, axis=2)
     distances[start] = 0.0
     steps = _steps(_arrivals(distances, start))
     return steps, _scores(steps, lab)

@@ -19,13 +19,13 @@ from shapely.geometry.polygon import orient
 from skimage.draw import polygon2mask
 
 from regionpose import _core
-from regionpose.image_region import ImageRegion
 from regionpose.reading import read_json, read_pixels, unfolding_error
+from regionpose.regions.image import ImageRegion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CORNER_TO_CENTRE = 0.5
+CORNER_TO_CENTER = 0.5
 """Pixels from the outer corner of the first pixel to its centre."""
 
 OUTSIDE_MARGIN = 1.0
@@ -242,8 +242,8 @@ def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
     if pixels.ndim == 3:
         packed = _packed(pixels)
         del pixels  # Large pictures fit the budget of memory but for this.
-        grey = np.asarray(packed % 256 * 0x010101 == packed).all()
-        return (packed % 256, "{}") if grey else (packed, "#{:06x}")
+        gray = np.asarray(packed % 256 * 0x010101 == packed).all()
+        return (packed % 256, "{}") if gray else (packed, "#{:06x}")
     if pixels.dtype.kind == "f" and not (np.isfinite(pixels).all() and (pixels == np.round(pixels)).all()):
         raise ValueError(f"{path} holds numbers that aren't whole; needed labels")
     return pixels, "{}"
@@ -386,7 +386,7 @@ def _points(given: object, size: tuple[int, int], item: str, least: int) -> Arra
         x, y = points[beyond.any(axis=1)][0]
         raise ValueError(f"{item} has the point ({x:g}, {y:g}); the image has {size[1]} x {size[0]} pixels")
     closed = len(points) > least and (points[0] == points[-1]).all()
-    return (points[:-1] if closed else points) - CORNER_TO_CENTRE
+    return (points[:-1] if closed else points) - CORNER_TO_CENTER
 
 
 def _listed(content: Mapping[str, object], key: str, item: str) -> list[dict[str, object]]:

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.odds import log_odds
 from regionpose.witness.photo import Photo
 from regionpose.witness.steps import (

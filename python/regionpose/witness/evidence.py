@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.photo import Photo, Pictures
 from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, depth_steps, far_turns, seen_steps
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from regionpose import _core
 from regionpose.arrays import real_array
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.photo import DIRECTIONS, Photo
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from regionpose import _core
 from regionpose.arrays import signed_area
-from regionpose.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
+from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
 
 Array = NDArray[np.float64]
 
@@ -267,8 +267,8 @@ def _refuse_one_line(points: Array) -> None:
     freedom = len(points) - 3
     if freedom < 1:
         return
-    centred = points - points.mean(axis=0)
-    along, across = (centred @ np.linalg.svd(centred, full_matrices=False)[2].T).T
+    centerd = points - points.mean(axis=0)
+    along, across = (centerd @ np.linalg.svd(centerd, full_matrices=False)[2].T).T
     parabola = np.vander(along / np.abs(along).max(), 3)
     off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
     step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))

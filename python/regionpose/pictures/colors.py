@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
+from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
@@ -102,13 +103,13 @@ def blend_colors(
     count = 0
     for image, camera, pose in views:
         count += 1
-        colours = checked_image(image)
-        projection = _projected(given, camera, pose, colours.shape[:2])
-        seen = np.flatnonzero(_visible(projection, colours.shape[:2], tolerance))
+        colors = checked_image(image)
+        projection = _projected(given, camera, pose, colors.shape[:2])
+        seen = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
         weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
         if facing is not None:
             weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
-        sums[seen] += weight[:, None] * _sampled(colours, projection.pixels[seen])
+        sums[seen] += weight[:, None] * _sampled(colors, projection.pixels[seen])
         weights[seen] += weight
     if count == 0:
         raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
@@ -117,7 +118,7 @@ def blend_colors(
     return np.round(sums, out=sums).astype(np.uint8), visible
 
 
-def coloured_cloud(
+def colored_cloud(
     cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colours of images, and which points (n,) any of the cameras sees.
@@ -126,26 +127,10 @@ def coloured_cloud(
     `visible` (0, 1) tells. Colours as of `blend_colors`.
     """
     near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
-    colours, visible = blend_colors(cloud.local_points, near, normals=normals)
-    if cloud.colours is not None:
-        colours[~visible] = cloud.colours[~visible]
-    return replace(cloud, colours=colours, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
-
-
-def checked_image(image: ArrayLike) -> Bytes:
-    """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1] as (h, w, 3) uint8; ValueError for others."""
-    given = np.asarray(image)
-    if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
-        raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
-    if given.dtype == np.uint16:
-        given = (given >> 8).astype(np.uint8)
-    elif given.dtype.kind == "f":
-        if not (given.min() >= 0.0 and given.max() <= 1.0):
-            raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
-        given = np.round(given * 255.0).astype(np.uint8)
-    if given.dtype != np.uint8:
-        raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
-    return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))
+    colors, visible = blend_colors(cloud.local_points, near, normals=normals)
+    if cloud.colors is not None:
+        colors[~visible] = cloud.colors[~visible]
+    return replace(cloud, colors=colors, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
 
 
 def project_points(
@@ -287,7 +272,7 @@ def _sampled(image: Bytes, pixels: Floats) -> Floats:
     """Bilinear colours (n, 3) at pixels (n, 2); beyond the outermost pixel centres, the nearest."""
     height, width = image.shape[:2]
     last = np.array([width - 1, height - 1], dtype=np.float32)
-    colours = np.empty((len(pixels), 3), dtype=np.float32)
+    colors = np.empty((len(pixels), 3), dtype=np.float32)
     for start in range(0, len(pixels), BLOCK):
         places = np.clip(pixels[start : start + BLOCK], 0.0, last)
         corner = places.astype(np.int32)
@@ -295,5 +280,5 @@ def _sampled(image: Bytes, pixels: Floats) -> Floats:
         right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
         upper = image[top, left] * (1.0 - across) + image[top, right] * across
         lower = image[bottom, left] * (1.0 - across) + image[bottom, right] * across
-        colours[start : start + BLOCK] = upper * (1.0 - down) + lower * down
-    return colours
+        colors[start : start + BLOCK] = upper * (1.0 - down) + lower * down
+    return colors

@@ -83,7 +83,7 @@ class WorldRegion:
         that are identical, on one line or on a single scan line, or a radius that is not positive.
         """
         # Outlines need scipy and shapely, which polygons do without: they take longer to load than a pose to estimate.
-        from regionpose.outline import outline_of_points
+        from regionpose.regions.outline import outline_of_points
 
         outline = outline_of_points(
             points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
@@ -98,8 +98,8 @@ class WorldRegion:
         the image's contour (docs/math.md, section 17); the outline around the places inside is a start. ValueError as
         of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
         """
-        from regionpose.outline import plane_samples
-        from regionpose.scan_samples import enclosed
+        from regionpose.regions.outline import plane_samples
+        from regionpose.regions.scan_samples import enclosed
 
         beside = real_array(outside, "outside", "(m, 3)").astype(np.float64)
         if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
@@ -128,8 +128,8 @@ class WorldRegion:
         or nothing is known beside it, it is that of `from_points`. Points that are not finite are left out. ValueError
         for indices that are no members of the scan, and as of `from_points`.
         """
-        from regionpose.outline import flat_outline, plane_samples
-        from regionpose.scan_samples import scan_samples
+        from regionpose.regions.outline import flat_outline, plane_samples
+        from regionpose.regions.scan_samples import scan_samples
 
         cloud = _cloud_array(points)
         numbers = _member_array(members, len(cloud))
@@ -228,7 +228,7 @@ def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Ar
 
 def _start_outline(flat: Array) -> list[Array]:
     """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
-    from regionpose.outline import SparseSamplingWarning, flat_outline
+    from regionpose.regions.outline import SparseSamplingWarning, flat_outline
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SparseSamplingWarning)

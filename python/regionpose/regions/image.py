@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from regionpose import _core
 from regionpose.arrays import read_only, ring_list, signed_area
 from regionpose.cameras import Camera
-from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
-from regionpose.mask import MaskWindow, traced_mask
-from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
+from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
+from regionpose.regions.mask import MaskWindow, traced_mask
+from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -237,10 +237,10 @@ class ImageRegion:
         """
         if self.mask is None:
             raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
-        centres, coverage = self.mask.covered_pixels()
+        centers, coverage = self.mask.covered_pixels()
         offsets = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-        corners = np.concatenate([camera.bearings(centres + offset) for offset in offsets])
-        bearings = camera.bearings(centres)
+        corners = np.concatenate([camera.bearings(centers + offset) for offset in offsets])
+        bearings = camera.bearings(centers)
         if not (np.isfinite(bearings).all() and np.isfinite(corners).all()):
             raise ValueError("the mask holds pixels along which the camera's model sees no ray")
         solid_angles = _core.quad_solid_angles(corners.reshape(4, -1, 3).transpose(1, 0, 2).reshape(-1, 3))
