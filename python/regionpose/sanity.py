@@ -65,9 +65,21 @@ def check_regions(
     """What speaks against the two sides of each pair of regions, before a pose is looked for.
 
     `coincident-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
-    covers most of the photo or reaches three of its sides; `image_size` is the photo's (width, height), that of each
-    mask without it. `odd-unit`: the world regions are as large as metres hardly make them. Each names its regions by
-    their places in the lists, and what to do.
+    covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as metres hardly
+    make them. Each names its regions by their places in the lists, and what to do.
+
+    Parameters
+    ----------
+    image_regions : sequence of ImageRegion
+        One side.
+    world_regions : sequence of WorldRegion
+        The other.
+    image_size : tuple of 2 int, optional
+        The photo's width and height, pixels; that of each mask without it.
+
+    Returns
+    -------
+    tuple of PoseWarning
     """
     return (
         *_coincident("image", image_regions, _image_overlap),
@@ -78,10 +90,21 @@ def check_regions(
 
 
 def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
-    """What speaks against a camera without a size having taken a photo of `image_size` (width, height).
+    """What speaks against a camera without a size having taken a photo.
 
     `odd-center`: its optical axis meets the photo outside of the middle third, as that of a calibration for photos of
     another size.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    image_size : tuple of 2 int
+        The photo's width and height, pixels.
+
+    Returns
+    -------
+    tuple of PoseWarning
     """
     if camera.width is not None and camera.height is not None:
         return ()

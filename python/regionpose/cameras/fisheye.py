@@ -29,10 +29,32 @@ from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, firs
 class FisheyeCamera(Camera):
     """Fisheye camera: a ray at angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + ... + k4 t^8)`.
 
-    The distance is on the plane that focal lengths and centre, in pixels, map to the image (Kannala and Brandt 2006,
-    radially symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to
-    the fold of the polynomial or to 180 degrees. ValueError on a focal length that is not positive, a number that is
-    not finite, other than four coefficients.
+    The distance is on the plane that focal lengths and center map to the image (Kannala and Brandt 2006, radially
+    symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to the fold
+    of the polynomial or to 180 degrees.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths, pixels, above 0.
+    cx, cy : float
+        Where the optical axis meets the image, pixels.
+    distortion : tuple of 4 float
+        `(k1, k2, k3, k4)`, zeros by default.
+    width, height : int, optional
+        Of the image, pixels; None where unknown.
+
+    Raises
+    ------
+    ValueError
+        For a focal length that is not positive, a number that is not finite, other than four coefficients.
+
+    Examples
+    --------
+    >>> import numpy as np, regionpose as rp
+    >>> camera = rp.FisheyeCamera(300.0, 300.0, 500.0, 500.0)
+    >>> np.round(camera.project([[1.0, 0.0, 0.0]]), 3).tolist()
+    [[971.239, 500.0]]
     """
 
     fx: float

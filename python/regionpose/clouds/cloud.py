@@ -40,7 +40,7 @@ class Cloud:
     ----------
     local_points : (n, 3) array of float64
         About `origin`, in the file's unit (metres, as a rule); `points` are the same in the world.
-    colours : (n, 3) array of uint8, optional
+    colors : (n, 3) array of uint8, optional
         sRGB.
     intensity : (n,) array of float64, optional
         In the file's own scale.
@@ -56,8 +56,8 @@ class Cloud:
         Points left out since a coordinate was NaN or infinite.
     sensor_origin : (3,) array of float64, optional
         Where the scanner stood in the world; None where the file doesn't say, or holds scans from several places.
-    metres_per_unit : float, optional
-        Of the coordinates, which are left as they are; None where the file doesn't say.
+    unit_m : float, optional
+        Of the coordinates' unit, metres; they are left as they are. None where the file doesn't say.
 
     Raises
     ------
@@ -143,11 +143,29 @@ class Cloud:
         triangles: ArrayLike | None = None,
         source: Path | None = None,
     ) -> Cloud:
-        """The cloud of world coordinates (n, 3): points that are not finite dropped, the rest about a local origin.
+        """The cloud of world coordinates: points that are not finite dropped, the rest kept about a local origin.
 
         An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
-        Colours (n, 3) of 8 bits are kept; of 16 bits, or fractions up to 1, they are brought to 8. Triangles that touch
-        a dropped point are dropped. CloudError when no point is finite.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            World coordinates.
+        colors : (n, 3) array, optional
+            Of 8 bits, which are kept; of 16 bits, or fractions up to 1, which are brought to 8.
+        intensity : (n,) array, optional
+            In any scale.
+        fields : mapping of str to (n,) array, optional
+            Other scalars.
+        triangles : (k, 3) array of int, optional
+            Those that touch a dropped point are dropped.
+        source : Path, optional
+            The file read.
+
+        Raises
+        ------
+        CloudError
+            A ValueError, where no point is finite or shapes disagree.
         """
         world = np.asarray(points)
         if world.ndim != 2 or world.shape[1] != 3 or world.dtype.kind not in "iuf":

@@ -22,11 +22,26 @@ COLORS = COLOR_NAMES[0]
 
 
 def write_ply(path: str | Path, cloud: Cloud, *, overwrite: bool = False) -> Path:
-    """The path of the PLY file written: binary little-endian, world coordinates `points + origin` as doubles.
+    """The path of the PLY file written: binary little-endian, world coordinates as doubles.
 
-    Colours are uchar red, green, blue; intensity and the fields are doubles, white space in their names underscores;
-    triangles are a face element. The file appears whole or not at all. FileExistsError where it exists, unless
-    `overwrite`; CloudError for two columns of one name, a name that is not ASCII, and integers that no double holds.
+    Colors are uchar red, green, blue; intensity and the fields are doubles, white space in their names underscores;
+    triangles are a face element. The file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    cloud : Cloud
+        What it holds.
+    overwrite : bool
+        Replace a file that exists; False by default.
+
+    Raises
+    ------
+    FileExistsError
+        Where it exists, unless `overwrite`.
+    CloudError
+        A ValueError, for two columns of one name, a name that is not ASCII, and integers that no double holds.
     """
     location = Path(path)
     columns = _scalar_columns(location, cloud)

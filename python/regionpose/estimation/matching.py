@@ -57,11 +57,19 @@ AMBIGUITY = 25.0
 class RegionMatches:
     """Which image region is which world region, and the pose that says so.
 
-    `pairs`: (image index, world index), by image index; `unmatched_image`, `unmatched_world`: the indices left over.
-    `estimate`: of the pairs in this order, so that its k-th region is `pairs[k]`. `alternatives`: other pairs that
-    explain the image about as well, best first. `warnings`: "ambiguous-matching" where there are any,
-    "unconfirmed-matching" where a single pair was found among several regions; those of the pose are in
-    `estimate.warnings`.
+    Parameters
+    ----------
+    pairs : tuple of (int, int)
+        Image index and world index, by image index.
+    unmatched_image, unmatched_world : tuple of int
+        The indices left over.
+    estimate : PoseEstimate
+        Of the pairs in this order, so that its k-th region is `pairs[k]`.
+    alternatives : tuple of pairs
+        Others that explain the image about as well, best first.
+    warnings : tuple of PoseWarning
+        "ambiguous-matching" where there are alternatives, "unconfirmed-matching" where a single pair was found among
+        several regions; those of the pose are in `estimate.warnings`.
     """
 
     pairs: Pairs

@@ -35,7 +35,17 @@ OUTLIER_RATIO = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One exposure of a rig: its image regions, the world region of each in the rig's frame, a name."""
+    """One exposure of a rig.
+
+    Parameters
+    ----------
+    image_regions : sequence of ImageRegion
+        What the image shows.
+    world_regions : sequence of WorldRegion
+        In the rig's frame, metres, each at the place of its image region.
+    name : str
+        Of its own; its number without one.
+    """
 
     image_regions: Sequence[ImageRegion]
     world_regions: Sequence[WorldRegion]
@@ -46,9 +56,17 @@ class Frame:
 class FrameFit:
     """How a frame fits the joint pose.
 
-    `overlap_error`: of all its regions together, a fraction as of `PoseEstimate`; `region_overlap_errors` (k,) region
-    by region. `residual_px`: size of the distances between contours and projected outlines, pixels: root mean square,
-    or robust standard deviation where that is less; infinite where an outline isn't wholly visible.
+    Parameters
+    ----------
+    name : str
+        The frame's.
+    overlap_error : float
+        Of all its regions together, a fraction as of `PoseEstimate`.
+    region_overlap_errors : (k,) array
+        Region by region.
+    residual_px : float
+        Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
+        deviation where that is less; infinite where an outline isn't wholly visible.
     """
 
     name: str
@@ -61,11 +79,25 @@ class FrameFit:
 class Influence:
     """What the other frames say without one.
 
-    `pose`, `covariance`: theirs, (6, 6) of the left increment. From it to the joint pose it is `sigmas` standard
-    deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift_m` metres at the middle of
-    all regions. `residual_px`: of the frame's own distances at their pose, as of `FrameFit`; `expected_px`: what the
-    others' own residuals and the covariance of their pose lead to expect. Infinite
-    where an outline isn't wholly visible there, or the others leave a direction free; `sigmas` is 0 then.
+    Parameters
+    ----------
+    name : str
+        The frame's that is left out.
+    pose : Pose
+        That of the others.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    sigmas : float
+        Mahalanobis distance from it to the joint pose in that covariance; 0 where the others leave a direction free.
+    rotation_deg : float
+        The angle between both, degrees.
+    shift_m : float
+        How far apart both put the middle of all regions, metres.
+    residual_px : float
+        Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
+        visible.
+    expected_px : float
+        What the others' own residuals and the covariance of their pose lead to expect.
     """
 
     name: str
@@ -87,11 +119,21 @@ class Influence:
 class RigEstimate:
     """One pose of a camera in a rig, from all frames.
 
-    `estimate`: of all regions together, frame after frame, with `camera`: the given one, or the refined one.
-    `frames`, `influence`: in the frames' order; no influence where there is one frame only. `refinement`: of the
-    camera, None where it wasn't asked for. `warnings`: those of the estimate, "outlier-frame" for each frame that
-    disagrees with the others (found one after the other, the worst first), "weak-camera" where the camera could not be
-    refined.
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        Of all regions together, frame after frame.
+    camera : Camera
+        The given one, or the refined one.
+    frames : tuple of FrameFit
+        In the frames' order.
+    influence : tuple of Influence
+        In the frames' order; none where there is one frame only.
+    refinement : CameraRefinement or None
+        Of the camera, None where it wasn't asked for.
+    warnings : tuple of PoseWarning
+        Those of the estimate, "outlier-frame" for each frame that disagrees with the others (found one after the other,
+        the worst first), "weak-camera" where the camera could not be refined.
     """
 
     estimate: PoseEstimate

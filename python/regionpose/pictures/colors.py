@@ -70,14 +70,34 @@ class _Projection(NamedTuple):
 def colorize(
     points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
 ) -> tuple[Bytes, Mask]:
-    """Colours (n, 3), uint8, of world points (n, 3) in an image (h, w) or (h, w, 3), and which points (n,) the camera
-    sees.
+    """Colors of world points in an image, and which points the camera sees.
 
-    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points
-    hide what lies behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes
-    the gaps between neighbours at a like distance, however sparse (a morphological closing of the depth image, layer
-    by layer). Up to a gap beside its outermost points it still hides what is half as far again. `image`: uint8,
-    uint16 or floats in [0, 1]. ValueError for other shapes or types.
+    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. The surface
+    that points sample closes the gaps between neighbors at a like distance, however sparse (a morphological closing of
+    the depth image, layer by layer). Up to a gap beside its outermost points it still hides what is half as far again.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took the image.
+    pose : Pose
+        `camera_from_world`.
+    depth_tolerance : float
+        Points hide what lies behind the surface they sample by more than this share of its distance.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        For other shapes or types.
     """
     return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
 
@@ -89,12 +109,32 @@ def blend_colors(
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
 ) -> tuple[Bytes, Mask]:
-    """Colours (n, 3), uint8, of world points (n, 3) in several images, and which points (n,) any of the cameras sees.
+    """Colors of world points in several images, and which points any of the cameras sees.
 
-    The weighted mean of the images' colours. An image weighs `cos(angle) / distance^2`, its share of pixels per area
-    up to the focal length; the angle is the one between the ray and the point's normal (n, 3), of either side, and
-    counts as 0 without a normal. Visibility as in `colorize`. Views are taken one by one, so that they needn't be in
-    memory together. ValueError without a view.
+    The weighted mean of the images' colors. An image weighs `cos(angle) / distance^2`, its share of pixels per area up
+    to the focal length; the angle is the one between the ray and the point's normal, and counts as 0 without a normal.
+    Visibility as in `colorize`.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    views : iterable of (image, camera, pose)
+        As of `colorize`; taken one by one, so that they needn't be in memory together.
+    normals : (n, 3) array, optional
+        Of the points, of either side.
+    depth_tolerance : float
+        As of `colorize`.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        Without a view, and for other shapes or types.
     """
     given = _checked_points(points)
     facing = None if normals is None else _checked_normals(normals, len(given))

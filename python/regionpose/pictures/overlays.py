@@ -91,9 +91,28 @@ def overlay_regions(
     """The image (h, w, 3) with the projected regions' contours over the observed ones.
 
     Of regions with samples those are drawn as well that lie on the wrong side of the observed contour: orange ones
-    belong within it, white ones beyond. Each region has its label (its number without `labels`) beside it. Edges
-    are followed through the camera's distortion; parts that it doesn't see are left out. ValueError when the numbers of
-    regions and labels differ.
+    belong within it, white ones beyond. Edges are followed through the camera's distortion; parts that it doesn't see
+    are left out.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took it.
+    pose : Pose
+        `camera_from_world`.
+    image_regions : sequence of ImageRegion or None
+        The observed ones.
+    world_regions : sequence of WorldRegion
+        The projected ones.
+    labels : sequence of str
+        Written beside each region; its number without.
+
+    Raises
+    ------
+    ValueError
+        Where the numbers of regions and labels differ.
     """
     picture = checked_image(image).copy()
     observed = _checked_pairs(image_regions, world_regions, labels)
@@ -133,13 +152,31 @@ def overlay_depth(
     limits: tuple[float, float] | None = None,
     radius: float | None = None,
 ) -> Bytes:
-    """The image (h, w), grey and dimmed, with world points (n, 3) coloured by their distance from the camera, and
-    beside its right side a strip with the scale: (h, w + strip, 3).
+    """The image, gray and dimmed, with world points colored by their distance from the camera, and a strip with the
+    scale beside its right side: (h, w + strip, 3).
 
-    Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colours run evenly in
-    lightness and hue over the logarithm of the distance, light is near; the scale shows metres. `limits`: its nearest
-    and farthest distance, else percentiles 1 and 99.
-    `radius` of a dot in pixels, else by the image's size. ValueError for limits that aren't increasing and positive.
+    Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colors run evenly in
+    lightness and hue over the logarithm of the distance, light is near; the scale shows metres.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took it.
+    pose : Pose
+        `camera_from_world`.
+    points : (n, 3) array
+        World coordinates.
+    limits : tuple of 2 float, optional
+        Nearest and farthest distance of the scale, metres; percentiles 1 and 99 by default.
+    radius : float, optional
+        Of a dot, pixels; by the image's size by default.
+
+    Raises
+    ------
+    ValueError
+        For limits that aren't increasing and positive.
     """
     colors = checked_image(image)
     pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)

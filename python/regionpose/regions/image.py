@@ -33,19 +33,36 @@ ALONG_BORDER = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImageRegion:
-    """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
+    """A region of the image, bounded by closed rings of pixels (an integer is a pixel's center, x right, y down).
 
-    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
-    the first.
-    `mask`: the coverage that the rings were traced from, in its window of the image; None for a polygon.
-    `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
-    outermost centres; None stands for the camera's.
-    `hidden`: for each ring (n, 2), whether the edges that start at its vertices are hidden, (n,): edges of what stands
-    before the region, or that nobody saw; None where none is.
+    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is compared
+    cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then that of
+    the other edges alone (docs/math.md, section 14). The arrays are read-only.
 
-    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
-    compared cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then
-    that of the other edges alone (docs/math.md, section 14).
+    Parameters
+    ----------
+    rings : tuple of (n, 2) arrays
+        Pixels; the last vertex is joined to the first. They are kept with outer rings counter-clockwise in (x, y),
+        holes the other way.
+    mask : MaskWindow, optional
+        The coverage that the rings were traced from, in its window of the image; None for a polygon.
+    border : tuple of 4 float, optional
+        Left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
+        outermost centers; None stands for the camera's.
+    hidden : tuple of (n,) arrays of bool, optional
+        For each ring, whether the edges that start at its vertices are hidden: edges of what stands before the region,
+        or that nobody saw; None where none is.
+
+    Raises
+    ------
+    ValueError
+        For rings that cross or have no area, and marks of another shape.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]])
+    ImageRegion(area=5000 px, vertices=4, polygon)
     """
 
     rings: tuple[Array, ...]
@@ -60,13 +77,24 @@ class ImageRegion:
         *,
         hidden_edges: Sequence[int] | Sequence[Sequence[int]] = (),
     ) -> ImageRegion:
-        """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
+        """The region inside the first ring and outside the others.
 
-        One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
-        unless the region goes on beyond that side: it is then taken at its word. `hidden_edges`: indices of edges that
-        are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its vertex i to the
-        next. Of several rings, a list of such lists. ValueError for a ring with fewer than 3 vertices, values that are
-        not finite, crossing edges, no area, a hole that is not inside the first ring, or an edge that isn't there.
+        Edges within half a pixel of a side of the camera's image count as on it, unless the region goes on beyond that
+        side: it is then taken at its word.
+
+        Parameters
+        ----------
+        rings : (n, 2) array or sequence of such
+            Pixels, turning either way.
+        hidden_edges : sequence of int, or one for each ring
+            Edges that are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its
+            vertex i to the next.
+
+        Raises
+        ------
+        ValueError
+            For a ring with fewer than 3 vertices, values that are not finite, crossing edges, no area, a hole that is
+            not inside the first ring, or an edge that isn't there.
         """
         given = ring_list(rings, 2)
         checked = _core.plane_rings(given, polygon=True)
@@ -107,14 +135,30 @@ class ImageRegion:
 
     @classmethod
     def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
-        """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
+        """The region of a mask.
 
         The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
-        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
-        is cut there by the border of the image, half a pixel outside the outermost centres. `unknown` (h, w), bool or
-        numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask says, such as
-        an occluder's; the contour beside them is hidden. ValueError for another shape or type, a mask that is empty or
-        wholly unknown, or values outside [0, 1].
+        between pixel centers; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
+        is cut there by the border of the image, half a pixel outside the outermost centers.
+
+        Parameters
+        ----------
+        mask : (h, w) array
+            Bool, two-valued integers (0 and another), or coverage in [0, 1].
+        unknown : (h, w) array, optional
+            Bool, or numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask
+            says, such as an occluder's; the contour beside them is hidden.
+
+        Raises
+        ------
+        ValueError
+            For another shape or type, a mask that is empty or wholly unknown, or values outside [0, 1].
+
+        Examples
+        --------
+        >>> import numpy as np, regionpose as rp
+        >>> rp.ImageRegion.from_mask(np.pad(np.ones((20, 30), dtype=bool), 5))
+        ImageRegion(area=599.5 px, vertices=8, mask of 40 x 30 px)
         """
         if unknown is None:
             (rings, window), hidden = traced_mask(mask), None

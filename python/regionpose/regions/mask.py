@@ -18,9 +18,19 @@ Array = NDArray[np.float64]
 class MaskWindow:
     """The part of a mask that holds any coverage; all other pixels are empty.
 
-    `coverage`: (rows, columns) of the window, bool for a binary mask, else floats in [0, 1]. `offset`: column and row
-    (x, y) of its first pixel in the image. `shape`: (h, w) of the whole mask. ValueError for a window of another shape
-    or one that leaves the image.
+    Parameters
+    ----------
+    coverage : (rows, columns) array
+        Of the window, bool for a binary mask, else floats in [0, 1]; kept read-only.
+    offset : tuple of 2 int
+        Column and row (x, y) of its first pixel in the image.
+    shape : tuple of 2 int
+        Height and width of the whole mask.
+
+    Raises
+    ------
+    ValueError
+        For a window of another shape or one that leaves the image.
     """
 
     coverage: NDArray[Any]

@@ -157,7 +157,22 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
-    """The pose of a scene; SceneError for bad input, PoseError where no pose shows every region."""
+    """The pose of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        As of `load_scene`.
+    stages : Stages, optional
+        Told when each stage of the run begins; keeps the seconds of each.
+
+    Raises
+    ------
+    SceneError
+        A ValueError, for bad input, naming the line.
+    PoseError
+        A ValueError, where no pose shows every region.
+    """
     stages = stages or Stages()
     return estimate_sides(scene_sides(scene, stages), stages)
 

@@ -94,16 +94,37 @@ def grow_image_region(
     coverage: bool = False,
     linear_light: bool = False,
 ) -> Mask | Floats:
-    """Mask (h, w) of the surface around `seed`: the connected pixels whose colour is within `tolerance` of the
-    region's.
+    """The mask of the surface around a seed: the connected pixels whose color is like the region's.
 
-    `image`: (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`. `seed`: (x, y)
-    in pixels, x right, y down. `tolerance`: CIELAB units; without it, the one whose outline shows a high contrast, is
-    short and moves least (after the maximally stable regions of Matas et al. 2002), and among similar ones the
-    smallest. `smoothing`: radius in pixels of a median that wipes out texture thinner than itself, 0 for none, without
-    it 1/400 of the diagonal. `coverage`: return the share of each pixel in [0, 1] (float32) instead of a bool mask,
-    from how the colours of both sides mix in it; `ImageRegion.from_mask` takes either. ValueError for another image, a
-    seed outside it, or a negative option.
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`.
+    seed : (2,) array
+        x and y in pixels, x right, y down.
+    tolerance : float, optional
+        CIELAB units; by default the one whose outline shows a high contrast, is short and moves least (after the
+        maximally stable regions of Matas et al. 2002), and among similar ones the smallest.
+    smoothing : float, optional
+        Radius in pixels of a median that wipes out texture thinner than itself, 0 for none; 1/400 of the diagonal by
+        default.
+    fill_holes : bool
+        Whether holes count as the region's; True by default.
+    coverage : bool
+        Return the share of each pixel in [0, 1] (float32) instead of a bool mask, from how the colors of both sides mix
+        in it; `ImageRegion.from_mask` takes either.
+    linear_light : bool
+        Whether the image's values are proportional to light; False by default.
+
+    Returns
+    -------
+    (h, w) array of bool or float32
+        The mask, or the coverage.
+
+    Raises
+    ------
+    ValueError
+        For another image, a seed outside it, or a negative option.
     """
     given = _checked_image(image)
     seed_place = _checked_seed(seed, given.shape)

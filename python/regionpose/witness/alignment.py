@@ -95,12 +95,28 @@ def check_alignment(
     *,
     regions: Sequence[ImageRegion] = (),
 ) -> Alignment:
-    """How well the photo and world points (n, 3), metres, agree at a pose, whatever led to it.
+    """How well photo and cloud agree at a pose, whatever led to it.
 
-    Depth steps of the points as the camera would see them, against edges of the photo (h, w) or (h, w, 3), uint8,
-    uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose. `regions`: those that the pose comes
-    from; steps beside them are left out, since they agree at any pose that the regions allow. ValueError for other
-    shapes.
+    Depth steps of the points as the camera would see them, against edges of the photo.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
+    points : (n, 3) array
+        World coordinates, metres.
+    camera : Camera
+        That took the photo.
+    pose : Pose
+        `camera_from_world`.
+    regions : sequence of ImageRegion
+        Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
+        allow.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
     local = (checked_points(points) - pose.camera_center) @ pose.rotation.as_matrix().T

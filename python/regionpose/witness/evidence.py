@@ -33,10 +33,18 @@ SMALL_DEG, SMALL_COUNT = 0.6, 5
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """A photo (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], the camera that took it, and the world points
-    (n, 3), metres, of a scan from the same time.
+    """A photo, the camera that took it, and a scan from the same time.
 
-    `regions`: those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1].
+    points : (n, 3) array
+        World coordinates, metres.
+    camera : Camera
+        That took the photo.
+    regions : sequence of ImageRegion
+        Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
     """
 
     image: ArrayLike | Photo

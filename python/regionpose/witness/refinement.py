@@ -54,10 +54,22 @@ LEAST_CURVATURE = 0.2
 class SceneRefinement:
     """A pose refined by the rest of the scene, if that says enough.
 
-    `pose`, `covariance` (6, 6) of its left increment, rad and metres: the refined ones if `refined`, else the given
-    ones. `before`: the given pose. `log_odds`: logarithm of the odds that edges lie where a pose about the given one
-    puts the steps, rather than by chance; `chance`: the largest about poses that are turned by 3 to 8 degrees, NaN
-    where none was tried. `steps` (k,): how many depth steps of each frame were looked at.
+    Parameters
+    ----------
+    pose : Pose
+        The refined one if `refined`, else the given one.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    before : Pose
+        The given one.
+    log_odds : float
+        Logarithm of the odds that edges lie where a pose about the given one puts the steps, rather than by chance.
+    chance : float
+        The largest about poses that are turned by 3 to 8 degrees, NaN where none was tried.
+    refined : bool
+        Whether the edges say enough.
+    steps : tuple of int
+        How many depth steps of each frame were looked at.
     """
 
     pose: Pose
@@ -82,10 +94,24 @@ class SceneRefinement:
 def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
     """The pose near a given one at which the depth steps of the frames' points lie on the edges of their photos.
 
-    `pose` and `covariance` (6, 6) are those of an estimate of the regions, or of a rig's; all frames of the `scene`
-    share the pose. The edges' likelihood and the given pose's distribution are maximised together. The refined pose is
-    taken if the edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about
-    each of 9 turned poses (docs/math.md, eq. 18.6 to 18.9). ValueError for other shapes.
+    The edges' likelihood and the given pose's distribution are maximised together. The refined pose is taken if the
+    edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about each of 9
+    turned poses
+    (docs/math.md, eq. 18.6 to 18.9).
+
+    Parameters
+    ----------
+    pose : Pose
+        Of an estimate of the regions, or of a rig.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    scene : sequence of SceneFrame
+        All of which share the pose.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     root, frames = _root(covariance), [Evidence(frame, pose) for frame in scene]
     shares = [frame.share(SPREADS_PX[-1]) for frame in frames]

@@ -429,9 +429,10 @@ pub fn estimate_batch<'py>(
     }
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration, mesh_size)?);
-    let tasks = problems.iter().zip(priors).map(|((observed, worlds), prior)| {
-        Ok((Sides::new(observed, worlds), parsed_options(start, prior, refine)?))
-    });
+    let tasks = problems
+        .iter()
+        .zip(priors)
+        .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), parsed_options(start, prior, refine)?)));
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
     let solve = |(sides, options): &(Sides, Options)| {
         sides.problem(system, integration).map(|problem| problem.estimate_with(options))
