@@ -87,7 +87,7 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
         raise cloud_error(path, ORIGIN_KEY, f"shape {origin.shape}", "3 finite numbers")
     colors = first(COLOR_KEYS)
     if colors is not None and (colors.ndim != 2 or colors.shape != points.shape):
-        raise cloud_error(path, "colours", f"shape {colors.shape}", f"{points.shape}")
+        raise cloud_error(path, "colors", f"shape {colors.shape}", f"{points.shape}")
     known = {*POINT_KEYS, *COLOR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
     others: dict[str, ArrayLike] = {
         name: array

@@ -43,7 +43,7 @@ class Condition:
     region, drawn by the seed, is another template's ("shape") or lies elsewhere ("place"), on `side`. `model`: what is
     disturbed where the seed draws how much (`mixes.py`). `grazing_deg`: angle between the first plane and the line of
     sight; `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, off
-    by the deviations that it is told. `solver`: options of `Solver` and `prior`, as "integration=mesh system=sphere".
+    by the deviations that it is told. `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"
