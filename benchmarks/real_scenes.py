@@ -110,9 +110,8 @@ def camera_item(calibration: Plain) -> Plain:
         return {"model": "ocam", "polynomial": polynomial, "center": center, "stretch": stretch, **size}
     matrix, distortion = calibration["K"], np.ravel(calibration["D"]).tolist()
     lens = {"fx": matrix[0][0], "fy": matrix[1][1], "cx": matrix[0][2], "cy": matrix[1][2], **size}
-    if calibration["model"] == "pinhole":
-        return {"model": "pinhole", **lens, "distortion": distortion}
-    return {"model": "fisheye", **lens, "k": distortion}
+    model = "pinhole" if calibration["model"] == "pinhole" else "fisheye"
+    return {"model": model, **lens, "distortion": distortion}
 
 
 def camera_of(calibration: Plain) -> Camera:

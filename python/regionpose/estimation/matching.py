@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
-from regionpose.estimation.batch import core_batch, native
-from regionpose.estimation.options import Solver
+from regionpose.estimation.batch import core_batch
+from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.sides import check_camera, checked_regions, core_prior, observed_regions
 from regionpose.estimation.single import estimate_pose
@@ -108,7 +108,7 @@ def match_regions(
     prior : Prior, optional
         What is known of the pose; it decides between assignments that explain about as much.
     solver : Solver, optional
-        How the poses are computed; its start is global, its driver that of the pose of all pairs.
+        How the poses are computed; its driver is that of the pose of all pairs, the others are native.
     threads : int, optional
         How many work at once; all cores when None. It changes the time alone.
 
@@ -125,7 +125,7 @@ def match_regions(
         A ValueError, where no image region looks like any world region.
 
     """
-    options = native(solver)
+    options = checked_solver(solver)
     images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
     sides = _Sides.of(camera, images, worlds, core_prior(prior), options)
     sides.check()

@@ -34,8 +34,8 @@ class Solver:
         Lead the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11) or hidden
         (section 14); None keeps the pose of the moments alone.
     driver : {"scipy", "native"} or None
-        What runs the final least squares of the moments. None is scipy for single poses, and native for batches,
-        matchings and rigs; both reach the same minimum. Batches and matchings are always native.
+        What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
+        rigs; both reach the same minimum. Batches are always native.
 
     Raises
     ------
