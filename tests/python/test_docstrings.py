@@ -34,15 +34,15 @@ MAIN_METHODS = (
 )
 """Methods that README's main path goes through."""
 
-RESULTS = {"Alignment", "Camera", "CameraRefinement", "WorldRegion"}
-"""Classes that nobody makes by their parameters, and the one that is made by its methods."""
+BARE = {"Camera", "WorldRegion"}
+"""Classes that are made by subclasses or by their methods."""
 
 
 def documented() -> Iterator[str]:
     """Public functions and classes with parameters, and the main methods."""
     for name in rp.__all__:
         value = getattr(rp, name)
-        if callable(value) and name not in RESULTS and not issubclass_of(value, (Exception, Warning)):
+        if callable(value) and name not in BARE and not issubclass_of(value, (Exception, Warning)):
             yield name
     yield from MAIN_METHODS
 

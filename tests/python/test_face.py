@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from regionpose import _core, kernels
+from regionpose.cli.console import Progress
+from regionpose.cli.info import file_facts
 from scipy.spatial.transform import Rotation
 
 UTM = np.array([432_000.0, 5_400_000.0, 120.0])
@@ -217,6 +219,17 @@ def test_the_document_lists_the_public_names() -> None:
         assert sorted(named) == sorted(module.__all__)
         assert all(hasattr(module, name) for name in named)
     assert set(dir(rp)) == set(rp.__all__)
+
+
+def test_info_says_what_it_does_with_a_large_cloud(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rp.write_ply(tmp_path / "cloud.ply", rp.Cloud.from_points(np.random.default_rng(0).random((2000, 3))))
+    file_facts(path, progress=Progress(quiet=False))
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("regionpose.cli.info.LARGE_BYTES", 1000)
+    file_facts(path, progress=Progress(quiet=False))
+    assert capsys.readouterr().err.splitlines() == ["read 0 MB ...", "spacing of 2000 points ..."]
 
 
 HEAVY = ("scipy", "shapely", "skimage", "pydantic", "PIL", "yaml", "typer", "rich", "matplotlib", "regionpose.scene")

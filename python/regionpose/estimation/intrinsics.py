@@ -72,12 +72,25 @@ SMALLEST_SINGULAR = 1e-12
 class CameraRefinement:
     """What the contours say about a camera.
 
-    `camera`: the one to use. `outcome`: "refined"; "confirmed" where the given camera is within the noise, and kept;
-    "weak" where the geometry cannot tell, and the given camera is kept. `parameters`: names, in order; `given`,
-    `found`: (p,) their values, focal lengths and centre in pixels; `covariance`: (6 + p, 6 + p) of `[omega (rad), tau
-    (metres), parameters]`, found jointly; `pose`: the one that belongs to `camera`. `weak`: the parameters that are not
-    determined. `residual_px`: robust standard deviation of the distances between contours and outlines, pixels, with
-    the given camera and with the parameters found.
+    Parameters
+    ----------
+    camera : Camera
+        The one to use.
+    pose : Pose
+        The one that belongs to it.
+    outcome : {"refined", "confirmed", "weak"}
+        "confirmed" where the given camera is within the noise, "weak" where the geometry cannot tell; it is kept then.
+    parameters : tuple of str
+        Names, in order.
+    given, found : (p,) array
+        Their values, focal lengths and center in pixels.
+    covariance : (6 + p, 6 + p) array
+        Of `[omega (rad), tau (metres), parameters]`, found jointly.
+    weak : tuple of str
+        The parameters that are not determined.
+    residual_px : tuple of 2 float
+        Robust standard deviation of the distances between contours and outlines, pixels, with the given camera and with
+        the parameters found.
     """
 
     camera: Camera

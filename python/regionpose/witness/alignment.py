@@ -43,10 +43,19 @@ open."""
 class Alignment:
     """How well photo and cloud agree at a pose (docs/math.md, section 18).
 
-    `places` (n, 2): pixels of the photo where the cloud's depth steps are seen; `agrees` (n,): whether an edge stands
-    out there. `score`: the mean strength of edges under them, of the best turn of the camera within a degree; `turn`
-    (3,): that one, a rotation vector about the camera's axes, rad. `turned` (t,): the same scores at poses turned by 3
-    to 8 degrees. `score` is NaN and `turned` empty where too few steps are in view to say anything.
+    Parameters
+    ----------
+    places : (n, 2) array
+        Pixels of the photo where the cloud's depth steps are seen.
+    agrees : (n,) array of bool
+        Whether an edge stands out there.
+    score : float
+        The mean strength of edges under them, of the best turn of the camera within a degree; NaN where too few steps
+        are in view to say anything.
+    turn : (3,) array
+        That turn, a rotation vector about the camera's axes, rad.
+    turned : (t,) array
+        The same scores at poses turned by 3 to 8 degrees; empty where too few steps are in view.
     """
 
     places: Array
