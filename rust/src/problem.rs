@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::Vector3;
 
 use crate::contour::creases::{Crease, creases};
-use crate::contour::readings::Contour;
+use crate::contour::readings::{Contour, NOISE_FLOOR};
 use crate::equations::facet::Integration;
 use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
 use crate::equations::system::{System, Weighting};
@@ -14,10 +14,6 @@ use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::readings::SampledRegion;
-
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
 
 /// Parameters of a pose.
 const PARAMETERS: usize = 6;

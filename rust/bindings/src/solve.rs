@@ -210,7 +210,7 @@ impl Estimate {
     /// What the confidence is computed from, (6,).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.0.evidence.features())
+        PyArray1::from_slice(py, &self.0.evidence.all())
     }
 
     #[getter]

@@ -25,6 +25,10 @@ const OBLIQUE: f64 = 0.15;
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
 const FAR: f64 = 1e9;
 
+/// Noise of the boundary, in pixels, below which no fit is taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+pub const NOISE_FLOOR: f64 = 0.1;
+
 /// Pieces of all contours that a first look takes, and of each at least.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
@@ -67,6 +71,8 @@ pub struct Reading {
     pub misfit: f64,
     /// The edge of the boundary that it is nearest to, counted over all rings.
     pub edge: u32,
+    /// The straight run of the contour that it wholly lies on, by number within the region.
+    pub run: Option<u32>,
 }
 
 impl Contour {
@@ -113,11 +119,6 @@ impl Contour {
     /// Number of pieces of which every `step`-th is read.
     pub fn count(&self, step: usize) -> usize {
         self.pieces(step).len()
-    }
-
-    /// The straight run of the contour that each piece wholly lies on, by number.
-    pub fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
-        self.pieces(1).map(|piece| piece.run)
     }
 
     /// Every `step`-th piece.
@@ -233,7 +234,7 @@ impl Contour {
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
         let misfit = (distance * distance + squared * crossing).sqrt();
-        (Reading { distance, spread: squared * spread, misfit, edge: index }, foot)
+        (Reading { distance, spread: squared * spread, misfit, edge: index, run: piece.run }, foot)
     }
 
     /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).

@@ -5,7 +5,7 @@ use nalgebra::Matrix6;
 use crate::contour::fit::ContourFit;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::verdict::outliers::{contradicts, log_odds};
+use crate::verdict::outliers::{contradicts, log_evidence, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
@@ -29,6 +29,9 @@ pub struct Evidence {
     pub clean_parts: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,
+    pub evidence: f64,
+    pub least_share: f64,
+    pub raw: [f64; 9],
 }
 
 impl Evidence {
@@ -42,7 +45,17 @@ impl Evidence {
             clean_share,
             clean_parts: clean_share * fit.independent(),
             regions: log_odds(fit).iter().filter(|&&odds| odds >= 0.0).count(),
+            evidence: log_evidence(fit),
+            least_share: shares.iter().copied().fold(1.0, f64::min),
+            raw: [0.0; 9],
         }
+    }
+
+    pub fn all(&self) -> Vec<f64> {
+        let mut all = self.features().to_vec();
+        all.extend([self.regions as f64, self.evidence, self.least_share]);
+        all.extend(self.raw);
+        all
     }
 
     /// The same with the regions' samples in place of their contours: the blur as scatter, right labels as clean, samples that are

@@ -4,14 +4,12 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicts, log_odds};
+use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
-use super::weakness::weak_geometry;
+use super::weakness::{weak_geometry, weakest};
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
-use crate::equations::residual::normal_equations;
-use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
@@ -165,7 +163,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = moment_covariance(problem, &minimum);
+            let covariance = covariance(contours, &fit);
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -230,14 +228,32 @@ impl Place {
         }
         let by_contours = self.fit.against(&other.fit);
         match (&self.minimum, &other.minimum) {
-            (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
+            (Some(own), Some(minimum)) => {
+                by_contours.max(self.fit.alike() * (minimum.cost - own.cost) / problem.noise_variance(own.cost))
+            }
             _ => by_contours,
         }
     }
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let evidence = Evidence::new(&self.fit, &self.covariance);
+        let mut evidence = Evidence::new(&self.fit, &self.covariance);
+        let (overlap, each) = overlap_errors(problem, &self.pose);
+        let size = problem.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
+        let shift = weakest(&self.covariance.fixed_view::<3, 3>(3, 3).into_owned()).0 / problem.distance(&self.pose);
+        let worst = each.iter().copied().fold(0.0, f64::max);
+        let least = each.iter().copied().fold(f64::INFINITY, f64::min);
+        evidence.raw = [
+            overlap,
+            worst,
+            size,
+            shift,
+            self.minimum.is_some() as usize as f64,
+            self.fit.mixture.wide,
+            each.len() as f64,
+            contradicted(&self.fit).iter().filter(|c| **c).count() as f64,
+            least,
+        ];
         match &self.posterior {
             Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
             None => evidence,
@@ -253,18 +269,6 @@ impl Place {
     fn weight(&self) -> f64 {
         (-0.5 * self.against).exp()
     }
-}
-
-/// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-fn moment_covariance(problem: &Problem, minimum: &Minimum) -> Matrix6<f64> {
-    let free = Matrix6::from_element(f64::INFINITY);
-    let evaluated = || {
-        let pose = problem.centred(&minimum.pose);
-        normal_equations(problem.regions(), &pose, Weighting::Whitened).map(|equations| equations.information)
-    };
-    let variance = problem.estimated_variance(minimum.cost);
-    let factor = minimum.information.or_else(evaluated).and_then(Matrix6::cholesky);
-    factor.map_or(free, |cholesky| cholesky.inverse() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
@@ -318,6 +322,7 @@ fn warnings(
 /// better than nothing and, unless the pose is trusted, those of which a part lies elsewhere.
 fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
+    let contradicted = contradicted(&best.fit);
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
     let needed = (odds.len() - 1).min(2);
     let others_of = |region: usize| {
@@ -337,7 +342,7 @@ fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warnin
                 let percent = 100.0 * shares[region];
                 warnings.push(Warning::OutlierRegion { region, percent, others: 100.0 * others });
             }
-            _ if trusted && error < NOT_SHOWN => {}
+            _ if trusted && error < NOT_SHOWN && !contradicted[region] => {}
             _ => warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error }),
         }
     }

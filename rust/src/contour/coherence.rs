@@ -1,0 +1,130 @@
+//! What the pieces of one side have in common: by how much its ends are off, and how many measurements that leaves
+//! (`docs/math.md`, eq. 11.10 to 11.12).
+
+use std::ops::Range;
+
+use super::correlation::long_run;
+use super::readings::Reading;
+
+/// Measurements that the pieces of a side are which vary together: where its two ends are.
+const ENDS: f64 = 2.0;
+
+/// Variance of an end of a side over the mean square of what lies between, by the ends' shares alone: the mean of
+/// `(1 - t)^2 + t^2` is two thirds.
+const OF_ENDS: f64 = 1.5;
+
+/// Variance of an end that lies anywhere within a pixel, squared pixels, and how many ends this is worth as a measurement: one
+/// side's, which no fit to the others knows.
+const WITHIN_PIXEL: f64 = 1.0 / 12.0;
+const KNOWN_ENDS: f64 = 2.0;
+
+/// Parameters of a pose.
+pub const PARAMETERS: f64 = 6.0;
+
+/// Pieces of a contour as the sides that vary together: stretches on one edge of the boundary, or on one straight run of the
+/// contour where that is longer.
+pub fn sides(readings: &[Reading]) -> Vec<Range<usize>> {
+    let edges = stretches(readings, |a, b| a.edge == b.edge);
+    let runs = stretches(readings, |a, b| a.run.is_some() && a.run == b.run);
+    let longer = |index: usize| if runs[index].len() > edges[index].len() { &runs[index] } else { &edges[index] };
+    let mut sides: Vec<Range<usize>> = Vec::new();
+    for index in 0..readings.len() {
+        match sides.last_mut() {
+            Some(last) if longer(index - 1) == longer(index) => last.end += 1,
+            _ => sides.push(index..index + 1),
+        }
+    }
+    sides
+}
+
+/// The stretch of neighbours alike that each reading lies in.
+fn stretches(readings: &[Reading], alike: impl Fn(&Reading, &Reading) -> bool) -> Vec<Range<usize>> {
+    let mut found = Vec::with_capacity(readings.len());
+    for stretch in readings.chunk_by(alike) {
+        let first = found.len();
+        found.extend(std::iter::repeat_n(first..first + stretch.len(), stretch.len()));
+    }
+    found
+}
+
+/// Distances split into lines through each side and the rest, by the pieces' weights.
+#[derive(Debug, Clone)]
+pub struct Coherence {
+    /// Mean square of the lines beyond what chance makes them, squared pixels.
+    pub line: f64,
+    /// Variance of the rest, squared pixels.
+    pub rest: f64,
+    /// What is left of each distance.
+    pub left: Vec<f64>,
+}
+
+impl Coherence {
+    /// The split of distances with these weights.
+    pub fn new(sides: &[Range<usize>], distances: &[f64], weights: &[f64]) -> Self {
+        let mut left = distances.to_vec();
+        let (mut of_lines, mut on_sides, mut lines) = (0.0, 0.0, 0.0);
+        let (mut rest, mut free) = (0.0, 0.0);
+        for side in sides {
+            let held: f64 = weights[side.clone()].iter().sum();
+            let line = if held > ENDS { through(&distances[side.clone()], &weights[side.clone()]) } else { None };
+            if let Some(line) = &line {
+                side.clone().zip(line).for_each(|(index, value)| left[index] -= value);
+                of_lines +=
+                    line.iter().zip(&weights[side.clone()]).map(|(value, weight)| weight * value * value).sum::<f64>();
+                on_sides += held;
+                lines += ENDS;
+            }
+            rest += side.clone().map(|index| weights[index] * left[index] * left[index]).sum::<f64>();
+            free += if line.is_some() { held - ENDS } else { held };
+        }
+        let rest = rest / f64::max(free, f64::MIN_POSITIVE);
+        let line = (of_lines - lines * rest).max(0.0) / f64::max(on_sides, f64::MIN_POSITIVE);
+        Self { line, rest, left }
+    }
+
+    /// Share of the variance that the pieces of a side have in common; all of it where there is none to tell.
+    pub fn common(&self) -> f64 {
+        let all = self.line + self.rest;
+        if all > f64::MIN_POSITIVE { self.line / all } else { 1.0 }
+    }
+
+    /// How many of so many pieces of a side vary independently.
+    pub fn independent(&self, pieces: f64) -> f64 {
+        pieces / (1.0 + self.common() * (pieces - 1.0).max(0.0) / ENDS)
+    }
+
+    /// Variance of a side's end, squared pixels, from so many pieces that vary independently, of which a pose has taken its
+    /// parameters.
+    pub fn of_end(&self, independent: f64) -> f64 {
+        let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL;
+        (independent * OF_ENDS * self.line + known) / (independent - PARAMETERS).max(1.0)
+    }
+
+    /// How much more a long sum of the rest varies than if its pieces were independent, with these weights.
+    pub fn correlation(&self, weights: &[f64], counts: &[usize]) -> f64 {
+        let pulls: Vec<f64> = self.left.iter().zip(weights).map(|(left, weight)| left * weight).collect();
+        long_run(&pulls, counts)
+    }
+}
+
+/// Values at the pieces of the line that fits a side best; `None` where its weights hold none.
+fn through(distances: &[f64], weights: &[f64]) -> Option<Vec<f64>> {
+    let (mut all, mut first, mut second, mut sum, mut moment) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (index, (distance, weight)) in distances.iter().zip(weights).enumerate() {
+        let along = share(index, distances.len());
+        all += weight;
+        first += weight * along;
+        second += weight * along * along;
+        sum += weight * distance;
+        moment += weight * along * distance;
+    }
+    let determinant = all * second - first * first;
+    let held = determinant > 1e-9 * all * second;
+    let (start, slope) = ((second * sum - first * moment) / determinant, (all * moment - first * sum) / determinant);
+    held.then(|| (0..distances.len()).map(|index| start + slope * share(index, distances.len())).collect())
+}
+
+/// Where on a side of so many pieces the middle of one lies, 0 to 1.
+pub fn share(index: usize, count: usize) -> f64 {
+    (index as f64 + 0.5) / count as f64
+}
