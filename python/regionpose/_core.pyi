@@ -285,7 +285,7 @@ class Estimate:
 
     @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (6,)."""
+        """What the confidence is computed from, (3,)."""
 
     @property
     def alternatives(self) -> list[Solution]:

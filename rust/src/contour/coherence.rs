@@ -56,30 +56,35 @@ pub struct Coherence {
     pub rest: f64,
     /// What is left of each distance.
     pub left: Vec<f64>,
+    /// By how much the squares of what is left are less than their variance, since lines took two of each side's.
+    pub taken: f64,
 }
 
 impl Coherence {
-    /// The split of distances with these weights.
+    /// The split of distances with these weights. Every side of which enough is held says by its pieces' number how far sides are
+    /// off: those that are off by more pull less, but are no rarer for that.
     pub fn new(sides: &[Range<usize>], distances: &[f64], weights: &[f64]) -> Self {
         let mut left = distances.to_vec();
-        let (mut of_lines, mut on_sides, mut lines) = (0.0, 0.0, 0.0);
+        let (mut of_lines, mut by_chance, mut on_sides) = (0.0, 0.0, 0.0);
         let (mut rest, mut free) = (0.0, 0.0);
         for side in sides {
-            let held: f64 = weights[side.clone()].iter().sum();
-            let line = if held > ENDS { through(&distances[side.clone()], &weights[side.clone()]) } else { None };
+            let (own, count) = (&weights[side.clone()], side.len() as f64);
+            let held: f64 = own.iter().sum();
+            let line = if held > ENDS { through(&distances[side.clone()], own) } else { None };
             if let Some(line) = &line {
                 side.clone().zip(line).for_each(|(index, value)| left[index] -= value);
                 of_lines +=
-                    line.iter().zip(&weights[side.clone()]).map(|(value, weight)| weight * value * value).sum::<f64>();
-                on_sides += held;
-                lines += ENDS;
+                    count / held * line.iter().zip(own).map(|(value, weight)| weight * value * value).sum::<f64>();
+                by_chance += count / held * ENDS;
+                on_sides += count;
             }
             rest += side.clone().map(|index| weights[index] * left[index] * left[index]).sum::<f64>();
             free += if line.is_some() { held - ENDS } else { held };
         }
+        let taken = weights.iter().sum::<f64>() / f64::max(free, f64::MIN_POSITIVE);
         let rest = rest / f64::max(free, f64::MIN_POSITIVE);
-        let line = (of_lines - lines * rest).max(0.0) / f64::max(on_sides, f64::MIN_POSITIVE);
-        Self { line, rest, left }
+        let line = (of_lines - by_chance * rest).max(0.0) / f64::max(on_sides, f64::MIN_POSITIVE);
+        Self { line, rest, left, taken }
     }
 
     /// Share of the variance that the pieces of a side have in common; all of it where there is none to tell.
@@ -88,16 +93,20 @@ impl Coherence {
         if all > f64::MIN_POSITIVE { self.line / all } else { 1.0 }
     }
 
-    /// How many of so many pieces of a side vary independently.
-    pub fn independent(&self, pieces: f64) -> f64 {
-        pieces / (1.0 + self.common() * (pieces - 1.0).max(0.0) / ENDS)
+    /// How many of a side's pieces vary independently, each of which stands for `step` and counts as much as its weight.
+    pub fn independent(&self, weights: &[f64], step: usize) -> f64 {
+        let pieces = (step * weights.len()) as f64;
+        let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+        mean * pieces / (1.0 + self.common() * (pieces - 1.0) / ENDS)
     }
 
     /// Variance of a side's end, squared pixels, from so many pieces that vary independently, of which a pose has taken its
-    /// parameters.
+    /// parameters. What a fit leaves of each is less by its leverage, and so is what it would be off without it: the jackknife's
+    /// factor twice.
     pub fn of_end(&self, independent: f64) -> f64 {
+        let free = (independent - PARAMETERS).max(1.0);
         let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL;
-        (independent * OF_ENDS * self.line + known) / (independent - PARAMETERS).max(1.0)
+        (OF_ENDS * self.line * independent * independent / free + known) / free
     }
 
     /// How much more a long sum of the rest varies than if its pieces were independent, with these weights.

@@ -34,13 +34,13 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let information = rows.products(|weight, _| weight) * (rows.slopes / held).max(LEAST_SLOPE);
     let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else { return free };
     let coherence = Coherence::new(&rows.sides, &rows.distances, &rows.weights);
-    let of_side = |side: &Range<usize>| coherence.independent(rows.weights[side.clone()].iter().sum());
+    let of_side = |side: &Range<usize>| coherence.independent(&rows.weights[side.clone()], 1);
     let independent: f64 = rows.sides.iter().map(of_side).sum();
     let correlation = coherence.correlation(&rows.weights, &rows.counts);
     // Six parameters leave so much less of the distances that vary independently.
     let freedom = (held / correlation.max(1.0)).max(PARAMETERS + 1.0);
     let rest = rows.products(|weight, index| weight * weight * (coherence.left[index].powi(2) + NOISE_FLOOR.powi(2)));
-    let rest = rest * (correlation * freedom / (freedom - PARAMETERS));
+    let rest = rest * (correlation * coherence.taken * freedom / (freedom - PARAMETERS));
     let scatter = rest + rows.of_ends() * coherence.of_end(independent);
     inverse * scatter * inverse
 }

@@ -148,7 +148,7 @@ impl ContourFit {
         }
         let distances: Vec<f64> = self.readings.iter().map(|reading| reading.distance).collect();
         let coherence = Coherence::new(&all, &distances, self.clean());
-        let of_side = |side: Range<usize>| coherence.independent(self.step as f64 * weights[side].iter().sum::<f64>());
+        let of_side = |side: Range<usize>| coherence.independent(&weights[side], self.step);
         all.into_iter().map(of_side).sum()
     }
 

@@ -6,7 +6,7 @@ use super::confidence::Evidence;
 use super::coverage::region_overlap;
 use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
-use super::weakness::{weak_geometry, weakest};
+use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
@@ -16,7 +16,7 @@ use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
+use crate::search::candidates::{Answers, LOOSE, Options, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -27,6 +27,9 @@ const NOT_SHOWN: f64 = 1.0;
 
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
+
+/// Variances behind the best from which a pose is ruled out: odds of a thousand to one, `2 ln 1000`.
+const EXCLUDED: f64 = 13.8;
 
 /// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
@@ -201,7 +204,7 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     };
     let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
     let least = scored.first().map_or(0.0, |(against, _)| *against);
-    scored.retain(|(against, _)| *against <= least + AMBIGUITY);
+    scored.retain(|(against, _)| *against <= least + EXCLUDED);
     // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
     scored.sort_by_key(|(against, place)| if *against == least { order(&place.pose) } else { [i64::MAX; 3] });
     if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
@@ -237,27 +240,11 @@ impl Place {
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let mut evidence = Evidence::new(&self.fit, &self.covariance);
-        let (overlap, each) = overlap_errors(problem, &self.pose);
-        let size = problem.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
-        let shift = weakest(&self.covariance.fixed_view::<3, 3>(3, 3).into_owned()).0 / problem.distance(&self.pose);
-        let worst = each.iter().copied().fold(0.0, f64::max);
-        let least = each.iter().copied().fold(f64::INFINITY, f64::min);
-        evidence.raw = [
-            overlap,
-            worst,
-            size,
-            shift,
-            self.minimum.is_some() as usize as f64,
-            self.fit.mixture.wide,
-            each.len() as f64,
-            contradicted(&self.fit).iter().filter(|c| **c).count() as f64,
-            least,
-        ];
-        match &self.posterior {
-            Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
-            None => evidence,
-        }
+        let whole = match &self.posterior {
+            Some(posterior) => !posterior.wrong.iter().any(|&wrong| contradicts(wrong)),
+            None => self.minimum.is_some(),
+        };
+        Evidence::new(problem, &self.pose, &self.covariance, whole)
     }
 
     /// What places are sorted by: the moments' cost, or how unlikely the contours are.

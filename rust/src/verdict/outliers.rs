@@ -1,8 +1,6 @@
 //! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, eq. 11.8).
 
-use crate::contour::coherence::PARAMETERS;
 use crate::contour::fit::ContourFit;
-use crate::contour::readings::Reading;
 
 /// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
 const BY_CHANCE: f64 = 0.06;
@@ -32,28 +30,14 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
 }
 
-/// Logarithm of how much likelier the clean pieces are by the pose than by chance, beyond what a pose that is led onto contours
-/// meets: each of its parameters puts one piece where it should be.
-pub fn log_evidence(fit: &ContourFit) -> f64 {
-    let all: usize = fit.regions().map(|(_, readings)| readings.len()).sum();
-    let independent = fit.independent() / all.max(1) as f64;
-    let of = |((_, readings), share): ((usize, &[Reading]), f64)| {
-        let share = share.clamp(f64::EPSILON, 1.0 - f64::EPSILON);
-        let gain = share * (share / BY_CHANCE).ln() + (1.0 - share) * ((1.0 - share) / (1.0 - BY_CHANCE)).ln();
-        independent * readings.len() as f64 * if share > BY_CHANCE { gain } else { 0.0 }
-    };
-    fit.regions().zip(fit.clean_shares()).map(of).sum::<f64>() + PARAMETERS * BY_CHANCE.ln()
-}
-
-/// The regions of whose contours less is clean than half of what the cleanest of the others has: no disturbance that the others
-/// bear explains them.
+/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it.
 pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
     let shares = fit.clean_shares();
     let cleanest = |region: usize| {
         let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
         others.reduce(f64::max).unwrap_or(0.0)
     };
-    (0..shares.len()).map(|region| shares[region] < HALF * cleanest(region)).collect()
+    (0..shares.len()).map(|region| shares[region] + HALF < cleanest(region)).collect()
 }
 
 /// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
