@@ -1,7 +1,7 @@
 """The weights of the confidence: a logistic regression on the synthetic problems of `trust` and `mistakes`.
 
-Draws problems of every noise model, mistake and camera, solves them, and fits the probability that the pose, or one that
-fits alike, is within 5 deg of the truth to what the fit shows (docs/math.md, section 15). Prints the weights for
+Draws problems of every noise model, mistake and camera, solves them, and fits the probability that the pose, or one
+that fits alike, is within 5 deg of the truth to what the fit shows (docs/math.md, section 15). Prints the weights for
 rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
 ones than those of any table: they begin at a million.
 
