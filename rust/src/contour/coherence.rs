@@ -9,10 +9,6 @@ use super::readings::Reading;
 /// Measurements that the pieces of a side are which vary together: where its two ends are.
 const ENDS: f64 = 2.0;
 
-/// Mean weight of a side's pieces from which on it says anything of the noise: the rest of it is what disturbs it, or it belongs to
-/// a region elsewhere that the boundary crosses here and there.
-const MOSTLY: f64 = 0.5;
-
 /// Variance of an end of a side over the mean square of what lies between, by the ends' shares alone: the mean of
 /// `(1 - t)^2 + t^2` is two thirds.
 const OF_ENDS: f64 = 1.5;
@@ -60,42 +56,35 @@ pub struct Coherence {
     pub rest: f64,
     /// What is left of each distance.
     pub left: Vec<f64>,
-    /// Mean square of each side's line, squared pixels; 0 where too little of it is held.
-    pub lines: Vec<f64>,
     /// By how much the squares of what is left are less than their variance, since lines took two of each side's.
     pub taken: f64,
 }
 
 impl Coherence {
-    /// The split of distances with these weights. Every side most of which is held says by its pieces' number how far sides are
+    /// The split of distances with these weights. Every side of which enough is held says by its pieces' number how far sides are
     /// off: those that are off by more pull less, but are no rarer for that.
     pub fn new(sides: &[Range<usize>], distances: &[f64], weights: &[f64]) -> Self {
         let mut left = distances.to_vec();
-        let mut lines = vec![0.0; sides.len()];
         let (mut of_lines, mut by_chance, mut on_sides) = (0.0, 0.0, 0.0);
-        let (mut rest, mut free, mut all) = (0.0, 0.0, 0.0);
-        for (number, side) in sides.iter().enumerate() {
+        let (mut rest, mut free) = (0.0, 0.0);
+        for side in sides {
             let (own, count) = (&weights[side.clone()], side.len() as f64);
             let held: f64 = own.iter().sum();
-            if held <= MOSTLY * count {
-                continue;
-            }
             let line = if held > ENDS { through(&distances[side.clone()], own) } else { None };
             if let Some(line) = &line {
                 side.clone().zip(line).for_each(|(index, value)| left[index] -= value);
-                lines[number] = line.iter().zip(own).map(|(value, weight)| weight * value * value).sum::<f64>() / held;
-                of_lines += count * lines[number];
+                of_lines +=
+                    count / held * line.iter().zip(own).map(|(value, weight)| weight * value * value).sum::<f64>();
                 by_chance += count / held * ENDS;
                 on_sides += count;
             }
             rest += side.clone().map(|index| weights[index] * left[index] * left[index]).sum::<f64>();
-            all += held;
             free += if line.is_some() { held - ENDS } else { held };
         }
-        let taken = all / f64::max(free, f64::MIN_POSITIVE);
+        let taken = weights.iter().sum::<f64>() / f64::max(free, f64::MIN_POSITIVE);
         let rest = rest / f64::max(free, f64::MIN_POSITIVE);
         let line = (of_lines - by_chance * rest).max(0.0) / f64::max(on_sides, f64::MIN_POSITIVE);
-        Self { line, rest, left, lines, taken }
+        Self { line, rest, left, taken }
     }
 
     /// Share of the variance that the pieces of a side have in common; all of it where there is none to tell.
@@ -108,18 +97,16 @@ impl Coherence {
     pub fn independent(&self, weights: &[f64], step: usize) -> f64 {
         let pieces = (step * weights.len()) as f64;
         let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-        if mean > MOSTLY { mean * pieces / (1.0 + self.common() * (pieces - 1.0) / ENDS) } else { 0.0 }
+        mean * pieces / (1.0 + self.common() * (pieces - 1.0) / ENDS)
     }
 
-    /// Variance of each side's ends, squared pixels, from so many pieces that vary independently, of which a pose has taken its
-    /// parameters: that of all sides, or the side's own where it is off by more.
-    ///
-    /// What a fit leaves of each is less by its leverage, and so is what it would be off without it: the jackknife's factor twice.
-    pub fn of_ends(&self, independent: f64) -> Vec<f64> {
+    /// Variance of a side's end, squared pixels, from so many pieces that vary independently, of which a pose has taken its
+    /// parameters. What a fit leaves of each is less by its leverage, and so is what it would be off without it: the jackknife's
+    /// factor twice.
+    pub fn of_end(&self, independent: f64) -> f64 {
         let free = (independent - PARAMETERS).max(1.0);
-        let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL / free;
-        let of = |line: f64| OF_ENDS * line * (independent / free).powi(2) + known;
-        self.lines.iter().map(|&own| of(own.max(self.line))).collect()
+        let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL;
+        (OF_ENDS * self.line * independent * independent / free + known) / free
     }
 
     /// How much more a long sum of the rest varies than if its pieces were independent, with these weights.

@@ -41,7 +41,7 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let freedom = (held / correlation.max(1.0)).max(PARAMETERS + 1.0);
     let rest = rows.products(|weight, index| weight * weight * (coherence.left[index].powi(2) + NOISE_FLOOR.powi(2)));
     let rest = rest * (correlation * coherence.taken * freedom / (freedom - PARAMETERS));
-    let scatter = rest + rows.of_ends(&coherence.of_ends(independent));
+    let scatter = rest + rows.of_ends() * coherence.of_end(independent);
     inverse * scatter * inverse
 }
 
@@ -82,19 +82,19 @@ impl Rows {
         sum
     }
 
-    /// What the ends of all sides add to the scatter of the gradient, by their variances: the pieces between two ends are off by
-    /// these in turn.
-    fn of_ends(&self, variances: &[f64]) -> Matrix6<f64> {
+    /// What the ends of all sides add to the scatter of the gradient for each unit of their variance: the pieces between two
+    /// ends are off by these in turn.
+    fn of_ends(&self) -> Matrix6<f64> {
         let mut sum = Matrix6::zeros();
-        for (side, &variance) in self.sides.iter().zip(variances) {
+        for side in &self.sides {
             let (mut first, mut last) = (Vector6::zeros(), Vector6::zeros());
             for (number, index) in side.clone().enumerate() {
                 let pull = self.derivatives[index] * self.weights[index];
                 last += pull * share(number, side.len());
                 first += pull * (1.0 - share(number, side.len()));
             }
-            sum.ger(variance, &first, &first, 1.0);
-            sum.ger(variance, &last, &last, 1.0);
+            sum.ger(1.0, &first, &first, 1.0);
+            sum.ger(1.0, &last, &last, 1.0);
         }
         sum
     }

@@ -131,16 +131,16 @@ impl ContourFit {
     pub fn independent(&self) -> f64 {
         let clean = self.clean();
         if self.clean_shares().iter().all(|&share| share > MOSTLY) {
-            return self.of_sides();
+            return self.of_sides(clean);
         }
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
         let stretches = clean.len() as f64 / correlation(&about_mean, &self.counts);
-        stretches.min(self.of_sides())
+        stretches.min(self.of_sides(&vec![1.0; clean.len()]))
     }
 
-    /// Clean pieces that vary independently, as far as those of a side do not vary together.
-    fn of_sides(&self) -> f64 {
+    /// Pieces that vary independently, each counting as much as its weight.
+    fn of_sides(&self, weights: &[f64]) -> f64 {
         let mut all: Vec<Range<usize>> = Vec::new();
         for (_, readings) in self.regions() {
             let first = all.last().map_or(0, |side| side.end);
@@ -148,7 +148,7 @@ impl ContourFit {
         }
         let distances: Vec<f64> = self.readings.iter().map(|reading| reading.distance).collect();
         let coherence = Coherence::new(&all, &distances, self.clean());
-        let of_side = |side: Range<usize>| coherence.independent(&self.clean()[side], self.step);
+        let of_side = |side: Range<usize>| coherence.independent(&weights[side], self.step);
         all.into_iter().map(of_side).sum()
     }
 
@@ -160,7 +160,7 @@ impl ContourFit {
     /// Share of the clean pieces that vary independently of each other.
     pub fn alike(&self) -> f64 {
         let clean = self.step as f64 * self.clean().iter().sum::<f64>();
-        (self.of_sides() / clean.max(f64::MIN_POSITIVE)).min(1.0)
+        (self.of_sides(self.clean()) / clean.max(f64::MIN_POSITIVE)).min(1.0)
     }
 
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
