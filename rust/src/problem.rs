@@ -11,12 +11,9 @@ use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
 use crate::equations::system::{System, Weighting};
 use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
-use crate::geometry::pose::{Pose, Tangent, increment_derivative};
+use crate::geometry::pose::{PARAMETERS, Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::readings::SampledRegion;
-
-/// Parameters of a pose.
-const PARAMETERS: usize = 6;
 
 /// Regions seen in one image and known in the world, ready to be solved.
 ///
@@ -104,7 +101,8 @@ impl Problem {
 
     /// The same with the world sides by fewer vertices, for first looks.
     pub(crate) fn coarse(&self) -> &[RegionEquations] {
-        self.coarse.get_or_init(|| self.regions.iter().map(RegionEquations::coarse).collect())
+        let pairs = || self.regions.iter().zip(self.worlds.iter());
+        self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
     }
 
     /// The world side of each region.

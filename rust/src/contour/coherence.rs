@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::correlation::long_run;
 use super::readings::Reading;
+use crate::geometry::pose::PARAMETERS;
 
 /// Measurements that the pieces of a side are which vary together: where its two ends are.
 const ENDS: f64 = 2.0;
@@ -17,9 +18,6 @@ const OF_ENDS: f64 = 1.5;
 /// side's, which no fit to the others knows.
 const WITHIN_PIXEL: f64 = 1.0 / 12.0;
 const KNOWN_ENDS: f64 = 2.0;
-
-/// Parameters of a pose.
-pub const PARAMETERS: f64 = 6.0;
 
 /// Pieces of a contour as the sides that vary together: stretches on one edge of the boundary, or on one straight run of the
 /// contour where that is longer.
@@ -104,7 +102,7 @@ impl Coherence {
     /// parameters. What a fit leaves of each is less by its leverage, and so is what it would be off without it: the jackknife's
     /// factor twice.
     pub fn of_end(&self, independent: f64) -> f64 {
-        let free = (independent - PARAMETERS).max(1.0);
+        let free = (independent - PARAMETERS as f64).max(1.0);
         let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL;
         (OF_ENDS * self.line * independent * independent / free + known) / free
     }

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::coherence::{Coherence, PARAMETERS, share, sides};
+use super::coherence::{Coherence, share, sides};
 use super::fit::ContourFit;
 use super::readings::{Contour, NOISE_FLOOR, Reading};
+use crate::geometry::pose::PARAMETERS;
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
@@ -38,9 +39,9 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let independent: f64 = rows.sides.iter().map(of_side).sum();
     let correlation = coherence.correlation(&rows.weights, &rows.counts);
     // Six parameters leave so much less of the distances that vary independently.
-    let freedom = (held / correlation.max(1.0)).max(PARAMETERS + 1.0);
+    let freedom = (held / correlation.max(1.0)).max(PARAMETERS as f64 + 1.0);
     let rest = rows.products(|weight, index| weight * weight * (coherence.left[index].powi(2) + NOISE_FLOOR.powi(2)));
-    let rest = rest * (correlation * coherence.taken * freedom / (freedom - PARAMETERS));
+    let rest = rest * (correlation * coherence.taken * freedom / (freedom - PARAMETERS as f64));
     let scatter = rest + rows.of_ends() * coherence.of_end(independent);
     inverse * scatter * inverse
 }

@@ -4,6 +4,7 @@ mod boundary_sums;
 pub mod derivatives;
 pub mod facet;
 pub mod least_squares;
+pub mod normal_equations;
 pub mod residual;
 pub mod system;
 pub mod whitening;
