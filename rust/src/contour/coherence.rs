@@ -5,19 +5,9 @@ use std::ops::Range;
 
 use super::correlation::long_run;
 use super::readings::Reading;
-use crate::geometry::pose::PARAMETERS;
 
 /// Measurements that the pieces of a side are which vary together: where its two ends are.
 const ENDS: f64 = 2.0;
-
-/// Variance of an end of a side over the mean square of what lies between, by the ends' shares alone: the mean of
-/// `(1 - t)^2 + t^2` is two thirds.
-const OF_ENDS: f64 = 1.5;
-
-/// Variance of an end that lies anywhere within a pixel, squared pixels, and how many ends this is worth as a measurement: one
-/// side's, which no fit to the others knows.
-const WITHIN_PIXEL: f64 = 1.0 / 12.0;
-const KNOWN_ENDS: f64 = 2.0;
 
 /// Pieces of a contour as the sides that vary together: stretches on one edge of the boundary, or on one straight run of the
 /// contour where that is longer.
@@ -96,15 +86,6 @@ impl Coherence {
         let pieces = (step * weights.len()) as f64;
         let mean = weights.iter().sum::<f64>() / weights.len() as f64;
         mean * pieces / (1.0 + self.common() * (pieces - 1.0) / ENDS)
-    }
-
-    /// Variance of a side's end, squared pixels, from so many pieces that vary independently, of which a pose has taken its
-    /// parameters. What a fit leaves of each is less by its leverage, and so is what it would be off without it: the jackknife's
-    /// factor twice.
-    pub fn of_end(&self, independent: f64) -> f64 {
-        let free = (independent - PARAMETERS as f64).max(1.0);
-        let known = KNOWN_ENDS * self.common() * WITHIN_PIXEL;
-        (OF_ENDS * self.line * independent * independent / free + known) / free
     }
 
     /// How much more a long sum of the rest varies than if its pieces were independent, with these weights.
