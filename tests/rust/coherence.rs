@@ -43,8 +43,6 @@ fn ends_and_rest_are_told_apart() {
         let found = Coherence::new(&sides, &distances, &vec![1.0; distances.len()]);
         assert!((1.5 * found.line - ends * ends).abs() < 0.1 * ends * ends + 0.01, "{ends}, {rest}: {}", found.line);
         assert!((found.rest - rest * rest).abs() < 0.05 * rest * rest + 1e-9, "{ends}, {rest}: {}", found.rest);
-        let squares: f64 = found.left.iter().map(|left| left * left).sum();
-        assert!((squares * found.taken / distances.len() as f64 - found.rest).abs() < 1e-9);
     }
 }
 
@@ -60,19 +58,14 @@ fn a_side_counts_as_its_pieces_or_as_its_ends() {
     assert!((polygon.independent(&weights, 1) - 1.92).abs() < 0.02, "{}", polygon.independent(&weights, 1));
     assert!(mask.independent(&weights, 1) > 0.9 * PIECES as f64, "{}", mask.independent(&weights, 1));
     assert!((polygon.independent(&[0.5; PIECES], 1) - 0.96).abs() < 0.01);
-    // Of many sides the ends are known; of four none is better than within a pixel.
-    assert!((polygon.of_end(800.0) - 0.25).abs() < 0.03 && polygon.of_end(8.0) > 0.25);
     let exact = Coherence::new(&[0..PIECES], &[0.0; PIECES], &weights);
-    assert!(exact.common() == 1.0 && (exact.of_end(8.0) - 1.0 / 12.0).abs() < 1e-12);
+    assert!(exact.common() == 1.0);
 }
 
 #[test]
 fn nothing_and_weightless_pieces_are_fine() {
     for (count, weight) in [(0, 1.0), (1, 1.0), (9, 0.0)] {
         let found = Coherence::new(&[0..count], &vec![0.3; count], &vec![weight; count]);
-        assert!(
-            [found.line, found.rest, found.taken, found.common()].iter().all(|value| value.is_finite()),
-            "{found:?}"
-        );
+        assert!([found.line, found.rest, found.common()].iter().all(|value| value.is_finite()), "{found:?}");
     }
 }

@@ -1,9 +1,7 @@
-//! What the pieces of one side have in common: by how much its ends are off, and how many measurements that leaves
-//! (`docs/math.md`, eq. 11.10 to 11.12).
+//! What the pieces of one side have in common, and how many measurements that leaves (`docs/math.md`, section 11).
 
 use std::ops::Range;
 
-use super::correlation::long_run;
 use super::readings::Reading;
 
 /// Measurements that the pieces of a side are which vary together: where its two ends are.
@@ -35,44 +33,40 @@ fn stretches(readings: &[Reading], alike: impl Fn(&Reading, &Reading) -> bool) -
     found
 }
 
-/// Distances split into lines through each side and the rest, by the pieces' weights.
-#[derive(Debug, Clone)]
+/// What the pieces of sides have in common: distances split into lines through each side and the rest.
+#[derive(Debug, Clone, Copy)]
 pub struct Coherence {
     /// Mean square of the lines beyond what chance makes them, squared pixels.
     pub line: f64,
     /// Variance of the rest, squared pixels.
     pub rest: f64,
-    /// What is left of each distance.
-    pub left: Vec<f64>,
-    /// By how much the squares of what is left are less than their variance, since lines took two of each side's.
-    pub taken: f64,
 }
 
 impl Coherence {
     /// The split of distances with these weights. Every side of which enough is held says by its pieces' number how far sides are
     /// off: those that are off by more pull less, but are no rarer for that.
     pub fn new(sides: &[Range<usize>], distances: &[f64], weights: &[f64]) -> Self {
-        let mut left = distances.to_vec();
         let (mut of_lines, mut by_chance, mut on_sides) = (0.0, 0.0, 0.0);
         let (mut rest, mut free) = (0.0, 0.0);
         for side in sides {
-            let (own, count) = (&weights[side.clone()], side.len() as f64);
+            let (own, values, count) = (&weights[side.clone()], &distances[side.clone()], side.len() as f64);
             let held: f64 = own.iter().sum();
-            let line = if held > ENDS { through(&distances[side.clone()], own) } else { None };
-            if let Some(line) = &line {
-                side.clone().zip(line).for_each(|(index, value)| left[index] -= value);
-                of_lines +=
-                    count / held * line.iter().zip(own).map(|(value, weight)| weight * value * value).sum::<f64>();
-                by_chance += count / held * ENDS;
-                on_sides += count;
-            }
-            rest += side.clone().map(|index| weights[index] * left[index] * left[index]).sum::<f64>();
-            free += if line.is_some() { held - ENDS } else { held };
+            let squares = |of: &[f64]| own.iter().zip(of).map(|(weight, value)| weight * value * value).sum::<f64>();
+            let Some(line) = (if held > ENDS { through(values, own) } else { None }) else {
+                rest += squares(values);
+                free += held;
+                continue;
+            };
+            let left: Vec<f64> = values.iter().zip(&line).map(|(value, line)| value - line).collect();
+            rest += squares(&left);
+            free += held - ENDS;
+            of_lines += count / held * squares(&line);
+            by_chance += count / held * ENDS;
+            on_sides += count;
         }
-        let taken = weights.iter().sum::<f64>() / f64::max(free, f64::MIN_POSITIVE);
         let rest = rest / f64::max(free, f64::MIN_POSITIVE);
         let line = (of_lines - by_chance * rest).max(0.0) / f64::max(on_sides, f64::MIN_POSITIVE);
-        Self { line, rest, left, taken }
+        Self { line, rest }
     }
 
     /// Share of the variance that the pieces of a side have in common; all of it where there is none to tell.
@@ -86,12 +80,6 @@ impl Coherence {
         let pieces = (step * weights.len()) as f64;
         let mean = weights.iter().sum::<f64>() / weights.len() as f64;
         mean * pieces / (1.0 + self.common() * (pieces - 1.0) / ENDS)
-    }
-
-    /// How much more a long sum of the rest varies than if its pieces were independent, with these weights.
-    pub fn correlation(&self, weights: &[f64], counts: &[usize]) -> f64 {
-        let pulls: Vec<f64> = self.left.iter().zip(weights).map(|(left, weight)| left * weight).collect();
-        long_run(&pulls, counts)
     }
 }
 
@@ -113,6 +101,6 @@ fn through(distances: &[f64], weights: &[f64]) -> Option<Vec<f64>> {
 }
 
 /// Where on a side of so many pieces the middle of one lies, 0 to 1.
-pub fn share(index: usize, count: usize) -> f64 {
+fn share(index: usize, count: usize) -> f64 {
     (index as f64 + 0.5) / count as f64
 }

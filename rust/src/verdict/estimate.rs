@@ -166,7 +166,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = covariance(contours, &fit);
+            let covariance = covariance(contours, &fit, &contradicted(&fit));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -174,7 +174,7 @@ impl Search {
             Answers::Moments(_) => &[],
         };
         let led = led.iter().map(|fit| {
-            let covariance = covariance(contours, fit);
+            let covariance = covariance(contours, fit, &contradicted(fit));
             Place {
                 pose: problem.uncentred(&fit.pose),
                 minimum: None,
