@@ -33,7 +33,7 @@ from rich.progress import track
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-FEATURES = ("1", "ln spread", "whole")
+FEATURES = ("1", "ln spread", "whole", "ln scatter", "contradicted regions")
 BINS = (0.0, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
 RIDGE = 1e-2
 """Keeps a weight finite that no problem speaks against."""

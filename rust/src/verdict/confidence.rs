@@ -1,12 +1,7 @@
 //! How likely a pose is right, from what its fit shows (`docs/math.md`, section 15).
 
-use crate::geometry::pose::Pose;
-use crate::problem::Problem;
-use crate::verdict::weakness::weakest;
-use nalgebra::Matrix6;
-
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 3] = [-6.99, -1.638, 1.581];
+const WEIGHTS: [f64; 5] = [-5.623, -1.185, 1.984, -0.738, 2.904];
 
 /// Bounds of the spread, beyond which no problem was.
 const SPREAD: (f64, f64) = (1e-5, 10.0);
@@ -19,21 +14,20 @@ pub struct Evidence {
     /// Whether nothing had to be given up: the moments of the whole regions decided, no part of them being disturbed so much that
     /// the contours had to; or no region's samples contradict the pose.
     pub whole: bool,
+    /// Scatter of the clean pieces of the contours, or the blur of samples, pixels.
+    pub scatter: f64,
+    /// Number of regions that the pose contradicts: the others say all the same, and the spread is theirs.
+    pub contradicted: usize,
 }
 
 impl Evidence {
-    /// The evidence of a pose with this covariance.
-    pub fn new(problem: &Problem, pose: &Pose, covariance: &Matrix6<f64>, whole: bool) -> Self {
-        let shift = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned()).0;
-        Self { spread: shift / problem.distance(pose), whole }
-    }
-
-    /// What the probability's logarithm of odds is a weighted sum of: 1, the logarithm of the spread, and whether it is
-    /// whole.
-    pub fn features(&self) -> [f64; 3] {
+    /// What the probability's logarithm of odds is a weighted sum of: 1, the logarithm of the spread, whether it is whole,
+    /// the logarithm of the scatter, and the number of contradicted regions.
+    pub fn features(&self) -> [f64; 5] {
         let (least, most) = SPREAD;
         // The comparison's order makes a spread that is not known the largest.
-        [1.0, self.spread.min(most).max(least).ln(), f64::from(u8::from(self.whole))]
+        let spread = self.spread.min(most).max(least);
+        [1.0, spread.ln(), f64::from(u8::from(self.whole)), self.scatter.ln(), self.contradicted as f64]
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one.

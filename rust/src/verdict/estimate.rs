@@ -6,7 +6,7 @@ use super::confidence::Evidence;
 use super::coverage::region_overlap;
 use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
-use super::weakness::weak_geometry;
+use super::weakness::{weak_geometry, weakest};
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
@@ -240,11 +240,19 @@ impl Place {
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let whole = match &self.posterior {
-            Some(posterior) => !posterior.wrong.iter().any(|&wrong| contradicts(wrong)),
-            None => self.minimum.is_some(),
-        };
-        Evidence::new(problem, &self.pose, &self.covariance, whole)
+        let shift = weakest(&self.covariance.fixed_view::<3, 3>(3, 3).into_owned()).0;
+        let spread = shift / problem.distance(&self.pose);
+        match &self.posterior {
+            Some(posterior) => {
+                let whole = !posterior.wrong.iter().any(|&wrong| contradicts(wrong));
+                Evidence { spread, whole, scatter: posterior.blur, contradicted: 0 }
+            }
+            None => {
+                let astray = contradicted(&self.fit).into_iter().filter(|&contradicted| contradicted).count();
+                let (whole, scatter) = (self.minimum.is_some(), self.fit.mixture.sigma);
+                Evidence { spread, whole, scatter, contradicted: astray }
+            }
+        }
     }
 
     /// What places are sorted by: the moments' cost, or how unlikely the contours are.
