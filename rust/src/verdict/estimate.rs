@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicted, contradicts, log_odds};
+use super::outliers::{astray, contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::{weak_geometry, weakest};
 use crate::contour::covariance::covariance;
@@ -166,7 +166,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = covariance(contours, &fit, &contradicted(&fit));
+            let covariance = covariance(contours, &fit, &astray(&fit));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -174,7 +174,7 @@ impl Search {
             Answers::Moments(_) => &[],
         };
         let led = led.iter().map(|fit| {
-            let covariance = covariance(contours, fit, &contradicted(fit));
+            let covariance = covariance(contours, fit, &astray(fit));
             Place {
                 pose: problem.uncentred(&fit.pose),
                 minimum: None,
@@ -248,9 +248,9 @@ impl Place {
                 Evidence { spread, whole, scatter: posterior.blur, contradicted: 0 }
             }
             None => {
-                let astray = contradicted(&self.fit).into_iter().filter(|&contradicted| contradicted).count();
+                let contradicted = astray(&self.fit).into_iter().filter(|&astray| astray).count();
                 let (whole, scatter) = (self.minimum.is_some(), self.fit.mixture.sigma);
-                Evidence { spread, whole, scatter, contradicted: astray }
+                Evidence { spread, whole, scatter, contradicted }
             }
         }
     }
