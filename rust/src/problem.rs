@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::Vector3;
 
 use crate::contour::creases::{Crease, creases};
-use crate::contour::readings::{Contour, NOISE_FLOOR};
+use crate::contour::readings::Contour;
 use crate::equations::facet::Integration;
 use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
 use crate::equations::system::{System, Weighting};
@@ -14,6 +14,10 @@ use crate::error::{Error, Result};
 use crate::geometry::pose::{PARAMETERS, Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::readings::SampledRegion;
+
+/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
+/// the quality of calibrations.
+const NOISE_FLOOR: f64 = 0.1;
 
 /// Regions seen in one image and known in the world, ready to be solved.
 ///
@@ -159,8 +163,18 @@ impl Problem {
 
     /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
     pub fn noise_variance(&self, cost: f64) -> f64 {
+        self.variance_with(cost, PARAMETERS)
+    }
+
+    /// The same as the covariance of a pose takes it, which does not know the noise but estimates it (`docs/math.md`, eq. 10.3).
+    pub(crate) fn estimated_variance(&self, cost: f64) -> f64 {
+        self.variance_with(cost, PARAMETERS + 2)
+    }
+
+    /// The cost for each equation, less so many of them.
+    fn variance_with(&self, cost: f64, taken: usize) -> f64 {
         let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
-        (cost / count.saturating_sub(PARAMETERS).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
+        (cost / count.saturating_sub(taken).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
     /// The regions that a pose sees from the side away from their viewpoint.

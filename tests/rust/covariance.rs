@@ -46,7 +46,7 @@ fn mahalanobis(random: &mut Random, sigma: f64) -> f64 {
     let turn: Rotation3<f64> = truth.rotation * fit.pose.rotation.inverse();
     let (omega, tau) = (turn.scaled_axis(), truth.translation - turn * fit.pose.translation);
     let rest = Vector6::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z);
-    rest.dot(&(covariance(problem.contours(), &fit, &[false; 2]).try_inverse().unwrap() * rest))
+    rest.dot(&(covariance(problem.contours(), &fit).try_inverse().unwrap() * rest))
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn it_is_symmetric_positive_and_grows_with_what_is_disturbed() {
     let of = |observed: &[ObservedRegion]| {
         let problem = Problem::new(observed, &scene.worlds).unwrap();
         let fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
-        covariance(problem.contours(), &fit, &[false; 2])
+        covariance(problem.contours(), &fit)
     };
     let bitten = of(&all_bitten(&scene, 1.0));
     let scale = Matrix6::from_diagonal(&bitten.diagonal().map(|variance| variance.sqrt().recip()));
@@ -83,5 +83,5 @@ fn a_pose_in_no_view_has_no_covariance() {
     let mut fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
     let away = Rotation3::from_euler_angles(0.0, 3.0, 0.0) * fit.pose.rotation;
     fit.pose = Pose::new(away, -fit.pose.translation);
-    assert!(covariance(problem.contours(), &fit, &[false; 2]).iter().all(|value| value.is_infinite()));
+    assert!(covariance(problem.contours(), &fit).iter().all(|value| value.is_infinite()));
 }

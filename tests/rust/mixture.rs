@@ -14,7 +14,7 @@ const FINEST: f64 = 0.25;
 const NEARLY: f64 = 1.1;
 
 fn reading(misfit: f64) -> Reading {
-    Reading { distance: misfit, spread: 0.0, misfit: misfit.abs(), edge: 0, run: None }
+    Reading { distance: misfit, spread: 0.0, misfit: misfit.abs(), edge: 0 }
 }
 
 /// Distances of a region of which a share is disturbed.

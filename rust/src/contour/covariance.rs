@@ -4,8 +4,13 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::correlation::long_run;
 use super::fit::ContourFit;
-use super::readings::{Contour, NOISE_FLOOR, Reading};
-use crate::geometry::pose::PARAMETERS;
+use super::readings::{Contour, Reading};
+
+/// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
+const LEAST_SLOPE: f64 = 0.1;
+
+/// Parameters of a pose.
+const PARAMETERS: f64 = 6.0;
 
 /// A piece of a contour as the covariance needs it.
 struct Row {
@@ -13,81 +18,52 @@ struct Row {
     derivative: Vector6<f64>,
     /// Weight of its distance.
     weight: f64,
-    /// Weight by which it holds the pose: less by the mean slope of its region's pulls.
-    held: f64,
-    region: usize,
+    /// Derivative of the distance times its weight.
+    slope: f64,
+    /// Where it lies: region, edge of the boundary, straight run of the contour.
+    place: (usize, u32, Option<usize>),
 }
 
-/// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours but those of regions astray; infinite
-/// where a direction is left free.
-///
-/// What regions astray pull the pose off by counts as one error of that size.
-pub fn covariance(contours: &[Contour], fit: &ContourFit, astray: &[bool]) -> Matrix6<f64> {
+/// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
+/// left free.
+pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let free = Matrix6::from_element(f64::INFINITY);
-    let Some(regions) = rows_of(contours, fit) else { return free };
-    let (own, others): (Vec<_>, Vec<_>) =
-        regions.into_iter().partition(|rows| !rows.iter().any(|row| astray[row.region]));
-    let information = products(own.iter().flatten(), |row| row.held);
+    let Some((rows, counts)) = rows_of(contours, fit) else { return free };
+    let held: f64 = rows.iter().map(|row| row.weight).sum();
+    let steepness = (rows.iter().map(|row| row.slope).sum::<f64>() / held).max(LEAST_SLOPE);
+    let pulls: Vec<f64> = rows.iter().map(|row| row.reading.distance * row.weight).collect();
+    let correlation = long_run(&pulls, &counts);
+    let (mut information, mut single) = (Matrix6::zeros(), Matrix6::zeros());
+    for (row, pull) in rows.iter().zip(&pulls) {
+        information.ger(row.weight * steepness, &row.derivative, &row.derivative, 1.0);
+        single.ger(pull * pull, &row.derivative, &row.derivative, 1.0);
+    }
     let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else { return free };
-    let pulls = others.iter().map(|rows| rows.iter().map(|row| row.derivative * row.pull()).sum::<Vector6<f64>>());
-    let of_others: Matrix6<f64> = pulls.map(|pull| pull * pull.transpose()).sum();
-    inverse * (scatter(&own, &inverse) + of_others) * inverse
-}
-
-/// Scatter of the gradient of regions that belong to the pose.
-fn scatter(regions: &[Vec<Row>], inverse: &Matrix6<f64>) -> Matrix6<f64> {
-    let rows = || regions.iter().flatten();
-    let pulls: Vec<f64> = rows().map(Row::pull).collect();
-    let correlation = long_run(&pulls, &regions.iter().map(Vec::len).collect::<Vec<_>>());
-    let single = products(rows(), |row| row.pull().powi(2));
-    let runs = runs_scatter(regions);
+    let runs = runs_scatter(&rows);
     // A run that is off as a whole is one measurement, whatever the number of its pieces.
     let alike = (inverse * runs).trace() / (inverse * single).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
-    let (parameters, held) = (PARAMETERS as f64, rows().map(|row| row.weight).sum::<f64>());
-    let independent = (held / correlation.max(alike).max(1.0)).max(parameters + 1.0);
-    let squares = rows().map(|row| row.weight * row.reading.distance.powi(2)).sum::<f64>() / held;
-    let floor = (NOISE_FLOOR.powi(2) - squares).max(0.0);
-    let single = single + products(rows(), |row| row.weight.powi(2)) * floor;
-    (single * correlation + runs) * (independent / (independent - parameters))
+    let independent = (held / correlation.max(alike).max(1.0)).max(PARAMETERS + 1.0);
+    inverse * (single * correlation + runs) * inverse * (independent / (independent - PARAMETERS))
 }
 
-impl Row {
-    fn pull(&self) -> f64 {
-        self.reading.distance * self.weight
+fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usize>)> {
+    let (mut rows, mut counts) = (Vec::new(), Vec::new());
+    let mixture = &fit.mixture;
+    let ratio = (mixture.sigma / mixture.wide).powi(2);
+    for (region, contour) in contours.iter().enumerate() {
+        let mut read = Vec::new();
+        contour.read_rows(&fit.pose, &mut read)?;
+        counts.push(read.len());
+        let odds = mixture.odds(region);
+        rows.extend(read.into_iter().zip(contour.runs()).map(|((reading, derivative), run)| {
+            let (clean, weight) = (odds.clean_probability(&reading), odds.weight(&reading));
+            // The weight falls as the piece's chance to be clean does.
+            let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.misfit / mixture.sigma).powi(2);
+            Row { reading, derivative, weight, slope: weight - fall, place: (region, reading.edge, run) }
+        }));
     }
-}
-
-/// Sum of the products of the derivatives, each times a factor.
-fn products<'a>(rows: impl Iterator<Item = &'a Row>, factor: impl Fn(&Row) -> f64) -> Matrix6<f64> {
-    let mut sum = Matrix6::zeros();
-    rows.for_each(|row| sum.ger(factor(row), &row.derivative, &row.derivative, 1.0));
-    sum
-}
-
-/// The pieces of each region; `None` where one is out of view.
-fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<Vec<Vec<Row>>> {
-    contours.iter().enumerate().map(|(region, contour)| region_rows(contour, fit, region)).collect()
-}
-
-fn region_rows(contour: &Contour, fit: &ContourFit, region: usize) -> Option<Vec<Row>> {
-    let (odds, sigma) = (fit.mixture.odds(region), fit.mixture.sigma);
-    let ratio = (sigma / fit.mixture.wide).powi(2);
-    let mut read = Vec::new();
-    contour.read_rows(&fit.pose, &mut read)?;
-    let (mut all, mut slopes) = (0.0, 0.0);
-    let row = |(reading, derivative): (Reading, Vector6<f64>)| {
-        let (clean, weight) = (odds.clean_probability(&reading), odds.weight(&reading));
-        all += weight;
-        // The weight falls as the piece's chance to be clean does.
-        slopes += weight - clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.misfit / sigma).powi(2);
-        Row { reading, derivative, weight, held: weight, region }
-    };
-    let mut rows: Vec<Row> = read.into_iter().map(row).collect();
-    // Of a region elsewhere as many pieces come into reach as leave it: it holds nothing.
-    let steepness = (slopes / all).clamp(0.0, 1.0);
-    rows.iter_mut().for_each(|row| row.held *= steepness);
-    Some(rows)
+    Some((rows, counts))
 }
 
 /// What straight runs add to the scatter of the gradient: all pieces of one are off alike.
@@ -95,14 +71,12 @@ fn region_rows(contour: &Contour, fit: &ContourFit, region: usize) -> Option<Vec
 /// A mask's edge along the pixels' grid lies anywhere within a pixel, as the side of a polygon does within a click's
 /// error: the deviation of the contour's points, not that of the pieces, over which a staircase averages out. The
 /// steps of a stair take turns, so that a run counts as much as it makes up of the edge that it lies on.
-fn runs_scatter(regions: &[Vec<Row>]) -> Matrix6<f64> {
-    let rows = || regions.iter().flatten();
-    let points = rows().map(|row| (row.reading.distance.powi(2) + row.reading.spread) * row.weight);
-    let variance = points.sum::<f64>() / rows().map(|row| row.weight).sum::<f64>();
+fn runs_scatter(rows: &[Row]) -> Matrix6<f64> {
+    let points = rows.iter().map(|row| (row.reading.distance.powi(2) + row.reading.spread) * row.weight);
+    let variance = points.sum::<f64>() / rows.iter().map(|row| row.weight).sum::<f64>();
     let mut scatter = Matrix6::zeros();
-    for edge in regions.iter().flat_map(|rows| rows.chunk_by(|a, b| a.reading.edge == b.reading.edge)) {
-        let alike = |a: &Row, b: &Row| a.reading.run.is_some() && a.reading.run == b.reading.run;
-        for run in edge.chunk_by(alike).filter(|run| run.len() > 1) {
+    for edge in rows.chunk_by(|a, b| (a.place.0, a.place.1) == (b.place.0, b.place.1)) {
+        for run in edge.chunk_by(|a, b| a.place.2.is_some() && a.place.2 == b.place.2).filter(|run| run.len() > 1) {
             let pull: Vector6<f64> = run.iter().map(|row| row.derivative * row.weight).sum();
             scatter.ger(variance * run.len() as f64 / edge.len() as f64, &pull, &pull, 1.0);
         }

@@ -1,16 +1,14 @@
 //! What the contours show at a pose, and the likeliest pose near one (`docs/math.md`, section 11).
 
-use std::ops::Range;
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::coherence::{Coherence, sides};
 use super::correlation::correlation;
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use crate::equations::normal_equations::NormalEquations;
-use crate::geometry::pose::{PARAMETERS, Pose, Tangent};
+use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
@@ -128,41 +126,18 @@ impl ContourFit {
 
     /// Pieces of the contours that vary independently of each other.
     ///
-    /// Where most of every contour is clean, the clean pieces, as far as those of a side do not vary together; elsewhere
-    /// stretches that were disturbed as one, or not: of these a wrong pose meets some by chance.
+    /// Where most of every contour is clean, the clean pieces, whose noise hardly goes from one to the next; elsewhere stretches
+    /// that were disturbed as one, or not: of these a wrong pose meets some by chance.
     pub fn independent(&self) -> f64 {
-        let clean = self.clean();
-        if self.clean_shares().iter().all(|&share| share > MOSTLY) {
-            return self.of_sides(clean);
+        let shares = self.clean_shares();
+        if shares.iter().all(|&share| share > MOSTLY) {
+            let clean = shares.iter().zip(&self.counts).map(|(share, &count)| share * count as f64);
+            return self.step as f64 * clean.sum::<f64>();
         }
+        let clean = self.clean();
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
-        let stretches = clean.len() as f64 / correlation(&about_mean, &self.counts);
-        stretches.min(self.of_sides(&vec![1.0; clean.len()]))
-    }
-
-    /// Pieces that vary independently, each counting as much as its weight.
-    fn of_sides(&self, weights: &[f64]) -> f64 {
-        let mut all: Vec<Range<usize>> = Vec::new();
-        for (_, readings) in self.regions() {
-            let first = all.last().map_or(0, |side| side.end);
-            all.extend(sides(readings).into_iter().map(|side| first + side.start..first + side.end));
-        }
-        let distances: Vec<f64> = self.readings.iter().map(|reading| reading.distance).collect();
-        let coherence = Coherence::new(&all, &distances, self.clean());
-        let of_side = |side: Range<usize>| coherence.independent(&weights[side], self.step);
-        all.into_iter().map(of_side).sum()
-    }
-
-    /// The same beyond what the six parameters of a pose leave of them, one at least.
-    pub fn freedom(&self) -> f64 {
-        (self.independent() - PARAMETERS as f64).max(1.0)
-    }
-
-    /// Share of the clean pieces that vary independently of each other.
-    pub fn alike(&self) -> f64 {
-        let clean = self.step as f64 * self.clean().iter().sum::<f64>();
-        (self.of_sides(self.clean()) / clean.max(f64::MIN_POSITIVE)).min(1.0)
+        clean.len() as f64 / correlation(&about_mean, &self.counts)
     }
 
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
@@ -204,7 +179,7 @@ impl ContourFit {
         let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
-        (2.0 * self.freedom() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
+        (2.0 * self.independent() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
     }
 }
 

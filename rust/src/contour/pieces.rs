@@ -28,7 +28,7 @@ pub struct Piece {
     /// Mean of the squares and products of its points about their mean.
     pub spread: Matrix2<f64>,
     /// The straight run of the region's contour that it wholly lies on, by number.
-    pub run: Option<u32>,
+    pub run: Option<usize>,
 }
 
 impl Piece {
@@ -146,7 +146,7 @@ impl Sums {
         let [xx, xy, yy] = (self.second / self.length).into();
         let cross = xy - mean.x * mean.y;
         let spread = Matrix2::new(xx - mean.x * mean.x, cross, cross, yy - mean.y * mean.y);
-        Some(Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run as u32) })
+        Some(Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run) })
     }
 }
 

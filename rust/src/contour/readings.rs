@@ -24,10 +24,6 @@ const CROSSING: f64 = 4.0;
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
-/// Noise of the boundary, in pixels, below which no fit is taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
-pub const NOISE_FLOOR: f64 = 0.1;
-
 /// Pieces of all contours that a first look takes, and of each at least: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
@@ -70,8 +66,6 @@ pub struct Reading {
     pub misfit: f64,
     /// The edge of the boundary that it is nearest to, counted over all rings.
     pub edge: u32,
-    /// The straight run of the contour that it wholly lies on, by number within the region.
-    pub run: Option<u32>,
 }
 
 impl Contour {
@@ -118,6 +112,11 @@ impl Contour {
     /// Number of pieces of which every `step`-th is read.
     pub fn count(&self, step: usize) -> usize {
         self.pieces(step).len()
+    }
+
+    /// The straight run of the contour that each piece wholly lies on, by number.
+    pub fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+        self.pieces(1).map(|piece| piece.run)
     }
 
     /// Every `step`-th piece.
@@ -221,7 +220,7 @@ impl Contour {
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
         let misfit = (distance * distance + squared * crossing).sqrt();
-        (Reading { distance, spread: squared * spread, misfit, edge: index as u32, run: piece.run }, foot)
+        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
     }
 
     /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).

@@ -4,19 +4,21 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{astray, contradicted, contradicts, log_odds};
+use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
-use super::weakness::{weak_geometry, weakest};
+use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::Minimum;
+use crate::equations::residual::normal_equations;
+use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{Answers, LOOSE, Options, SAME_PLACE, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -27,9 +29,6 @@ const NOT_SHOWN: f64 = 1.0;
 
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning.
 const TRUSTED: f64 = 0.9;
-
-/// Variances behind the best from which a pose is ruled out: odds of a thousand to one, `2 ln 1000`.
-const EXCLUDED: f64 = 13.8;
 
 /// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
@@ -166,7 +165,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = covariance(contours, &fit, &astray(&fit));
+            let covariance = moment_covariance(problem, &minimum);
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -174,7 +173,7 @@ impl Search {
             Answers::Moments(_) => &[],
         };
         let led = led.iter().map(|fit| {
-            let covariance = covariance(contours, fit, &astray(fit));
+            let covariance = covariance(contours, fit);
             Place {
                 pose: problem.uncentred(&fit.pose),
                 minimum: None,
@@ -204,7 +203,7 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     };
     let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
     let least = scored.first().map_or(0.0, |(against, _)| *against);
-    scored.retain(|(against, _)| *against <= least + EXCLUDED);
+    scored.retain(|(against, _)| *against <= least + AMBIGUITY);
     // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
     scored.sort_by_key(|(against, place)| if *against == least { order(&place.pose) } else { [i64::MAX; 3] });
     if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
@@ -231,27 +230,17 @@ impl Place {
         }
         let by_contours = self.fit.against(&other.fit);
         match (&self.minimum, &other.minimum) {
-            (Some(own), Some(minimum)) => {
-                by_contours.max(self.fit.alike() * (minimum.cost - own.cost) / problem.noise_variance(own.cost))
-            }
+            (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
             _ => by_contours,
         }
     }
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let shift = weakest(&self.covariance.fixed_view::<3, 3>(3, 3).into_owned()).0;
-        let spread = shift / problem.distance(&self.pose);
+        let evidence = Evidence::new(&self.fit, &self.covariance);
         match &self.posterior {
-            Some(posterior) => {
-                let whole = !posterior.wrong.iter().any(|&wrong| contradicts(wrong));
-                Evidence { spread, whole, scatter: posterior.blur, contradicted: 0 }
-            }
-            None => {
-                let contradicted = astray(&self.fit).into_iter().filter(|&astray| astray).count();
-                let (whole, scatter) = (self.minimum.is_some(), self.fit.mixture.sigma);
-                Evidence { spread, whole, scatter, contradicted }
-            }
+            Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
+            None => evidence,
         }
     }
 
@@ -264,6 +253,18 @@ impl Place {
     fn weight(&self) -> f64 {
         (-0.5 * self.against).exp()
     }
+}
+
+/// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
+fn moment_covariance(problem: &Problem, minimum: &Minimum) -> Matrix6<f64> {
+    let free = Matrix6::from_element(f64::INFINITY);
+    let evaluated = || {
+        let pose = problem.centred(&minimum.pose);
+        normal_equations(problem.regions(), &pose, Weighting::Whitened).map(|equations| equations.information)
+    };
+    let variance = problem.estimated_variance(minimum.cost);
+    let factor = minimum.information.or_else(evaluated).and_then(Matrix6::cholesky);
+    factor.map_or(free, |cholesky| cholesky.inverse() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {

@@ -40,13 +40,6 @@ pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
     (0..shares.len()).map(|region| shares[region] + HALF < cleanest(region)).collect()
 }
 
-/// The contradicted regions, where two others at least agree on the pose: of two that disagree, nobody knows which is right.
-pub fn astray(fit: &ContourFit) -> Vec<bool> {
-    let contradicted = contradicted(fit);
-    let agreeing = contradicted.iter().filter(|&&contradicted| !contradicted).count();
-    if agreeing > 1 { contradicted } else { vec![false; contradicted.len()] }
-}
-
 /// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
 const MISLABELLED: f64 = 0.1;
 const ELSEWHERE: f64 = 0.5;
