@@ -15,7 +15,7 @@ from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup
 from regionpose.evaluation.studies.conditions import Condition, Mistake
 from regionpose.evaluation.studies.problems import OUTLINE_TOLERANCE_PX, Problem, world_region
 from regionpose.evaluation.templates import polygon_template
-from regionpose.image_region import ImageRegion
+from regionpose.regions.image import ImageRegion
 
 Array = NDArray[np.float64]
 
