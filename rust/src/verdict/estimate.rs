@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicts, log_odds};
+use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
@@ -318,6 +318,7 @@ fn warnings(
 /// better than nothing and, unless the pose is trusted, those of which a part lies elsewhere.
 fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
+    let contradicted = contradicted(&best.fit);
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
     let needed = (odds.len() - 1).min(2);
     let others_of = |region: usize| {
@@ -337,7 +338,7 @@ fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warnin
                 let percent = 100.0 * shares[region];
                 warnings.push(Warning::OutlierRegion { region, percent, others: 100.0 * others });
             }
-            _ if trusted && error < NOT_SHOWN => {}
+            _ if trusted && error < NOT_SHOWN && !contradicted[region] => {}
             _ => warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error }),
         }
     }
