@@ -253,7 +253,7 @@ class Solution:
 
     @property
     def overlap_error(self) -> float:
-        """The paper's delta of all regions together, a fraction; NaN where a region cannot be projected."""
+        """The paper's delta of all regions together, a fraction."""
 
     @property
     def region_overlap_errors(self) -> NDArray[np.float64]:
@@ -352,7 +352,7 @@ class Problem:
         """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> NDArray[np.float64]:
-        """Overlap errors (k,) of the regions at a pose; NaN where one cannot be projected."""
+        """Overlap errors (k,) of the regions at a pose."""
 
     def estimate(
         self,

@@ -168,7 +168,7 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(integration="mesh", mesh_size=0.0), "region 0: mesh_size is 0; it needs to be positive and finite"),
     (lambda: solve(integration="mesh", mesh_size=-1.0), "mesh_size is -1; it needs to be positive"),
     (lambda: solve(integration="mesh", mesh_size=np.nan), "mesh_size is NaN; it needs to be positive and finite"),
-    (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 1000000 triangles"),
+    (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 100000 triangles"),
     (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is a str; it needs to be a number, or None"),
     (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
     (lambda: solve(driver=None), "driver is None; needed"),

@@ -5,6 +5,7 @@
 
 mod arrays;
 mod contours;
+mod interrupts;
 mod masks;
 mod mesh;
 mod moments;

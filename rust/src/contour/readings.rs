@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::pieces::{self, Piece, edges, pieces};
+use crate::effort;
 use crate::equations::residual::{NormalEquations, RegionEquations};
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::pose::Pose;
@@ -132,6 +133,7 @@ impl Contour {
     /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
     pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
         let view = self.view(pose)?;
+        self.count_work(&view, step);
         into.extend(self.pieces(step).map(|piece| self.reading(&view, piece).0));
         Some(())
     }
@@ -139,6 +141,7 @@ impl Contour {
     /// The same with the derivatives of each distance by the left increment.
     pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
         let view = self.view(pose)?;
+        self.count_work(&view, 1);
         let back = self.rotation.inverse();
         into.extend(self.pieces(1).map(|piece| {
             let (reading, foot) = self.reading(&view, piece);
@@ -160,6 +163,7 @@ impl Contour {
         into: &mut NormalEquations,
     ) -> Option<()> {
         let view = self.view(pose)?;
+        effort::spend(view.edges.len() + self.count(step));
         let mut sums = NormalEquations::default();
         for (piece, before) in self.pieces(step).zip(before) {
             let (reading, foot) = self.reading_from(&view, piece, before.edge);
@@ -176,6 +180,12 @@ impl Contour {
         }
         *into += sums.turned(&self.rotation);
         Some(())
+    }
+
+    /// Counts the edges that readings look at: all of them for each piece where the plane doesn't tell the nearest.
+    fn count_work(&self, view: &View, step: usize) {
+        let each = if view.sight.is_some() { 1 } else { view.edges.len() };
+        effort::spend(view.edges.len() + self.count(step) * each);
     }
 
     /// Whether the projected boundary is in view at a pose.

@@ -178,6 +178,14 @@ impl Facet {
         Self { shape, ..*self }
     }
 
+    /// Vertices of its rings, or corners of its triangles.
+    pub fn vertex_count(&self) -> usize {
+        match &self.shape {
+            Shape::Rings(rings) => rings.iter().map(|ring| ring.vertices.len()).sum(),
+            Shape::Triangles { triangles, .. } => 3 * triangles.len(),
+        }
+    }
+
     /// The plane along the chart's axes as `nu . P = 1` (`docs/math.md`, eq. 1.7); `None` where it passes through the
     /// camera.
     pub fn nu(&self, chart_from_world: &Pose) -> Option<Vector3<f64>> {

@@ -5,6 +5,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix6};
 
+use crate::effort;
 use crate::equations::residual::{NormalEquations, RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
 use crate::geometry::pose::{Pose, Tangent};
@@ -36,6 +37,9 @@ pub enum Termination {
     /// As many evaluations as were allowed.
     #[error("the limit of evaluations was reached")]
     EvaluationLimit,
+    /// As much work as the search may do.
+    #[error("the limit of the search's work was reached")]
+    WorkLimit,
     /// The start is out of view, or every shorter step down the slope leads there.
     #[error("a region left the view")]
     OutOfView,
@@ -200,6 +204,9 @@ impl Descent {
         }
         if gradient.amax() == 0.0 {
             return Some(Termination::RoundOff);
+        }
+        if effort::is_spent() {
+            return Some(Termination::WorkLimit);
         }
         (self.evaluations >= stopping.evaluations).then_some(Termination::EvaluationLimit)
     }

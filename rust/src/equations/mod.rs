@@ -3,6 +3,7 @@
 mod boundary_sums;
 pub mod derivatives;
 pub mod facet;
+pub mod information;
 pub mod least_squares;
 pub mod residual;
 pub mod system;

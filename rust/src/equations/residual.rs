@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
 
+use crate::effort;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::system::{
     MOST_EQUATIONS, System, Weighting, add_plane_derivatives, add_plane_values, add_sphere_derivatives,
@@ -23,6 +24,9 @@ use crate::moments::{PlaneMoments, SphereMoments};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
+
+/// Edges that are looked at in the time that the moments of one take: some 40 of them, and as many powers (`cargo bench`).
+const EDGES_OF_MOMENTS: usize = 40;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -156,6 +160,7 @@ impl RegionEquations {
     /// The equations at a pose of the centred world, derivatives along the chart's axes; `None` where the region is not wholly
     /// in view of its chart or its plane passes through the camera.
     fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
+        effort::spend(EDGES_OF_MOMENTS * self.vertices());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let count = self.sides.system.count(weighting);
         self.add_predicted(pose, weighting, &mut rows[..count])?;
@@ -168,6 +173,12 @@ impl RegionEquations {
             Weighting::Uniform => Rows { rows, count },
             Weighting::Whitened => Rows { rows: self.whitening().applied(&rows), count: self.whitening().rank() },
         })
+    }
+
+    /// Vertices that the moments are summed over; each may meet every edge of the image's border.
+    fn vertices(&self) -> usize {
+        let beside = self.sides.border.as_ref().map_or(1, Border::edge_count);
+        self.facets.iter().map(Facet::vertex_count).sum::<usize>() * beside
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.

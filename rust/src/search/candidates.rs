@@ -14,6 +14,7 @@ use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
+use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
@@ -56,6 +57,10 @@ const MOST_LED: usize = 16;
 
 /// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
+
+/// Edges that a search looks at, at most, before it makes do with what it has found: a thousand times those of a problem
+/// of three regions (`cargo bench --bench solve`).
+pub(crate) const MOST_WORK: u64 = 1_000_000_000;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 pub const SAME_PLACE: f64 = 1e-3;
@@ -132,6 +137,8 @@ pub struct Search {
     pub(crate) answers: Answers,
     /// Where samples of regions are to be led from, about the problem's origin.
     pub(crate) starts: Vec<Pose>,
+    /// Whether it made do with what it had found by the limit of its work.
+    pub(crate) exhausted: bool,
 }
 
 /// Poses about the problem's origin.
@@ -144,8 +151,13 @@ pub(crate) enum Answers {
 }
 
 impl Problem {
-    /// The poses that may be the answer.
+    /// The poses that may be the answer; those found by the limit of its work where that is reached.
     pub fn search(&self, options: &Options) -> Search {
+        let (search, exhausted) = effort::bounded(MOST_WORK, || self.searched(options));
+        Search { exhausted, ..search }
+    }
+
+    fn searched(&self, options: &Options) -> Search {
         let mut looks = Looks::new(self, options);
         let poses = match options.start {
             Start::Global => self.global_poses(options, &mut looks),
@@ -162,7 +174,7 @@ impl Problem {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
-        Search { problem, options: *options, answers, starts }
+        Search { problem, options: *options, answers, starts, exhausted: false }
     }
 
     fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
