@@ -39,7 +39,8 @@ pub fn whole_rings(random: &mut Random) -> Outcome {
     needed(region.area() > 0.0 && region.area().is_finite(), || format!("area {}", region.area()))?;
     let corner = region.rings()[0][0];
     needed(region.contains(corner), || format!("a vertex outside: {corner:?}"))?;
-    let again = PlaneRings::new(region.rings().to_vec()).map_err(|error| format!("taken once, then refused: {error}"))?;
+    let again =
+        PlaneRings::new(region.rings().to_vec()).map_err(|error| format!("taken once, then refused: {error}"))?;
     needed(again == region, || "taken again, the rings are others".into())?;
     Ok(true)
 }

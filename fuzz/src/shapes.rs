@@ -86,7 +86,8 @@ fn spoil(random: &mut Random, ring: &mut Ring) {
 pub fn rings(random: &mut Random) -> Vec<Ring> {
     let mut rings = vec![ring(random)];
     for _ in 0..random.index(6).saturating_sub(3) {
-        let (size, aside) = (random.uniform(0.01, 1.0), Vector2::new(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)));
+        let (size, aside) =
+            (random.uniform(0.01, 1.0), Vector2::new(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)));
         let other = if once_in(random, 4) { rings[0].clone() } else { ring(random) };
         rings.push(other.iter().map(|p| p * size + aside * random.uniform(0.0, 0.5)).collect());
     }

@@ -151,10 +151,12 @@ mod tests {
 
     #[test]
     fn a_panic_leaves_no_bound_behind() {
-        let panicked = catch_unwind(|| bounded(10, || {
-            spend(10);
-            panic!("on purpose")
-        }));
+        let panicked = catch_unwind(|| {
+            bounded(10, || {
+                spend(10);
+                panic!("on purpose")
+            })
+        });
         assert!(panicked.is_err() && !is_spent());
     }
 

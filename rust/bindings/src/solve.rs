@@ -430,7 +430,8 @@ pub fn estimate_batch<'py>(
     };
     let results = detached_threads(py, |stop| {
         // Nobody sees the answers of a batch that was interrupted.
-        let waited_for = |task: &(Sides, Options)| if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
+        let waited_for =
+            |task: &(Sides, Options)| if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
         // A problem that panics costs its own answer, not those of the others.
         let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| waited_for(task)));
         in_parallel(&tasks, threads, guarded)

@@ -10,7 +10,7 @@ use crate::effort;
 use crate::equations::residual::{NormalEquations, RegionEquations};
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::pose::Pose;
-use crate::geometry::rings::PlaneRings;
+use crate::geometry::rings::{PlaneRings, bounding_box};
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::border::{edge_before, near_plane};
 
@@ -25,6 +25,13 @@ const OBLIQUE: f64 = 0.15;
 
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
 const FAR: f64 = 1e9;
+
+/// Consecutive edges of a projected boundary that a box is put around, and groups that a piece looks at beside all boxes.
+const GROUP: usize = 16;
+const GROUPS_LOOKED_AT: usize = 3;
+
+/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
+const ROUNDING: f64 = 1e-9;
 
 /// Pieces of all contours that a first look takes, and of each at least.
 const SKETCHED: usize = 120;
@@ -182,9 +189,10 @@ impl Contour {
         Some(())
     }
 
-    /// Counts the edges that readings look at: all of them for each piece where the plane doesn't tell the nearest.
+    /// Counts the edges that readings look at: where the plane doesn't tell the nearest, boxes and some groups for each piece.
     fn count_work(&self, view: &View, step: usize) {
-        let each = if view.sight.is_some() { 1 } else { view.edges.len() };
+        let each =
+            if view.sight.is_some() { 1 } else { view.edges.len().min(view.boxes.len() + GROUPS_LOOKED_AT * GROUP) };
         effort::spend(view.edges.len() + self.count(step) * each);
     }
 
@@ -218,7 +226,7 @@ impl Contour {
         }
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
         let sight = sight.filter(|sight| sight.slant > OBLIQUE);
-        Some(View { edges: projected, sight })
+        Some(View { boxes: projected.chunks(GROUP).map(EdgeBox::of).collect(), edges: projected, sight })
     }
 
     /// The edge of the boundary nearest to a point of the chart's plane z = 1: where the point's ray meets the region's plane,
@@ -229,8 +237,7 @@ impl Contour {
         if let (Some(field), Some(place)) = (field, place) {
             return field.nearest_edge(&place);
         }
-        let square = |index: &usize| view.edges[*index].offset(point).1.norm_squared();
-        (0..view.edges.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0)
+        view.nearest(point)
     }
 
     fn reading(&self, view: &View, piece: &Piece) -> (Reading, Foot) {
@@ -267,7 +274,46 @@ fn scaled(pieces: Vec<Piece>, scale: f64) -> Vec<Piece> {
 /// A projected boundary.
 struct View {
     edges: Vec<Edge>,
+    /// Around every [`GROUP`] of them.
+    boxes: Vec<EdgeBox>,
     sight: Option<Sight>,
+}
+
+impl View {
+    /// The first of the edges nearest to a point; a box farther than one that was found holds none.
+    fn nearest(&self, point: &Vector2<f64>) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        for (group, (edges, around)) in self.edges.chunks(GROUP).zip(&self.boxes).enumerate() {
+            if around.square(point) > best.0 {
+                continue;
+            }
+            for (place, edge) in edges.iter().enumerate() {
+                let square = edge.offset(point).1.norm_squared();
+                best = if square < best.0 { (square, group * GROUP + place) } else { best };
+            }
+        }
+        best.1
+    }
+}
+
+/// A box around some edges, with room for what distances are rounded by.
+struct EdgeBox {
+    low: Vector2<f64>,
+    high: Vector2<f64>,
+}
+
+impl EdgeBox {
+    fn of(edges: &[Edge]) -> Self {
+        let (low, high) = bounding_box(edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]));
+        let room = Vector2::repeat(ROUNDING * low.amax().max(high.amax()));
+        Self { low: low - room, high: high + room }
+    }
+
+    /// Squared distance of a point: no edge within is nearer.
+    fn square(&self, point: &Vector2<f64>) -> f64 {
+        let outside = |axis: usize| (self.low[axis] - point[axis]).max(point[axis] - self.high[axis]).max(0.0);
+        outside(0).powi(2) + outside(1).powi(2)
+    }
 }
 
 /// A plane as the chart sees it: `place = (numerators . (x, y, 1)) / (normal . (x, y, 1))`.
