@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Whether nobody waits for the answer any more; asked now and then on the thread that works.
 pub type Stop = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// Work between two questions whether anybody waits: about ten milliseconds (`benches/solve.rs`).
+/// Work between two questions whether anybody waits: some milliseconds of the second that users do.
 const PATIENCE: u64 = 4_000_000;
 
 /// What a thread may spend; edges that are looked at are its unit.

@@ -38,7 +38,7 @@ class Given(NamedTuple):
 
 
 def of_scene(seed: int, planes: int, *, noisy: bool) -> Given:
-    """A scene of the benchmark with its exact outlines, or those of its masks."""
+    """A scene of the benchmark with its exact outlines, or those of its masks, each in one piece."""
     scene = perspective_scene(seed, planes, study="invariance")
     assert isinstance(scene.camera, rp.PinholeCamera)
     image = [[np.array(ring) for ring in rings] for rings in scene.image_rings]
@@ -133,7 +133,7 @@ def test_exact_data_give_the_same_pose(change: Callable[[Given], Given], seed: i
 
 
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize(("seed", "planes"), [(11, 1), (12, 2), (13, 3), (14, 3)])
+@pytest.mark.parametrize(("seed", "planes"), [(12, 2), (13, 3), (15, 1), (16, 1), (18, 2)])
 def test_noisy_data_give_the_same_pose_within_a_hundredth_of_its_sigma(
     change: Callable[[Given], Given], seed: int, planes: int
 ) -> None:

@@ -20,13 +20,13 @@ use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
-use crate::moments::{PlaneMoments, SphereMoments};
+use crate::moments::{MAX_ORDER, PlaneMoments, SphereMoments, plane_count};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
 
-/// Edges that are looked at in the time that the moments of one take: some 40 of them, and as many powers (`cargo bench`).
-const EDGES_OF_MOMENTS: usize = 40;
+/// What the moments of an edge count as, in edges that are looked at: one for each moment.
+const EDGES_OF_MOMENTS: usize = plane_count(MAX_ORDER);
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -160,7 +160,7 @@ impl RegionEquations {
     /// The equations at a pose of the centred world, derivatives along the chart's axes; `None` where the region is not wholly
     /// in view of its chart or its plane passes through the camera.
     fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
-        effort::spend(EDGES_OF_MOMENTS * self.vertices());
+        effort::spend(self.work());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let count = self.sides.system.count(weighting);
         self.add_predicted(pose, weighting, &mut rows[..count])?;
@@ -175,10 +175,10 @@ impl RegionEquations {
         })
     }
 
-    /// Vertices that the moments are summed over; each may meet every edge of the image's border.
-    fn vertices(&self) -> usize {
-        let beside = self.sides.border.as_ref().map_or(1, Border::edge_count);
-        self.facets.iter().map(Facet::vertex_count).sum::<usize>() * beside
+    /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
+    fn work(&self) -> usize {
+        let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);
+        self.facets.iter().map(Facet::vertex_count).sum::<usize>() * (EDGES_OF_MOMENTS + beside)
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.

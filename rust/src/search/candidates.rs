@@ -58,9 +58,9 @@ const MOST_LED: usize = 16;
 /// How many times as many pieces follow a refinement on few.
 const MORE_PIECES: usize = 5;
 
-/// Edges that a search looks at, at most, before it makes do with what it has found: a thousand times those of a problem
-/// of three regions (`cargo bench --bench solve`).
-pub(crate) const MOST_WORK: u64 = 1_000_000_000;
+/// Edges that a search looks at, at most, before it makes do with what it has found: fifteen times what ordinary problems
+/// stay below (`cargo test --test found`).
+pub(crate) const MOST_WORK: u64 = 300_000_000;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 pub const SAME_PLACE: f64 = 1e-3;

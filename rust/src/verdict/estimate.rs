@@ -110,7 +110,8 @@ impl Problem {
     /// `None` where no pose shows every region in its chart.
     pub fn estimate_with(&self, options: &Options) -> Option<Estimate> {
         let search = self.search(options);
-        let minima = search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
+        let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
+        let (minima, _) = effort::bounded(MOST_WORK, solved);
         search.judged(minima)
     }
 }
