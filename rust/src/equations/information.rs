@@ -60,7 +60,8 @@ pub fn free() -> Matrix6<f64> {
 }
 
 fn scaled(matrix: &Matrix6<f64>, by: &Vector6<f64>) -> Matrix6<f64> {
-    Matrix6::from_fn(|row, column| matrix[(row, column)] * by[row] * by[column])
+    // In this order a symmetric matrix stays one to the last digit.
+    Matrix6::from_fn(|row, column| matrix[(row, column)] * (by[row] * by[column]))
 }
 
 #[cfg(test)]
