@@ -55,6 +55,7 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/real_scenes.py
 	$(BIN)/python -m benchmarks.witness
 	$(BIN)/python -m benchmarks.chessboards
+	$(BIN)/python -m benchmarks.refinement
 	cargo bench --quiet
 
 $(STAMP): $(SOURCES)

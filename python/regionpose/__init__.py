@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         estimate_pose,
         estimate_poses,
     )
-    from regionpose.witness import Alignment, check_alignment
+    from regionpose.witness import Alignment, SceneFrame, SceneRefinement, check_alignment, refine_with_scene
     from regionpose.world_region import WorldRegion
 
 __all__ = [
@@ -64,6 +64,8 @@ __all__ = [
     "Prior",
     "RegionMatches",
     "RigEstimate",
+    "SceneFrame",
+    "SceneRefinement",
     "UnifiedCamera",
     "WorldRegion",
     "__version__",
@@ -87,6 +89,7 @@ __all__ = [
     "overlay_depth",
     "overlay_regions",
     "planar_moments",
+    "refine_with_scene",
     "region_from_file",
     "regions_from_file",
     "spherical_moments",
@@ -126,7 +129,7 @@ _MODULES = {
         "estimate_pose",
         "estimate_poses",
     ),
-    "witness": ("Alignment", "check_alignment"),
+    "witness": ("Alignment", "SceneFrame", "SceneRefinement", "check_alignment", "refine_with_scene"),
     "world_region": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

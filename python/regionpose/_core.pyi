@@ -20,6 +20,7 @@ __all__ = [
     "contour_pieces",
     "depth_steps",
     "edge_agreement",
+    "edge_evidence",
     "estimate_batch",
     "even_mesh",
     "mask_contours",
@@ -72,8 +73,10 @@ def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.i
 
 def depth_steps(
     points: ArrayLike, cell: float, gap: float, share: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond;
+    distances (m,) of the former.
+    """
 
 def edge_agreement(
     strength: NDArray[np.float32],
@@ -85,6 +88,15 @@ def edge_agreement(
     """Mean strength (t,) of a photo's edges under depth steps, for the camera turned by each of some rotation
     vectors.
     """
+
+def edge_evidence(
+    values: NDArray[np.float32],
+    pixels: ArrayLike,
+    moved: ArrayLike,
+    directions: NDArray[np.int64],
+    increments: ArrayLike,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, 6)."""
 
 def triangulate(
     rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None
@@ -351,8 +363,8 @@ class Problem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
-    def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> NDArray[np.float64]:
-        """Overlap errors (k,) of the regions at a pose."""
+    def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[float, NDArray[np.float64]]:
+        """Overlap error of all regions together at a pose, and of each (k,)."""
 
     def estimate(
         self,

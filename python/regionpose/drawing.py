@@ -202,6 +202,12 @@ def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: boo
     return Path(path)
 
 
+def projected_lines(camera: Camera, pose: Pose, region: WorldRegion) -> list[Array]:
+    """The parts of a region's outline that the camera sees at a pose, as open lines (m, 2) of pixels."""
+    rings = [_projected_ring(ring, camera, pose) for ring in region.rings]
+    return [piece for ring in rings for piece in _visible_pieces(ring)]
+
+
 def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
     """Pixels (m, 2) of a closed ring (n, 3), its edges split into short arcs, the first point repeated; NaN where not
     seen.

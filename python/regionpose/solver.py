@@ -156,7 +156,7 @@ def estimate_pose(
     boundary's vertices. `refine="contour"` leads the pose onto the observed contours where a part of them is disturbed
     (docs/math.md, section 11) or hidden (section 14). `driver` runs the final least squares of the moments.
 
-    A weak, ambiguous or badly fitting geometry is said in `warnings`. ValueError for bad input; PoseError (a
+    Weak, ambiguous or poorly fitting geometry is reported in `warnings`. ValueError for bad input; PoseError (a
     ValueError) where no pose shows every region.
     """
     if driver not in ("scipy", "native"):

@@ -1,6 +1,6 @@
 //! A few numbers of as many edges, worked on together so that the compiler uses vector instructions.
 
-use std::ops::{Add, AddAssign, Mul, Sub};
+use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
 use pulp::Arch;
 pub(crate) use pulp::NullaryFnOnce;
@@ -102,6 +102,7 @@ macro_rules! lane_wise {
 lane_wise!(Add, add, +=);
 lane_wise!(Sub, sub, -=);
 lane_wise!(Mul, mul, *=);
+lane_wise!(Div, div, /=);
 
 impl AddAssign for Lanes {
     #[inline(always)]

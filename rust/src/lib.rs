@@ -2,7 +2,7 @@
 //!
 //! A region is seen in the image as closed rings of bearings and known in the world as a planar patch or an
 //! open surface. [`Problem`] pairs both sides; [`Problem::estimate`] finds the pose from nothing else, with its covariance,
-//! the other poses that fit as well, and what to be warned of. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
+//! the other poses that fit as well, and warnings. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
 //! the formulas are derived in the document on its mathematics.
 //!
 //! Cameras end at bearings: any central camera, up to regions 87 degrees off their own axis, is served by the same code.

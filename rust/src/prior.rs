@@ -67,14 +67,21 @@ pub struct Prior {
 
 /// A Gaussian factor of the left increment `x` of a pose, not normalized: `offset + vector . x - x . information x / 2` is its
 /// logarithm.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Gaussian {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian<const D: usize = 6> {
     /// Inverse covariance, zero along what it leaves free.
-    pub information: Matrix6<f64>,
+    pub information: SMatrix<f64, D, D>,
     /// Information times mean.
-    pub vector: Vector6<f64>,
+    pub vector: SVector<f64, D>,
     /// Logarithm of its value at the pose itself.
     pub offset: f64,
+}
+
+impl<const D: usize> Default for Gaussian<D> {
+    /// The factor that says nothing.
+    fn default() -> Self {
+        Self { information: SMatrix::zeros(), vector: SVector::zeros(), offset: 0.0 }
+    }
 }
 
 /// How far a pose is from the initial one.

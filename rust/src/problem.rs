@@ -11,16 +11,13 @@ use crate::equations::residual::{Evaluation, RegionEquations, evaluate};
 use crate::equations::system::{System, Weighting};
 use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
-use crate::geometry::pose::{Pose, Tangent, increment_derivative};
+use crate::geometry::pose::{PARAMETERS, Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::readings::SampledRegion;
 
 /// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
 /// the quality of calibrations.
 const NOISE_FLOOR: f64 = 0.1;
-
-/// Parameters of a pose.
-const PARAMETERS: usize = 6;
 
 /// Regions seen in one image and known in the world, ready to be solved.
 ///
@@ -108,7 +105,8 @@ impl Problem {
 
     /// The same with the world sides by fewer vertices, for first looks.
     pub(crate) fn coarse(&self) -> &[RegionEquations] {
-        self.coarse.get_or_init(|| self.regions.iter().map(RegionEquations::coarse).collect())
+        let pairs = || self.regions.iter().zip(self.worlds.iter());
+        self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
     }
 
     /// The world side of each region.

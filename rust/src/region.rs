@@ -1,15 +1,16 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
+pub(crate) mod derived;
 pub mod samples;
 
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
-use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::PlaneRings;
+use derived::Derived;
 use samples::Samples;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
@@ -161,8 +162,8 @@ pub struct WorldRegion {
     outline: PlaneRings,
     surface: Option<Surface>,
     viewpoint: Option<Vector3<f64>>,
-    /// The edges of the outline, for all problems and copies that the region is in.
-    field: Arc<OnceLock<EdgeField>>,
+    /// Shared by all copies.
+    derived: Arc<Derived>,
     samples: Option<Samples>,
 }
 
@@ -203,7 +204,7 @@ impl WorldRegion {
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None, viewpoint: None, samples: None, field: Arc::default() }
+        Self { frame, outline, surface: None, viewpoint: None, samples: None, derived: Arc::default() }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -298,12 +299,6 @@ impl WorldRegion {
     /// The outline in plane coordinates; of a surface, its projection along the mean normal.
     pub fn outline(&self) -> &PlaneRings {
         &self.outline
-    }
-
-    /// The edges of the outline in plane coordinates, found again by all copies of the region.
-    pub(crate) fn edge_field(&self) -> Arc<OnceLock<EdgeField>> {
-        self.field.get_or_init(|| EdgeField::new(self.outline.rings()));
-        self.field.clone()
     }
 
     /// The surface, for a region that is not planar.

@@ -34,15 +34,16 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
-    ("reading",),
+    ("outputs", "reading"),
     ("cameras", "clouds", "pose"),
     ("calibration", "fusion", "pens", "plane_fit", "prior", "ring_arrays"),
     ("mask", "outline", "pixel_edges"),
     ("hidden_edges", "scan_samples"),
     ("image_region", "world_region"),
-    ("contours", "sample_fit", "segmentation", "solver", "witness"),
+    ("contours", "exporting", "sample_fit", "segmentation", "solver", "witness"),
     ("drawing", "evaluation", "intrinsics", "matching", "report", "sanity", "splat"),
     ("rig", "scene"),
+    ("pick",),
     ("__init__",),
     ("demo",),
     ("cli",),

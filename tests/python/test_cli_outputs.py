@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from commands import run
 from regionpose.cli import main
-from regionpose.cli.outputs import text_writer, write_files
+from regionpose.outputs import text_writer, write_files
 from scene_files import scene_values, write_scene
 
 

@@ -253,3 +253,9 @@ def test_seed_that_is_no_pixel(seed: object) -> None:
 def test_options_below_zero(option: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"{option} is .*; needed a finite number of at least 0"):
         grow_image_region(IMAGE, (5, 5), **{option: value})  # type: ignore[call-overload]
+
+
+def test_a_region_of_single_pixels_says_what_is_needed() -> None:
+    noise = np.random.default_rng(3).integers(0, 256, (60, 60, 3), dtype=np.uint8)
+    with pytest.raises(ValueError, match="needed a larger tolerance"):
+        grow_image_region(noise, (30, 30), tolerance=0.5, smoothing=0)

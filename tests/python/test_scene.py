@@ -126,7 +126,8 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 
 def test_the_schema_knows_every_key_and_refuses_others() -> None:
     schema = scene_schema()
-    assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", "regions", "prior", "solver"}
+    lists = {"regions", "image_regions", "world_regions"}
+    assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", *lists, "prior", "solver"}
     assert schema["additionalProperties"] is False
     assert schema["required"] == ["camera", "image", "regions"]
     mappings = [item for item in schema["$defs"].values() if item["type"] == "object"]
@@ -322,21 +323,22 @@ def test_overlap_errors_at_the_estimate_are_the_estimates(tmp_path: Path) -> Non
     values = scene_values()
     values["regions"][0]["image"]["polygon"][0][0] += 3.0
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
-    errors = overlap_errors(run.sides, run.local_pose)
+    whole, errors = overlap_errors(run.sides, run.local_pose)
     np.testing.assert_allclose(errors, run.estimate.region_overlap_errors, rtol=1e-9)
+    assert whole == pytest.approx(run.estimate.overlap_error, rel=1e-9)
     assert (errors > 1e-4).any()
 
 
 def test_overlap_errors_at_another_pose_are_the_area_that_differs(tmp_path: Path) -> None:
     sides = scene_sides(load_scene(write_scene(tmp_path)))
     pose = turned(0.6, 0.05)
-    errors = overlap_errors(sides, pose)
+    _, errors = overlap_errors(sides, pose)
     for error, observed, plate in zip(errors, sides.image_regions, PLATES.values(), strict=True):
         truth = shapely.Polygon(observed.rings[0])
         other = shapely.Polygon(CAMERA.project(pose.transform(plate)))
         # The solver's areas are solid angles; within a small region they are in proportion to the pixels'.
         assert error == pytest.approx(truth.symmetric_difference(other).area / truth.area, rel=0.05)
-    assert np.isnan(overlap_errors(sides, rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))).all()
+    assert np.isnan(overlap_errors(sides, rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))[1]).all()
 
 
 def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) -> None:
@@ -347,7 +349,7 @@ def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) 
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     made = bundle(run, Stages())
     assert set(made.writers) == set(file_names(run.sides.scene)) >= {"overlay.png", "overlay_before.png"}
-    for region, error in zip(made.result["regions"], overlap_errors(run.sides, start), strict=True):
+    for region, error in zip(made.result["regions"], overlap_errors(run.sides, start)[1], strict=True):
         assert region["overlap_error_before"] == pytest.approx(error, rel=1e-6)
         assert region["overlap_error_before"] > 0.05 > region["overlap_error"]
     for name in ("overlay.png", "overlay_before.png", "report.html"):

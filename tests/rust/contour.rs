@@ -6,7 +6,7 @@ use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
 use regionpose::contour::fit::{ContourFit, refined};
 use regionpose::contour::readings::Reading;
-use regionpose::equations::residual::NormalEquations;
+use regionpose::equations::normal_equations::NormalEquations;
 use regionpose::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, Problem, Refinement, Warning};
 use support::contours::{all_bitten, distances, one_turned, readings, rows};

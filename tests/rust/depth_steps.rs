@@ -2,7 +2,7 @@
 
 mod support;
 
-use nalgebra::{Matrix2x3, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix2x6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::steps::depth_steps;
@@ -73,6 +73,7 @@ fn a_card_before_a_wall_ends_in_steps_all_around() {
     for step in &steps {
         let (near, far) = (flat(&step.near).amax(), flat(&step.far).amax());
         assert!(near < HALF && near > HALF - 2.0 * SPACING && far > HALF && far < HALF + GAP, "{near} {far}");
+        assert!((step.near.z * step.distance - 2.0).abs() < 1e-9, "{}", step.distance);
     }
     for side in [Vector2::x(), -Vector2::x(), Vector2::y(), -Vector2::y()] {
         assert!(steps.iter().filter(|step| flat(&step.near).dot(&side) > HALF - SPACING).count() >= 19, "{side}");
@@ -110,6 +111,47 @@ fn means_are_those_of_the_pixels_that_turns_lead_to() {
     assert_eq!(strength.means(&[], &turns), [0.0; 4]);
     assert_eq!(strength.means(&[step(1.0, 1.0, 7)], &turns), [0.0; 4]);
     assert_eq!(strength.means(&[step(f64::NAN, 1e300, 0)], &turns[..1]), [15.0]);
+}
+
+/// Steps that increments move across pictures with waves, some of them to outside.
+fn waves() -> (Vec<f32>, Vec<SeenStep<6>>) {
+    let wave = |k: usize| ((k % 40) as f64 * 0.37).sin() + ((k / 40) as f64 * 0.23).cos();
+    let mut random = Random::new(5);
+    let steps = (0..200).map(|number| SeenStep {
+        pixel: Vector2::new(random.uniform(-2.0, 42.0), random.uniform(-2.0, 32.0)),
+        moved: Matrix2x6::from_fn(|_, _| random.uniform(-3.0, 3.0)),
+        direction: number % 3,
+    });
+    let steps = steps.collect();
+    ((0..2 * 30 * 40).map(|k| wave(k) as f32).collect(), steps)
+}
+
+#[test]
+fn derivatives_of_sums_are_those_of_differences() {
+    let (values, steps) = waves();
+    let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
+    let at = Vector6::from_fn(|k, _| 0.11 * k as f64 - 0.2);
+    let (_, slope) = pictures.sum(&steps, &at);
+    // Between pixels the value is linear in each coordinate: steps that small cross a pixel's border but rarely.
+    let h = 1e-7;
+    for axis in 0..6 {
+        let ends = [h, -h].map(|h| pictures.sum(&steps, &(at + Vector6::ith(axis, h))).0);
+        let difference = (ends[0] - ends[1]) / (2.0 * h);
+        assert!((difference - slope[axis]).abs() < 1e-5 * slope.amax(), "{axis}: {difference} {}", slope[axis]);
+    }
+}
+
+#[test]
+fn sums_are_those_of_the_pixels_and_of_nothing_outside() {
+    let values: Vec<f32> = (0..2 * 4 * 5).map(|k| k as f32).collect();
+    let pictures = EdgeStrength::new(&values, 4, 5).expect("two pictures");
+    let moved = Matrix2x6::from_fn(|row, column| if row == column { 1.0 } else { 0.0 });
+    let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
+    let sum = |steps: &[SeenStep<6>], x: f64| pictures.sum(steps, &Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)).0;
+    assert_eq!(sum(&[step(1.0, 1.0, 0), step(1.0, 1.0, 1)], 0.0), 6.0 + 26.0);
+    assert_eq!(sum(&[step(1.0, 1.5, 0)], 0.25), 6.25 + 2.5);
+    let outside = [step(-0.1, 1.0, 0), step(4.0, 1.0, 0), step(1.0, 3.0, 1), step(1.0, 1.0, 2), step(f64::NAN, 0.0, 0)];
+    assert_eq!(pictures.sum(&outside, &Vector6::zeros()), (0.0, Vector6::zeros()));
 }
 
 #[test]

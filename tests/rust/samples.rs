@@ -1,5 +1,5 @@
-//! Poses from samples inside and outside of regions: signed distances and their derivatives, expectation propagation against
-//! quadrature and sampling, and what samples change of an estimate.
+//! Poses from samples inside and outside of regions: signed distances and their derivatives, expectation propagation
+//! against quadrature and sampling, and what samples change of an estimate.
 
 mod support;
 
@@ -10,10 +10,10 @@ use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
 use regionpose::samples::normal::{cumulative, density};
-use regionpose::samples::propagation::{Site, Trust, propagated};
-use regionpose::samples::readings::Reading;
+use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
+use regionpose::samples::readings::{Reading, Sight};
 use regionpose::samples::signed_field::SignedField;
-use regionpose::samples::stretch::{Kind, Stretch};
+use regionpose::samples::stretch::{Kind, Outline, Stretch};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::jacobian::differences;
 use support::random::Random;
@@ -28,8 +28,8 @@ fn layout(regions: usize) -> Layout {
     Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() }
 }
 
-/// The world regions with samples in rows and columns `gap` units apart over the extent of each, as a scan knows them; with an
-/// outline that is `shrunk`.
+/// The world regions with samples in rows and columns `gap` units apart over the extent of each, as a scan knows them;
+/// with an outline that is `shrunk`.
 fn sampled(random: &mut Random, worlds: &[WorldRegion], gap: f64, shrunk: f64) -> Vec<WorldRegion> {
     worlds.iter().map(|world| sampled_region(random, world, gap, shrunk)).collect()
 }
@@ -84,14 +84,14 @@ fn a_hole_is_outside() {
     assert!((field.nearest(&Vector2::new(0.8, 0.0)).distance - 0.3).abs() < 1e-12);
 }
 
-/// A square has four sides, whatever steps a mask makes of them; a circle has a stretch for each twentieth of its size or more;
-/// what steps out of a side is none of it.
+/// A square has four sides, whatever steps a mask makes of them; a circle has a stretch for each twentieth of its size
+/// or more; what steps out of a side is none of it.
 #[test]
 fn stretches_are_sides_or_parts_of_the_size() {
     let numbers = |ring: &[Vector2<f64>]| {
         let field = SignedField::new(&[ring.to_vec()], &[], 100.0);
         let middles = (0..ring.len()).map(|k| ring[k].lerp(&ring[(k + 1) % ring.len()], 0.5));
-        middles.map(|middle| field.stretch(&middle)).collect::<Vec<_>>()
+        middles.map(|middle| field.nearest(&middle).stretch).collect::<Vec<_>>()
     };
     assert_eq!(numbers(&rectangle(2.0, 1.0)), [1, 2, 3, 4]);
     let steps = [[0.0, 0.0], [0.7, 0.0], [0.71, 0.01], [1.4, 0.01], [1.41, 0.02], [2.0, 0.02], [2.0, 1.0], [0.0, 1.0]];
@@ -131,7 +131,7 @@ fn at_the_true_pose_every_sample_is_on_its_side() {
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
     let pose = problem.centred(&scene.pose);
     for region in problem.sampled() {
-        let right = |reading: &Reading| matches!(reading, Reading::Seen(margin, _) if *margin > -1e-6);
+        let right = |reading: &Reading| matches!(reading, Reading::Seen(sight) if sight.margin > -1e-6);
         assert!((0..region.count()).all(|number| right(&region.read(&pose, number))));
     }
 }
@@ -146,12 +146,12 @@ fn margins_have_exact_derivatives() {
         let numbers: Vec<usize> = (0..region.count()).collect();
         let read = |at: &Tangent| numbers.iter().map(|&n| region.read(&pose.moved(at), n)).collect::<Vec<_>>();
         let margins = |at: &Tangent| {
-            let margin = |reading: &Reading| if let Reading::Seen(margin, _) = reading { *margin } else { f64::NAN };
+            let margin = |reading: &Reading| if let Reading::Seen(sight) = reading { sight.margin } else { f64::NAN };
             DVector::from_iterator(numbers.len(), read(at).iter().map(margin))
         };
         let expected = differences(&margins, &Tangent::zeros(), 4.0);
         let found = OMatrix::<f64, Dyn, U6>::from_fn(numbers.len(), |row, column| match region.read(&pose, row) {
-            Reading::Seen(_, slope) => slope[column],
+            Reading::Seen(sight) => sight.slope[column],
             _ => f64::NAN,
         });
         // Where the nearest edge changes within the differences' step they mean nothing.
@@ -161,10 +161,19 @@ fn margins_have_exact_derivatives() {
     }
 }
 
-/// The belief and the evidence with a normal prior of this deviation in all directions.
-fn left_possible(deviation: f64, sites: &mut [Site], stretches: &mut [Stretch]) -> (Belief, f64) {
-    let prior = Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(deviation));
-    let found = propagated(&prior, &Gaussian::default(), sites, stretches).unwrap();
+/// A sample whose margin grows by `outwards` for each pixel that its contour or its stretch is off.
+fn site(slope: Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Site {
+    Site::new(&Sight { margin, slope, outwards, edge: Edge::Own, stretch: 0 }, trust)
+}
+
+/// A normal prior of this deviation in all directions.
+fn prior(deviation: f64) -> Gaussian {
+    Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(deviation))
+}
+
+/// The belief and the evidence of samples by themselves with such a prior.
+fn left_possible(deviation: f64, sites: &mut [Site]) -> (Belief, f64) {
+    let found = propagated_apart(&prior(deviation), &Gaussian::default(), sites).unwrap();
     (found.belief, found.log_evidence)
 }
 
@@ -175,8 +184,8 @@ fn moments_of_a_line_are_those_of_quadrature() {
     // Two walls, each met by one label from either side, and one label that is likely wrong.
     let margins = [(1.0, 2.0), (-1.0, 1.5), (2.0, 4.0), (-0.5, 3.0)];
     let mut sites: Vec<Site> =
-        margins.iter().map(|(scale, margin)| Site::new(&(slope * *scale), 0.0, *margin, CLEAN)).collect();
-    let (belief, log_evidence) = left_possible(3.0, &mut sites, &mut [Stretch::apart(4)]);
+        margins.iter().map(|(scale, margin)| site(slope * *scale, 0.0, *margin, CLEAN)).collect();
+    let (belief, log_evidence) = left_possible(3.0, &mut sites);
     let probability = |x: f64| margins.iter().map(|(scale, margin)| label(scale * x + margin)).product::<f64>();
     let weight = |x: f64| probability(x) * density(x / 3.0) / 3.0;
     let [all, first, second] = [0, 1, 2].map(|power| quadrature(|x| weight(x) * x.powi(power)));
@@ -208,13 +217,13 @@ fn quadrature(value: impl Fn(f64) -> f64) -> f64 {
 #[test]
 fn one_label_is_exact() {
     let slope = Vector6::new(0.3, -1.0, 0.5, 2.0, 0.1, -0.7);
-    let mut sites = [Site::new(&slope, 0.0, -1.2, CLEAN)];
-    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut [Stretch::apart(1)]);
+    let mut sites = [site(slope, 0.0, -1.2, CLEAN)];
+    let (belief, log_evidence) = left_possible(1.0, &mut sites);
     let spread = slope.norm();
     let weight = |g: f64| label(g) * density((g + 1.2) / spread) / spread;
     let [all, first, second] = [0, 1, 2].map(|power| quadrature(|g| weight(g) * g.powi(power)));
     assert!((log_evidence - all.ln()).abs() < 1e-6, "{log_evidence} against {}", all.ln());
-    let (mean, variance) = sites[0].margin_under(&belief.beside_clean());
+    let (mean, variance) = sites[0].margin_under(&belief);
     assert!((mean - first / all).abs() < 1e-6 && (variance - second / all + (first / all).powi(2)).abs() < 1e-6);
 }
 
@@ -230,8 +239,8 @@ fn moments_are_those_of_sampling() {
         (slope * side, -threshold * side)
     };
     let labels: Vec<_> = (0..12).map(|_| draw(&mut random)).collect();
-    let mut sites: Vec<Site> = labels.iter().map(|(slope, margin)| Site::new(slope, 0.0, *margin, CLEAN)).collect();
-    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut [Stretch::apart(12)]);
+    let mut sites: Vec<Site> = labels.iter().map(|(slope, margin)| site(*slope, 0.0, *margin, CLEAN)).collect();
+    let (belief, log_evidence) = left_possible(1.0, &mut sites);
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
     for _ in 0..400_000 {
         let x = Vector6::from_fn(|_, _| random.normal());
@@ -251,58 +260,92 @@ fn moments_are_those_of_sampling() {
     assert!((log_evidence - (all / 400_000.0_f64).ln()).abs() < 0.05);
 }
 
-/// Five stretches with six labels each, one of them off by four blurs, against draws of the prior, of which each stretch's offset
-/// is integrated by itself.
+/// Beyond an edge that hides the region a label is a coin's, before it as right as beside any other.
 #[test]
-fn stretches_that_are_off_are_those_of_sampling() {
+fn beyond_a_hiding_edge_nothing_is_known() {
+    let trust = Trust { mislabelled: 0.02, ..CLEAN };
+    let at = |edge: Edge, margin: f64| trust.label(edge, margin, 0.0).log_probability.exp();
+    assert!((at(Edge::Own, 1e3) - 0.98).abs() < 1e-9 && (at(Edge::Own, -1e3) - 0.02).abs() < 1e-9);
+    assert!((at(Edge::HidesInside, 1e3) - 0.98).abs() < 1e-9 && (at(Edge::HidesInside, -1e3) - 0.5).abs() < 1e-9);
+    assert!((at(Edge::HidesOutside, 1e3) - 0.5).abs() < 1e-9 && (at(Edge::HidesOutside, -1e3) - 0.02).abs() < 1e-9);
+}
+
+/// Spacing of the offsets that are integrated over, and their number to either side.
+const SPACING: f64 = 0.2;
+const OFFSETS: i32 = 100;
+
+/// Offsets with the shares that a density gives them.
+fn grid(density: impl Fn(f64) -> f64) -> Vec<(i32, f64)> {
+    (-OFFSETS..=OFFSETS).map(|k| (k, SPACING * density(SPACING * f64::from(k)))).collect()
+}
+
+/// Six labels beside each of five stretches, of two contours, which are off by so many pixels; against draws of the
+/// prior, of which what the contours are off is integrated by itself.
+fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     let mut random = Random::new(9);
     let kinds = [Kind { share: 0.8, off: 0.5 }, Kind { share: 0.2, off: 6.0 }];
     let trust = Trust { disturbed: 0.0, ..CLEAN };
     let mut labels = Vec::new();
     for stretch in 0..5 {
         let slope = Vector6::from_fn(|_, _| random.normal());
-        let off = if stretch == 2 { 4.0 } else { 0.0 };
         for _ in 0..6 {
             let place = 3.0 * random.normal();
-            let side = if off > place { 1.0 } else { -1.0 };
+            let side = if off[stretch] + grown[stretch / 3] > place { 1.0 } else { -1.0 };
             labels.push((slope * side, side, -place * side));
         }
     }
-    let mut sites: Vec<Site> =
-        labels.iter().map(|(slope, side, margin)| Site::new(slope, *side, *margin, trust)).collect();
-    let mut stretches: Vec<_> =
-        (0..5).map(|k| Stretch::new((0, k), (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect();
-    let (belief, log_evidence) = left_possible(1.0, &mut sites, &mut stretches);
-    let probability = |margin: f64| trust.label(margin, 0.0).log_probability.exp();
-    let offsets: Vec<(f64, f64)> =
-        (-100..=100).map(|k| 0.2 * f64::from(k)).map(|d| (d, 0.2 * spread(&kinds, d))).collect();
+    let mut sites: Vec<Site> = labels.iter().map(|(slope, side, margin)| site(*slope, *side, *margin, trust)).collect();
+    let stretches = |numbers: std::ops::Range<usize>| {
+        numbers.map(|k| Stretch::new(k, (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect()
+    };
+    let mut outlines = [0..3, 3..5].map(|numbers| Outline { region: 0, growth, stretches: stretches(numbers) });
+    let found = propagated(&prior(1.0), &Gaussian::default(), &mut sites, &mut outlines).unwrap();
+    let offsets = grid(|d| spread(&kinds, d));
+    // A growth that is narrower than the spacing is none.
+    let growths = if growth < SPACING { vec![(0, 1.0)] } else { grid(|d| density(d / growth) / growth) };
+    let growths: Vec<_> = growths.into_iter().filter(|(_, weight)| *weight > 1e-6).collect();
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
     for _ in 0..5_000 {
         let x = Vector6::from_fn(|_, _| random.normal());
-        let beside = |labels: &[(Vector6<f64>, f64, f64)]| -> f64 {
-            let at = |d: f64| -> f64 {
-                labels.iter().map(|(slope, side, margin)| probability(slope.dot(&x) + side * d + margin)).product()
+        let beside = |labels: &[(Vector6<f64>, f64, f64)]| -> Vec<f64> {
+            let label = |d: f64, (slope, side, margin): &(Vector6<f64>, f64, f64)| {
+                trust.label(Edge::Own, slope.dot(&x) + side * d + margin, 0.0).log_probability
             };
-            offsets.iter().map(|(d, weight)| weight * at(*d)).sum()
+            let at = |d: f64| labels.iter().map(|each| label(d, each)).sum::<f64>().exp();
+            (-2 * OFFSETS..=2 * OFFSETS).map(|k| at(SPACING * f64::from(k))).collect()
         };
-        let weight: f64 = labels.chunks(6).map(beside).product();
+        let stretches: Vec<Vec<f64>> = labels.chunks(6).map(beside).collect();
+        let stretch = |grown: i32, at: &Vec<f64>| -> f64 {
+            offsets.iter().map(|(k, weight)| weight * at[(k + grown + 2 * OFFSETS) as usize]).sum()
+        };
+        let contour = |stretches: &[Vec<f64>]| -> f64 {
+            let all = |grown: i32| stretches.iter().map(|at| stretch(grown, at)).product::<f64>();
+            growths.iter().map(|(grown, weight)| weight * all(*grown)).sum()
+        };
+        let weight = contour(&stretches[..3]) * contour(&stretches[3..]);
         all += weight;
         first += x * weight;
         second += x * x.transpose() * weight;
     }
-    let mean = first / all;
+    let (mean, exact) = (first / all, (all / 5_000.0_f64).ln());
     let covariance = second / all - mean * mean.transpose();
-    assert!((belief.mean - mean).norm() < 0.15, "{} against {mean}", belief.mean);
-    assert!(
-        (belief.covariance - covariance).norm() < 0.2 * covariance.norm(),
-        "{} against {covariance}",
-        belief.covariance
-    );
-    assert!(
-        (log_evidence - (all / 5_000.0_f64).ln()).abs() < 0.3,
-        "{log_evidence} against {}",
-        (all / 5_000.0_f64).ln()
-    );
+    let Belief { mean: found_mean, covariance: found_covariance } = found.belief;
+    assert!((found_mean - mean).norm() < 0.15, "{found_mean} against {mean}");
+    let spread = (found_covariance - covariance).norm() / covariance.norm();
+    assert!(spread < 0.2, "{found_covariance} against {covariance}");
+    assert!((found.log_evidence - exact).abs() < 0.3, "{} against {exact}", found.log_evidence);
+}
+
+/// One of the stretches is off by four blurs.
+#[test]
+fn stretches_that_are_off_are_those_of_sampling() {
+    agree_with_sampling(1e-3, [0.0; 2], [0.0, 0.0, 4.0, 0.0, 0.0]);
+}
+
+/// A contour that is grown by two blurs, and one that is not.
+#[test]
+fn contours_that_are_grown_are_those_of_sampling() {
+    agree_with_sampling(1.0, [2.0, 0.0], [0.0; 5]);
 }
 
 /// The density of an offset by its definition.
@@ -327,8 +370,8 @@ fn samples_make_up_for_a_wrong_outline() {
     }
 }
 
-/// Three regions with four times as many samples: what stays possible falls with their number, not with its root.
-/// What a drawn outline without holes encloses is not compared, so that windows, which a scan looks through, change nothing.
+/// Three regions with four times as many samples: what stays possible falls with their number, not with its root. What
+/// a drawn outline without holes encloses is not compared, so that windows, which a scan looks through, change nothing.
 #[test]
 fn windows_count_where_the_image_has_a_hole() {
     let mut random = Random::new(9);

@@ -9,7 +9,7 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import claimed
+from regionpose.outputs import claimed
 
 if TYPE_CHECKING:
     from regionpose.scene import SceneEstimate

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.options import Force, Quiet
-from regionpose.cli.outputs import Writer, refuse_existing, text_writer, write_files
+from regionpose.outputs import Writer, refuse_existing, text_writer, write_files
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -9,7 +9,7 @@ import typer
 
 from regionpose.cli.console import Progress, say_json
 from regionpose.cli.options import AsJson, CameraModel, CameraNames, CameraPaths, Force, PosePaths, Quiet
-from regionpose.cli.outputs import refuse_existing, write_file
+from regionpose.outputs import refuse_existing, write_file
 
 
 def fuse(

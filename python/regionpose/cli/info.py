@@ -79,10 +79,10 @@ def _text_facts(path: Path, camera_name: str | None, camera_model: str | None) -
             held = read_document(path).value
         except SceneError:
             held = None  # Calibrations of OpenCV are not quite YAML.
-    if isinstance(held, dict) and "regions" in held and "image" in held:
-        return _scene_facts(path)
     if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
         return _result_facts(path)
+    if isinstance(held, dict) and "regions" in held and "image" in held:
+        return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path))

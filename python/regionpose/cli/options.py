@@ -27,6 +27,12 @@ CameraModel = Annotated[
         show_default=False,
     ),
 ]
+SegmenterName = Annotated[
+    str | None,
+    typer.Option(
+        "--segmenter", metavar="MODULE:CALLABLE", help="What proposes masks instead of growing.", show_default=False
+    ),
+]
 PosePath = Annotated[Path, typer.Option("--pose", help=POSE_HELP, show_default=False)]
 CameraPaths = Annotated[
     list[Path],

@@ -9,7 +9,7 @@ import typer
 
 from regionpose.cli.console import Progress, say_json
 from regionpose.cli.options import AsJson, CameraModel, CameraName, CameraPath, Force, PosePath, Quiet
-from regionpose.cli.outputs import refuse_existing, write_file
+from regionpose.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
     from regionpose.clouds import Cloud

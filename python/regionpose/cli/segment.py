@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,14 +13,17 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
-from regionpose.cli.options import AsJson, Force, Quiet
-from regionpose.cli.outputs import claimed, refuse_existing, text_writer, write_file
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName
+from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneSides
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
 SCENE_FILE = "scene.yaml"
+
+Grower = Callable[[Any, tuple[float, ...]], Any]
+"""Makes a mask (h, w) of an image and a pixel."""
 
 MASK_LEVEL = 0.5
 """Share of a pixel from which it is in the mask that is written."""
@@ -40,6 +44,7 @@ def segment(
     tolerance: Annotated[
         float | None, typer.Option("--tolerance", help="In an image: how far the colour may stray.")
     ] = None,
+    segmenter: SegmenterName = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -60,7 +65,8 @@ def segment(
     if suffix in SCENE_SUFFIXES:
         facts = _segment_scene(source, seed, out or Path(f"{source.stem}-regions"), force, quiet)
     elif suffix in IMAGE_SUFFIXES:
-        facts = _segment_image(source, _numbers(seed, 2, "x,y"), out or Path("mask.png"), tolerance, force, quiet)
+        grow = _grower(tolerance, segmenter)
+        facts = _segment_image(source, _numbers(seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet)
     else:
         facts = _segment_cloud(source, _numbers(seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet)
     if as_json:
@@ -85,8 +91,27 @@ def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
     return numbers
 
 
+def _grower(tolerance: float | None, segmenter: str | None) -> Grower:
+    """What makes a mask (h, w) of an image and a pixel: growing, or the best one of a segmenter."""
+    if segmenter is None:
+        from regionpose.segmentation.image import grow_image_region
+
+        return lambda image, seed: grow_image_region(image, seed, tolerance=tolerance)
+    if tolerance is not None:
+        raise ValueError("--tolerance: found it beside --segmenter; needed one of them")
+    from regionpose.segmentation.segmenters import load_segmenter, segmented
+
+    asked = load_segmenter(segmenter)
+    return lambda image, seed: segmented(asked, image, [seed], [1])[0] >= MASK_LEVEL
+
+
 def _segment_image(
-    path: Path, seed: tuple[float, ...], out: Path, tolerance: float | None, force: bool, quiet: bool
+    path: Path,
+    seed: tuple[float, ...],
+    out: Path,
+    grow: Grower,
+    force: bool,
+    quiet: bool,
 ) -> dict[str, Any]:
     _check_ending(out, {".png"})
     refuse_existing([out], force)
@@ -94,11 +119,10 @@ def _segment_image(
     from PIL import Image
 
     from regionpose.scene.sensors import read_picture
-    from regionpose.segmentation.image import grow_image_region
 
     with Progress(quiet) as progress:
         progress.begin("image region")
-        mask = grow_image_region(read_picture(path), (seed[0], seed[1]), tolerance=tolerance)
+        mask = grow(read_picture(path), seed)
     picture = Image.fromarray(np.where(mask, 255, 0).astype(np.uint8))
     write_file(out, lambda place: picture.save(place, format="PNG"), force=force)
     return {"written": str(out), "pixels": int(np.count_nonzero(mask))}

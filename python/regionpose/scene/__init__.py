@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from regionpose.scene.document import SceneError
-from regionpose.scene.estimate import SceneEstimate, SceneSides, Stages, estimate_scene, scene_sides
+from regionpose.scene.estimate import SceneEstimate, SceneSides, Stages, estimate_scene, estimate_sides, scene_sides
 from regionpose.scene.loading import Scene, load_scene, scene_schema
 from regionpose.scene.result import scene_result
 
@@ -14,6 +14,7 @@ __all__ = [
     "SceneSides",
     "Stages",
     "estimate_scene",
+    "estimate_sides",
     "load_scene",
     "scene_result",
     "scene_schema",

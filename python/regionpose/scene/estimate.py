@@ -31,9 +31,16 @@ from regionpose.scene.sensors import (
     sensor_origin,
 )
 from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
-from regionpose.scene.witness import SceneWitness, Witnessed, witnessed
+from regionpose.scene.witness import SceneWitness, witnessed
 from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
-from regionpose.witness import Alignment, Photo, check_alignment
+from regionpose.witness import (
+    Alignment,
+    Photo,
+    SceneFrame,
+    SceneRefinement,
+    check_alignment,
+    refine_with_scene,
+)
 
 Array = NDArray[np.float64]
 
@@ -82,12 +89,15 @@ class SceneSides:
 
 @dataclass(frozen=True, eq=False)
 class SceneEstimate:
-    """The pose of a scene's camera in the world of its cloud, and what it came from. `seconds` per stage."""
+    """The pose of a scene's camera in the world of its cloud, and what it came from. `seconds` per stage; `witness`,
+    `refinement`: what the rest of the scene said, None where it wasn't asked.
+    """
 
     sides: SceneSides
     estimate: PoseEstimate
     seconds: dict[str, float]
     witness: SceneWitness | None = None
+    refinement: SceneRefinement | None = None
 
     @property
     def prior(self) -> Prior:
@@ -116,7 +126,7 @@ class SceneEstimate:
     def errors_before(self) -> Array:
         """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
         pose = self.local_initial
-        return np.full(len(self.sides.names), np.nan) if pose is None else overlap_errors(self.sides, pose)
+        return np.full(len(self.sides.names), np.nan) if pose is None else overlap_errors(self.sides, pose)[1]
 
 
 def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
@@ -135,23 +145,79 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
         world_sides = tuple(world_side(scene, index, scan) for index in range(count))
     sides = SceneSides(scene, camera, image, cloud, origin, scanner, image_regions, world_sides)
     with stages.stage("checks"):
-        return replace(sides, warnings=_checked(sides))
+        return checked(sides)
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     """The pose of a scene; SceneError for bad input, PoseError where no pose shows every region."""
     stages = stages or Stages()
-    sides = scene_sides(scene, stages)
+    return estimate_sides(scene_sides(scene, stages), stages)
+
+
+def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEstimate:
+    """The pose of the camera that saw both sides of a scene's regions; errors as of `estimate_scene`."""
+    stages = stages or Stages()
     with stages.stage("pose"):
         try:
             estimate = _estimate(sides)
         except ValueError as error:
             raise _explained(error, sides) from error
-    if sides.cloud is None or not scene.model.solver.witness:
-        return SceneEstimate(sides, estimate, stages.seconds)
-    with stages.stage("witness"):
-        heard = _witnessed(sides, sides.cloud, estimate)
-    return SceneEstimate(sides, heard.estimate, stages.seconds, heard.witness)
+    return _heard(SceneEstimate(sides, estimate, stages.seconds), stages)
+
+
+def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
+    """The run after the rest of the scene was heard, as far as the scene asks for that."""
+    sides, solver = run.sides, run.sides.scene.model.solver
+    if sides.cloud is None or not (solver.witness or solver.refine == "scene"):
+        return run
+    rest = RestOfScene(sides, sides.cloud)
+    if solver.witness:
+        with stages.stage("witness"):
+            heard = witnessed(run.estimate, rest.align, lambda pose: _estimate(sides, pose))
+            run = replace(run, estimate=heard.estimate, witness=heard.witness)
+    if solver.refine == "scene":
+        with stages.stage("refinement"):
+            run = _refined(run, rest)
+    return run
+
+
+class RestOfScene:
+    """The photo and the cloud of a scene away from its regions, for poses in the cloud's world."""
+
+    def __init__(self, sides: SceneSides, cloud: Cloud) -> None:
+        """Take the sides of a scene that has a cloud."""
+        self._origin = sides.origin
+        self._frame = SceneFrame(Photo.of(sides.image), cloud.points, sides.camera, sides.image_regions)
+
+    def align(self, pose: Pose) -> Alignment:
+        """How well they agree at a pose."""
+        frame = self._frame
+        return check_alignment(
+            frame.image, frame.points, frame.camera, _moved(pose, -self._origin), regions=frame.regions
+        )
+
+    def refine(self, estimate: PoseEstimate) -> SceneRefinement:
+        """The pose of an estimate refined by them."""
+        found = refine_with_scene(_moved(estimate.pose, -self._origin), estimate.covariance, [self._frame])
+        return replace(found, pose=_moved(found.pose, self._origin), before=estimate.pose)
+
+
+def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:
+    """The run with its pose refined by the rest of the scene, if that says enough."""
+    refinement = rest.refine(run.estimate)
+    run = replace(run, refinement=refinement)
+    if not refinement.refined:
+        return run
+    whole, errors = overlap_errors(run.sides, _moved(refinement.pose, -run.sides.origin))
+    estimate = replace(
+        run.estimate,
+        pose=refinement.pose,
+        covariance=refinement.covariance,
+        region_overlap_errors=errors,
+        overlap_error=whole,
+    )
+    witness = run.witness and replace(run.witness, alignment=rest.align(refinement.pose))
+    return replace(run, estimate=estimate, witness=witness)
 
 
 def _explained(error: ValueError, sides: SceneSides) -> ValueError:
@@ -163,10 +229,11 @@ def _explained(error: ValueError, sides: SceneSides) -> ValueError:
     return type(error)(f"{error}; {remarks}") if remarks else error
 
 
-def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
-    """Each region's overlap error (k,) at a pose for points about the local origin, as `PoseEstimate` has it.
+def overlap_errors(sides: SceneSides, pose: Pose) -> tuple[float, Array]:
+    """The overlap error of all regions and of each (k,) at a pose for points about the local origin, as `PoseEstimate`
+    has them.
 
-    A fraction; NaN where a region can't be projected.
+    Fractions; NaN where a region can't be projected.
     """
     problem = _core.Problem(
         observed_regions(sides.camera, sides.image_regions, "boundary"),
@@ -175,17 +242,6 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> Array:
         integration="boundary",
     )
     return problem.overlap_errors(pose.rotation.as_matrix(), pose.translation)
-
-
-def _witnessed(sides: SceneSides, cloud: Cloud, estimate: PoseEstimate) -> Witnessed:
-    """The estimate after photo and cloud were compared at each of its answers."""
-    photo = Photo.of(sides.image)
-
-    def align(pose: Pose) -> Alignment:
-        local = _moved(pose, -sides.origin)
-        return check_alignment(photo, cloud.points, sides.camera, local, regions=sides.image_regions)
-
-    return witnessed(estimate, align, lambda pose: _estimate(sides, pose))
 
 
 def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
@@ -202,7 +258,7 @@ def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
         start=model.start,
         system=model.system,
         integration=model.integration,
-        refine=None if model.refine == "none" else model.refine,
+        refine=None if model.refine == "none" else "contour",
         driver=model.driver,
     )
     alternatives = tuple(
@@ -212,8 +268,8 @@ def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
     return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
 
 
-def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
-    """What speaks against the camera and the regions of a scene before any pose is known."""
+def checked(sides: SceneSides) -> SceneSides:
+    """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
     size = (sides.image.shape[1], sides.image.shape[0])
     sparse = (
         PoseWarning("sparse-sampling", f"region {index}: {remark}")
@@ -222,7 +278,7 @@ def _checked(sides: SceneSides) -> tuple[PoseWarning, ...]:
     )
     regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
     unit = () if sides.cloud is None else check_unit(sides.cloud)
-    return (*check_camera(sides.camera, size), *unit, *regions, *sparse)
+    return replace(sides, warnings=(*check_camera(sides.camera, size), *unit, *regions, *sparse))
 
 
 def _moved(pose: Pose, origin: Array) -> Pose:

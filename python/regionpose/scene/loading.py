@@ -69,10 +69,17 @@ def _check_references(scene: Scene) -> None:
         if isinstance(image, ImageMask) and image.unknown_label is not None and image.unknown is None:
             place = ("regions", index, "image", "unknown_label")
             raise scene.error(place, "found a label of nothing; needed the key unknown")
+        if isinstance(image, ImageMask) and image.coverage and (image.label, image.image, image.unknown) != (None,) * 3:
+            place = ("regions", index, "image", "coverage")
+            raise scene.error(
+                place, "found it beside label, image or unknown; needed a file of one region, and it alone"
+            )
         if scene.model.cloud is None and needs_cloud(region.world):
             raise scene.error(
                 ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"
             )
+    if scene.model.cloud is None and scene.model.solver.refine == "scene":
+        raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
     prior = scene.model.prior
     for key, of in (("initial_sigma", "initial"), ("up_sigma_deg", "up")):
         if getattr(prior, key) is not None and getattr(prior, of) is None:

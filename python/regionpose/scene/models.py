@@ -231,6 +231,10 @@ class ImageMask(Item):
     image: int | str | None = Field(
         None, description="which image of a COCO file that holds several: its id or its file name"
     )
+    coverage: bool = Field(
+        False,
+        description="the file is a grey picture: each pixel's level over the largest is the share that is covered",
+    )
     unknown: FileName | None = Field(
         None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"
     )
@@ -341,11 +345,28 @@ def _visible(name: str) -> str:
     return name
 
 
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_visible)]
+
+
 class RegionItem(Item):
     """One planar region, in the image and in the world."""
 
-    name: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_visible)]
+    name: Name
     image: ImageSide
+    world: WorldSide
+
+
+class ImageRegionItem(Item):
+    """A planar region in the image, whose world side is not known."""
+
+    name: Name
+    image: ImageSide
+
+
+class WorldRegionItem(Item):
+    """A planar region in the world, whose side in the image is not known."""
+
+    name: Name
     world: WorldSide
 
 
@@ -420,7 +441,10 @@ class SolverItem(Item):
 
     system: Literal["plane", "sphere"] = "plane"
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
-    refine: Literal["contour", "none"] = "contour"
+    refine: Annotated[
+        Literal["contour", "scene", "none"],
+        Field(description="scene: on the regions' contours, then on the edges of the rest of photo and cloud"),
+    ] = "contour"
     driver: Literal["scipy", "native"] = "scipy"
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
@@ -446,5 +470,11 @@ class SceneModel(Item):
         ),
     ] = None
     regions: list[RegionItem] = Field(min_length=1)
+    image_regions: Annotated[
+        list[ImageRegionItem], Field(description="regions that `regionpose pick` keeps until they are paired; unused")
+    ] = []
+    world_regions: Annotated[
+        list[WorldRegionItem], Field(description="regions that `regionpose pick` keeps until they are paired; unused")
+    ] = []
     prior: PriorItem = PriorItem()
     solver: SolverItem = SolverItem()

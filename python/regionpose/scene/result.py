@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, SceneSides
 from regionpose.scene.loading import Scene
@@ -34,6 +35,8 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
     values = {
         "format": FORMAT,
         "scene": str(run.sides.scene.path),
+        "camera": camera_values(run.sides.camera),
+        "image": run.sides.scene.model.image,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
@@ -48,6 +51,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "boundary_noise_px": estimate.boundary_noise,
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
+        "scene_refinement": refinement_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
         "regions": region_values(run),
@@ -97,6 +101,21 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
         "confidence_before": witness.confidence_before,
         "place_before": witness.place + 1,
         "answers": witness.answers,
+    }
+
+
+def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """What the edges of the rest of the scene did to the pose; None where they were not asked."""
+    refinement = run.refinement
+    if refinement is None:
+        return None
+    return {
+        "refined": refinement.refined,
+        "log_odds": refinement.log_odds,
+        "depth_steps": sum(refinement.steps),
+        "turned_deg": refinement.turned_deg,
+        "moved_m": refinement.moved_m,
+        "camera_from_world_before": pose_values(refinement.before),
     }
 
 

@@ -153,9 +153,11 @@ def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
 
 
 def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> ImageRegion:
-    from regionpose.segmentation.masks import mask_from_file, region_from_file
+    from regionpose.segmentation.masks import coverage_from_file, mask_from_file, region_from_file
 
     path, size = scene.file(item.mask), (image.shape[0], image.shape[1])
+    if item.coverage:
+        return named(scene, (*place, "mask"), lambda: ImageRegion.from_mask(coverage_from_file(path, size)))
     whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
     if item.unknown is None:
         return whole

@@ -107,6 +107,18 @@ def region_from_file(
     return _region_of(item, path)
 
 
+def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
+    """Shares (h, w) in [0, 1] of the pixels that a region covers: the levels of a grey picture of 8 bits over 255.
+
+    `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size.
+    """
+    levels = read_pixels(Path(path), "L", per_pixel=1).values
+    if levels.shape != tuple(size):
+        found, needed = (f"{width} x {height}" for height, width in (levels.shape, size))
+        raise ValueError(f"{path}: found a mask of {found} pixels; needed {needed}, as the image")
+    return levels.astype(np.float32) / np.float32(255.0)
+
+
 def masks_from_segmenter(
     masks: ArrayLike | Sequence[Mapping[str, ArrayLike]],
     *,

@@ -1,7 +1,17 @@
 """The rest of a scene as witness of a pose: how well cloud and photo agree where no region is."""
 
 from regionpose.witness.alignment import Alignment, check_alignment
+from regionpose.witness.evidence import SceneFrame
 from regionpose.witness.odds import weighed
 from regionpose.witness.photo import Photo
+from regionpose.witness.refinement import SceneRefinement, refine_with_scene
 
-__all__ = ["Alignment", "Photo", "check_alignment", "weighed"]
+__all__ = [
+    "Alignment",
+    "Photo",
+    "SceneFrame",
+    "SceneRefinement",
+    "check_alignment",
+    "refine_with_scene",
+    "weighed",
+]

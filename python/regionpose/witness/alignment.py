@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
@@ -15,10 +14,19 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.ring_arrays import real_array
 from regionpose.witness.odds import log_odds
 from regionpose.witness.photo import Photo
-from regionpose.witness.steps import SEED, Known, SeenSteps, Steps, depth_steps, seen_steps
+from regionpose.witness.steps import (
+    TURNED_COUNT,
+    Known,
+    SeenSteps,
+    Steps,
+    beside,
+    checked_points,
+    depth_steps,
+    far_turns,
+    seen_steps,
+)
 
 Array = NDArray[np.float64]
 
@@ -26,16 +34,9 @@ LEAST_STEPS = 20
 """Steps in view below which nothing is said: the mean of so few differs by 0.06, about as much as right poses stand
 out."""
 
-TURNED_DEG, TURNED_COUNT = (3.0, 8.0), 40
-"""How far turned poses are turned, and how many: beyond the tolerance, to like parts of the photo; enough for a
-deviation known to a tenth."""
-
 TOLERANCE_DEG, TOLERANCE_STEP_DEG, ROLLS_DEG = 1.0, 0.25, (0.0, -0.7, 0.7)
 """How far about a pose the best agreement is looked for, and how finely: what regions, calibrations and times leave
 open."""
-
-BESIDE_PX = 10.0
-"""Steps within so many pixels of an observed region tell what the region has told already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,17 +103,14 @@ def check_alignment(
     shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
-    places = real_array(points, "points", "(n, 3)").astype(np.float64)
-    if places.ndim != 2 or places.shape[1] != 3:
-        raise ValueError(f"points has shape {places.shape}; needed (n, 3)")
-    local = (places - pose.camera_center) @ pose.rotation.as_matrix().T
-    steps = depth_steps(local, camera, photo, float(np.radians(TURNED_DEG[1])))
-    return _aligned(photo, camera, steps, _beside(regions))
+    local = (checked_points(points) - pose.camera_center) @ pose.rotation.as_matrix().T
+    steps = depth_steps(local, camera, photo)
+    return _aligned(photo, camera, steps, beside(regions))
 
 
 def _aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) -> Alignment:
     here = seen_steps(photo, camera, steps, known)
-    turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in _turns()]
+    turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in Rotation.from_rotvec(far_turns())]
     turned = [seen for seen in turned if len(seen.places) >= LEAST_STEPS]
     says = len(here.places) >= LEAST_STEPS and len(turned) >= TURNED_COUNT // 2
     score, turn = _best_turn(photo, here) if says else (float("nan"), np.zeros(3))
@@ -122,7 +120,7 @@ def _aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) ->
 
 def _best_turn(photo: Photo, seen: SeenSteps) -> tuple[float, Array]:
     turns = _tolerated_turns()
-    means = _core.edge_agreement(photo.strength, *seen, turns)
+    means = _core.edge_agreement(photo.strength, seen.places, seen.moved, seen.directions, turns)
     best = int(means.argmax())
     return float(means[best]), turns[best]
 
@@ -139,22 +137,3 @@ def _tolerated_turns() -> Array:
     across = np.arange(-TOLERANCE_DEG, TOLERANCE_DEG + 0.5 * TOLERANCE_STEP_DEG, TOLERANCE_STEP_DEG)
     grid = np.meshgrid(across, across, ROLLS_DEG, indexing="ij")
     return np.asarray(np.radians(np.stack(grid, axis=-1).reshape(-1, 3)))
-
-
-@cache
-def _turns() -> tuple[Rotation, ...]:
-    """The rotations to the turned poses."""
-    rng = np.random.default_rng(SEED)
-    axes = rng.normal(size=(TURNED_COUNT, 3))
-    angles = np.radians(rng.uniform(*TURNED_DEG, TURNED_COUNT))
-    return tuple(Rotation.from_rotvec(axes / np.linalg.norm(axes, axis=1, keepdims=True) * angles[:, None]))
-
-
-def _beside(regions: Sequence[ImageRegion]) -> Known | None:
-    """Which pixels lie in or beside the regions; None without any."""
-    if not regions:
-        return None
-    shapes = [shapely.Polygon(ring).buffer(BESIDE_PX) for region in regions for ring in region.rings]
-    near = shapely.union_all(shapes)
-    shapely.prepare(near)
-    return lambda pixels: np.asarray(shapely.contains_xy(near, pixels[:, 0], pixels[:, 1]))

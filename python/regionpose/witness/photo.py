@@ -75,11 +75,20 @@ class Photo:
         mean of that about each place: where the photo is busy all over, an edge counts no more than none (docs/math.md,
         eq. 18.2). The mean over the reaches.
         """
-        angles = np.pi * np.arange(DIRECTIONS, dtype=np.float32) / DIRECTIONS
-        x, y = self._gradients()
-        across = [np.abs(np.cos(angle) * x + np.sin(angle) * y) for angle in angles]
+        across = self._derivatives()
         of_reach = [np.stack([_prominence(picture, reach) for picture in across]) for reach in REACHES_PX]
         return np.asarray(np.mean(of_reach, axis=0, dtype=np.float32))
+
+    @cached_property
+    def ranks(self) -> Pictures:
+        """For each of `DIRECTIONS` the share (k, h, w) of the photo that has no stronger derivative across it."""
+        return np.stack([_ranks(picture) for picture in self._derivatives()])
+
+    def _derivatives(self) -> list[Pictures]:
+        """Sizes (h, w) of the derivatives across each direction."""
+        angles = np.pi * np.arange(DIRECTIONS, dtype=np.float32) / DIRECTIONS
+        x, y = self._gradients()
+        return [np.abs(np.cos(angle) * x + np.sin(angle) * y) for angle in angles]
 
     def _gradients(self) -> tuple[Pictures, Pictures]:
         """Derivatives (h, w) by x and y, over their root mean square about each place."""

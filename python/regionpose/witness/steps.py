@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import shapely
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
+from regionpose.ring_arrays import real_array
 from regionpose.witness.photo import DIRECTIONS, Photo
 
 Array = NDArray[np.float64]
@@ -35,32 +39,61 @@ MOST_STEPS = 2000
 DIFFERENCE = 1e-4
 """Rotation, rad, over which derivatives of pixels are taken: their error is far below a pixel."""
 
+BESIDE_PX = 10.0
+"""Steps within so many pixels of an observed region tell what the region has told already."""
+
+TURNED_DEG, TURNED_COUNT = (3.0, 8.0), 40
+"""How far turned poses are turned that a pose is compared with, and how many: beyond what a pose may be off, to like
+parts of the photo; enough for a deviation known to a tenth."""
+
 SEED = 1
 
 
 class Steps(NamedTuple):
-    """Bearings (n, 3) in the camera's axes: of the near side of depth steps, and of the far side."""
+    """Bearings (n, 3) in the camera's axes: of the near side of depth steps, and of the far side; distances (n,) of the
+    near side, metres.
+    """
 
     near: Array
     far: Array
+    distances: Array
 
     def turned(self, rotation: Rotation) -> Steps:
         """The same for a camera turned by a rotation of its axes."""
-        return Steps(rotation.apply(self.near), rotation.apply(self.far))
+        return Steps(rotation.apply(self.near), rotation.apply(self.far), self.distances)
 
 
 class SeenSteps(NamedTuple):
     """Places (n, 2) of steps in a photo, how turns about x, y, z move their x and y (n, 6), directions (n,) across
-    them.
+    them, and their numbers (n,) among the steps.
     """
 
     places: Array
     moved: Array
     directions: NDArray[np.int64]
+    numbers: NDArray[np.intp]
 
 
-def depth_steps(points: Array, camera: Camera, photo: Photo, margin: float) -> Steps:
-    """The depth steps of points (n, 3) in the camera's axes that the photo shows, or would, turned by `margin`, rad."""
+@cache
+def far_turns() -> Array:
+    """Rotation vectors (t, 3), rad, to the poses that a pose is compared with."""
+    rng = np.random.default_rng(SEED)
+    axes = rng.normal(size=(TURNED_COUNT, 3))
+    angles = np.radians(rng.uniform(*TURNED_DEG, TURNED_COUNT))
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True) * angles[:, None])
+
+
+def checked_points(points: ArrayLike) -> Array:
+    """Points (n, 3); ValueError for another shape."""
+    places = real_array(points, "points", "(n, 3)").astype(np.float64)
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise ValueError(f"points has shape {places.shape}; needed (n, 3)")
+    return places
+
+
+def depth_steps(points: Array, camera: Camera, photo: Photo) -> Steps:
+    """The depth steps of points (n, 3) in the camera's axes that the photo shows, or would, from the turned poses."""
+    margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     with np.errstate(invalid="ignore"):
         seen = points[points[:, 2] > reach * np.linalg.norm(points, axis=1)]
@@ -72,7 +105,7 @@ def depth_steps(points: Array, camera: Camera, photo: Photo, margin: float) -> S
 
 def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None = None) -> SeenSteps:
     """The steps that the photo shows half-way between their sides, as many as are looked at, without known ones."""
-    near, far = (photo.places(camera.project(side)) for side in steps)
+    near, far = (photo.places(camera.project(side)) for side in steps[:2])
     middle = 0.5 * (near + far)
     last = np.array(photo.luminance.shape[::-1]) - 0.5
     # NaN, out of view, is in no range.
@@ -83,7 +116,7 @@ def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None =
     across = (far - near)[chosen]
     directions = np.round(np.arctan2(across[:, 1], across[:, 0]) / np.pi * DIRECTIONS).astype(np.int64) % DIRECTIONS
     bearings = 0.5 * (steps.near[chosen] + steps.far[chosen])
-    return SeenSteps(middle[chosen], _moved(photo, camera, bearings), directions)
+    return SeenSteps(middle[chosen], _moved(photo, camera, bearings), directions, chosen)
 
 
 def _evenly(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -99,6 +132,16 @@ def _moved(photo: Photo, camera: Camera, bearings: Array) -> Array:
     ends = [camera.project(bearings + DIFFERENCE * np.cross(axis, bearings)) for axis in np.eye(3)]
     moved = np.stack([(end - start) / (DIFFERENCE * photo.reduction) for end in ends], axis=2)
     return np.asarray(np.nan_to_num(moved.reshape(len(bearings), 6)))
+
+
+def beside(regions: Sequence[ImageRegion]) -> Known | None:
+    """Which pixels lie in or beside the regions; None without any."""
+    if not regions:
+        return None
+    shapes = [shapely.Polygon(ring).buffer(BESIDE_PX) for region in regions for ring in region.rings]
+    near = shapely.union_all(shapes)
+    shapely.prepare(near)
+    return lambda pixels: np.asarray(shapely.contains_xy(near, pixels[:, 0], pixels[:, 1]))
 
 
 def pixel_angle(camera: Camera, photo: Photo) -> float:

@@ -35,7 +35,7 @@ mod _core {
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose};
     #[pymodule_export]
-    use crate::witness::{depth_steps, edge_agreement};
+    use crate::witness::{depth_steps, edge_agreement, edge_evidence};
 
     #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "Python's name for it")]

@@ -285,16 +285,16 @@ impl Problem {
         evaluation.map(|evaluation| residual_jacobian(py, &evaluation)).transpose()
     }
 
-    /// Overlap errors (k,) of the regions at a pose.
+    /// Overlap error of all regions together at a pose, and of each (k,).
     fn overlap_errors<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let pose = pose(rotation, translation)?;
-        let (_, errors) = py.detach(|| estimate::overlap_errors(&self.0, &pose));
-        Ok(PyArray1::from_vec(py, errors))
+        let (whole, errors) = py.detach(|| estimate::overlap_errors(&self.0, &pose));
+        Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
     /// The estimate by the native driver; None without a pose in view.

@@ -1,6 +1,6 @@
 //! Depth steps and how far they lie on a photo's edges.
 
-use nalgebra::{Matrix2x3, Vector2};
+use nalgebra::{SMatrix, SVector};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -9,9 +9,11 @@ use regionpose::witness::steps;
 
 use crate::arrays::{array, points};
 
-type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+type SumArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
-/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond.
+/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond; distances (m,)
+/// of the former, metres.
 ///
 /// `points` (n, 3) relative to the camera's centre, metres, in any axes; those that are not finite are left out. `cell`, rad: of
 /// points whose bearings differ by less the nearest hides the others. `gap`, rad: neighbours farther apart are none.
@@ -33,8 +35,9 @@ pub fn depth_steps<'py>(
     }
     let points = self::points::<3>("points", points)?;
     let found = py.detach(|| steps::depth_steps(&points, cell, gap, share));
+    let distances = found.iter().map(|step| step.distance).collect();
     let (near, far): (Vec<_>, Vec<_>) = found.into_iter().map(|step| (step.near, step.far)).unzip();
-    Ok((array(py, &near)?, array(py, &far)?))
+    Ok((array(py, &near)?, array(py, &far)?, PyArray1::from_vec(py, distances)))
 }
 
 /// Mean strength (t,) of a photo's edges under depth steps, for the camera turned by each of some rotation vectors.
@@ -51,27 +54,59 @@ pub fn edge_agreement<'py>(
     directions: PyReadonlyArray1<'py, i64>,
     turns: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let &[_, rows, columns] = strength.shape() else { unreachable!("three axes by its type") };
-    let (pixels, turns) = (points::<2>("pixels", pixels)?, points::<3>("turns", turns)?);
-    let moved = points::<6>("moved", moved)?;
-    let directions: Vec<i64> = directions.as_array().iter().copied().collect();
-    if moved.len() != pixels.len() || directions.len() != pixels.len() {
-        let found = [pixels.len(), moved.len(), directions.len()];
-        return Err(PyValueError::new_err(format!(
-            "pixels, moved and directions have {found:?} rows; they need the same"
-        )));
-    }
-    let values = strength.as_slice().map_err(|_| PyValueError::new_err("strength is not contiguous"))?;
-    let refused = || PyValueError::new_err("strength has no pixels; it needs to be (k, h, w)");
-    let strength = EdgeStrength::new(values, rows, columns).ok_or_else(refused)?;
-    let items = pixels.iter().zip(&moved).zip(directions);
-    let steps: Vec<SeenStep> = items
-        .map(|((pixel, moved), direction)| SeenStep {
-            pixel: Vector2::new(pixel[0], pixel[1]),
-            moved: Matrix2x3::from_row_slice(moved.as_slice()),
-            direction: usize::try_from(direction).unwrap_or(usize::MAX),
-        })
-        .collect();
+    let pictures = pictures("strength", &strength)?;
+    let turns = points::<3>("turns", turns)?;
+    let steps = steps_of(pixels, points::<6>("moved", moved)?, &directions)?;
     // The interpreter's lock is kept: nothing else may write into the pictures, which are not copied.
-    Ok(PyArray1::from_vec(py, strength.means(&steps, &turns)))
+    Ok(PyArray1::from_vec(py, pictures.means(&steps, &turns)))
+}
+
+/// Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, 6).
+///
+/// `values` (k, h, w) float32, one picture a direction. `pixels` (n, 2), and `moved` (n, 12): how a left increment of the
+/// pose, rotation vector and translation, moves x, then y. `directions` (n,): the picture of each step. `increments` (t, 6), rad and
+/// metres. ValueError for other shapes, and no pixels.
+#[pyfunction]
+pub fn edge_evidence<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray3<'py, f32>,
+    pixels: &Bound<'py, PyAny>,
+    moved: &Bound<'py, PyAny>,
+    directions: PyReadonlyArray1<'py, i64>,
+    increments: &Bound<'py, PyAny>,
+) -> PyResult<SumArrays<'py>> {
+    let pictures = pictures("values", &values)?;
+    let increments = points::<6>("increments", increments)?;
+    let steps = steps_of(pixels, points::<12>("moved", moved)?, &directions)?;
+    let (sums, slopes): (Vec<_>, Vec<_>) = increments.iter().map(|increment| pictures.sum(&steps, increment)).unzip();
+    Ok((PyArray1::from_vec(py, sums), array(py, &slopes)?))
+}
+
+fn pictures<'a>(item: &str, values: &'a PyReadonlyArray3<'_, f32>) -> PyResult<EdgeStrength<'a>> {
+    let &[_, rows, columns] = values.shape() else { unreachable!("three axes by its type") };
+    let held = values.as_slice().map_err(|_| PyValueError::new_err(format!("{item} is not contiguous")))?;
+    let refused = || PyValueError::new_err(format!("{item} has no pixels; it needs to be (k, h, w)"));
+    EdgeStrength::new(held, rows, columns).ok_or_else(refused)
+}
+
+/// The steps of pixels, derivatives of x and then of y, and directions, as many of each.
+fn steps_of<const D: usize, const TWICE: usize>(
+    pixels: &Bound<'_, PyAny>,
+    moved: Vec<SVector<f64, TWICE>>,
+    directions: &PyReadonlyArray1<'_, i64>,
+) -> PyResult<Vec<SeenStep<D>>> {
+    let pixels = points::<2>("pixels", pixels)?;
+    let directions: Vec<i64> = directions.as_array().iter().copied().collect();
+    let found = [pixels.len(), moved.len(), directions.len()];
+    if found.iter().any(|count| *count != pixels.len()) {
+        let refused = format!("pixels, moved and directions have {found:?} rows; they need the same");
+        return Err(PyValueError::new_err(refused));
+    }
+    let items = pixels.into_iter().zip(moved).zip(directions);
+    let step = |((pixel, moved), direction): ((_, SVector<f64, TWICE>), i64)| SeenStep {
+        pixel,
+        moved: SMatrix::from_row_slice(moved.as_slice()),
+        direction: usize::try_from(direction).unwrap_or(usize::MAX),
+    };
+    Ok(items.map(step).collect())
 }

@@ -1,9 +1,9 @@
 //! How neighbours on a contour vary together (`docs/math.md`, section 11).
 
-/// Pieces over which neighbours are taken to vary together, or in turns.
+/// Pieces over which neighbours are taken to vary together, or in turns: a convention.
 const WINDOW: usize = 12;
 
-/// The least that a sum of neighbours may vary against independent ones.
+/// The least that a sum of neighbours may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
 /// Autocorrelation of a lag, within regions of these numbers of values, over `square`.

@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix6, Vector6};
 
 use super::correlation::correlation;
-use super::mixture::{Distances, Mixture};
+use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use crate::effort;
-use crate::equations::residual::NormalEquations;
+use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
@@ -25,10 +25,8 @@ const FAR_OFF: f64 = 0.25;
 /// that median is 1.48 times as large, and nothing is to be given up yet.
 const FIRST_SCALE: f64 = 2.2;
 
-/// From scale to scale.
-const SCALE_STEP: f64 = 2.0;
-
-/// Gauss-Newton steps from one reading of the nearest edges to the next at most, and such rounds at the finest scale.
+/// Gauss-Newton steps from one reading of the nearest edges to the next at most, and such rounds at the finest scale:
+/// conventions.
 const STEPS: usize = 3;
 const LAST_ROUNDS: usize = 4;
 
@@ -36,13 +34,14 @@ const LAST_ROUNDS: usize = 4;
 /// tenth of what a thousand pieces tell.
 const SETTLED: f64 = 3e-3;
 
-/// Halvings of a step that takes a region out of view.
+/// Halvings of a step that takes a region out of view: a convention.
 const HALVINGS: i32 = 6;
 
-/// Longest step, rad and share of the distance.
+/// Longest step, rad and share of the distance: a convention.
 const LONGEST_STEP: f64 = 0.1;
 
-/// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is.
+/// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is: above
+/// their rounding, below what any piece tells.
 const RIDGE: f64 = 1e-9;
 
 /// A piece is astray at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
@@ -55,13 +54,16 @@ const CLEAN_SIGMA: f64 = 1.0;
 /// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
 const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
-/// Clean share of a contour above which the rest is what disturbs it.
+/// Clean share of a contour above which the rest is what disturbs it: most of it, by the word.
 pub const MOSTLY: f64 = 0.5;
 
-/// Variances that count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
-/// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by more than one
-/// (`cargo test --test symmetry`).
-const CHANCE: f64 = 25.0;
+/// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
+/// deviations, a convention.
+///
+/// As many count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
+/// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by
+/// more than one (`cargo test --test symmetry`).
+pub const AMBIGUITY: f64 = 25.0;
 
 /// A pose and what the contours show there.
 #[derive(Debug, Clone)]
@@ -178,7 +180,7 @@ impl ContourFit {
         let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
         let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
-        (2.0 * self.independent() * mean).min(CHANCE * sigmas * sigmas.abs())
+        (2.0 * self.independent() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
     }
 }
 

@@ -3,32 +3,32 @@
 
 use super::readings::Reading;
 
-/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales.
+/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales:
+/// conventions.
 const FIRST_BIN: f64 = 0.05;
 const BIN_RATIO: f64 = 1.2;
 
 /// Bins, up to 1e5 pixels.
 const BINS: usize = 80;
 
-/// Ratio of neighbouring scales that are tried.
-const SCALE_RATIO: f64 = 2.0;
+/// Ratio of neighbouring scales: of those that are tried, and of the wide scale over the narrow one at least, since a
+/// nearer one is no other scale. A convention.
+pub(super) const SCALE_STEP: f64 = 2.0;
 
-/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of it.
+/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of
+/// it: conventions.
 const ITERATIONS: usize = 8;
 const NEXT_ITERATIONS: usize = 3;
 
-/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share.
+/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share. Conventions.
 const FIRST_WIDE: f64 = 1.2;
 const FIRST_SHARE: f64 = 0.3;
 
-/// Logarithm of odds from which a piece is disturbed for certain.
-const CERTAIN: f64 = 500.0;
+/// Odds from which a piece is disturbed for certain in double precision: one less the inverse of more rounds to one.
+const CERTAIN: f64 = 8.0 / f64::EPSILON;
 
-/// Bounds of a region's disturbed share.
+/// Bounds of a region's disturbed share: a piece in a thousand, more than a region has. A convention.
 const SHARES: (f64, f64) = (1e-3, 0.999);
-
-/// The wide scale over the narrow one at least.
-const WIDE: f64 = 2.0;
 
 /// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Mixture {
 impl Mixture {
     /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
     pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
-        Self { sigma, wide: wide.max(WIDE * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
+        Self { sigma, wide: wide.max(SCALE_STEP * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
     /// Probability that a piece of a region is clean.
@@ -86,8 +86,7 @@ pub struct Odds {
 impl Odds {
     /// Probability that a piece is clean.
     pub fn clean_probability(&self, reading: &Reading) -> f64 {
-        let fall = self.fall * (reading.misfit * reading.misfit);
-        1.0 / (1.0 + self.nearest * fall.min(CERTAIN).exp())
+        1.0 / (1.0 + self.nearest * (self.fall * (reading.misfit * reading.misfit)).exp())
     }
 
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
@@ -136,8 +135,8 @@ impl Distances {
         let spread = self.root_mean_square();
         let mut best = self.mixture_of(finest, spread);
         let mut next = best.clone();
-        while (SCALE_RATIO * next.sigma).powi(2) < SCALE_RATIO * spread * spread {
-            next.sigma *= SCALE_RATIO;
+        while (SCALE_STEP * next.sigma).powi(2) < SCALE_STEP * spread * spread {
+            next.sigma *= SCALE_STEP;
             self.improve_times(NEXT_ITERATIONS, &mut next, None);
             if next.likelihood > best.likelihood {
                 best = next.clone();
@@ -151,7 +150,7 @@ impl Distances {
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
-            wide: (FIRST_WIDE * spread).max(WIDE * sigma),
+            wide: (FIRST_WIDE * spread).max(SCALE_STEP * sigma),
             disturbed: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
@@ -171,10 +170,11 @@ impl Distances {
         let ratio = mixture.sigma / mixture.wide;
         for (bins, share) in self.regions.iter().zip(&mut mixture.disturbed) {
             let odds = *share / (1.0 - *share) * ratio;
-            let (mut count, mut disturbed) = (0.0, 0.0);
+            let (mut count, mut disturbed, certain) = (0.0, 0.0, (CERTAIN / odds).ln());
             for &(square, held) in bins {
-                // Beyond this many variances nothing is clean; the exponential would be infinite.
-                let expected = held * (1.0 - 1.0 / (1.0 + odds * (fall * square).min(CERTAIN).exp()));
+                let exponent = fall * square;
+                let clean = if exponent >= certain { 0.0 } else { 1.0 / (1.0 + odds * exponent.exp()) };
+                let expected = held * (1.0 - clean);
                 count += held;
                 disturbed += expected;
                 squares += square * expected;
@@ -188,7 +188,7 @@ impl Distances {
             mixture.sigma =
                 ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }
-        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(WIDE * mixture.sigma);
+        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(SCALE_STEP * mixture.sigma);
     }
 
     /// Mean logarithm of the density over all pieces.

@@ -1,5 +1,6 @@
 //! The observed contour: how far a projected boundary lies from it, and how likely that makes a pose.
 
+mod boundary;
 pub mod correlation;
 pub mod covariance;
 pub mod creases;

@@ -7,10 +7,10 @@ use crate::geometry::rings::PlaneRings;
 /// Length of a piece in pixels: a few steps of a binary mask's staircase average out, and a corner rounds only one.
 const PIECE: f64 = 3.0;
 
-/// Pieces of one region at most; a longer contour has longer ones.
+/// Pieces of one region at most; a longer contour has longer ones. A convention.
 const MOST_PIECES: usize = 800;
 
-/// Pieces of one ring at least.
+/// Pieces of one ring at least: a convention.
 const FEWEST_PIECES: usize = 8;
 
 /// Share of an edge that counts as all of it: what round-off leaves at its end is no part of the next piece.

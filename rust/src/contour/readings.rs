@@ -1,18 +1,20 @@
 //! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
 //! section 11).
 
+use std::cell::OnceCell;
 use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::pieces::{self, Piece, edges, pieces};
+use super::boundary::{Boundary, Edge, Edges, Foot, Seen};
+use super::pieces::{self, Piece, pieces};
 use crate::effort;
-use crate::equations::residual::{NormalEquations, RegionEquations};
+use crate::equations::normal_equations::{NormalEquations, WeightedRow};
+use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::pose::Pose;
-use crate::geometry::rings::{PlaneRings, bounding_box};
+use crate::geometry::rings::PlaneRings;
 use crate::region::{PlaneFrame, WorldRegion};
-use crate::view::border::{edge_before, near_plane};
 
 /// Squared tangent of the angle to the boundary (30 degrees) beyond which a piece runs across it, as the side of a bite does
 /// where that crosses the outline; and what its spread across counts beside its squared distance.
@@ -23,17 +25,7 @@ const CROSSING: f64 = 4.0;
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
-/// Where on the plane z = 1 of the chart's axes an edge behind the camera is put.
-const FAR: f64 = 1e9;
-
-/// Consecutive edges of a projected boundary that a box is put around, and groups that a piece looks at beside all boxes.
-const GROUP: usize = 16;
-const GROUPS_LOOKED_AT: usize = 3;
-
-/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
-const ROUNDING: f64 = 1e-9;
-
-/// Pieces of all contours that a first look takes, and of each at least.
+/// Pieces of all contours that a first look takes, and of each at least: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
 
@@ -56,10 +48,10 @@ pub struct Contour {
     pixels: f64,
     /// Side, in pixels, of a square of the region's area.
     size: f64,
-    /// Boundary rings of the world region about the problem's origin.
-    rings: Vec<Vec<Vector3<f64>>>,
+    /// Boundary of the world region about the problem's origin.
+    boundary: Boundary,
     /// The plane that holds the rings, about the problem's origin, and their edges there; `None` for a surface.
-    plane: Option<(PlaneFrame, Arc<OnceLock<EdgeField>>)>,
+    plane: Option<(PlaneFrame, Arc<EdgeField>)>,
     /// Whether the image's border cuts the region, so that a part of its boundary may be behind the camera.
     cut: bool,
 }
@@ -102,7 +94,7 @@ impl Contour {
             scale,
             pixels: pixels * scale,
             size: pixels,
-            rings: world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - origin).collect()).collect(),
+            boundary: Boundary::new(&world.rings(), origin),
             plane: world.surface().is_none().then(|| (plane, world.edge_field())),
             cut: region.border().is_some(),
         }
@@ -141,7 +133,10 @@ impl Contour {
     pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
         let view = self.view(pose)?;
         self.count_work(&view, step);
-        into.extend(self.pieces(step).map(|piece| self.reading(&view, piece).0));
+        into.extend(self.pieces(step).map(|piece| {
+            let index = self.nearest(&view, &piece.mean);
+            self.reading(&view.edge(index), index, piece).0
+        }));
         Some(())
     }
 
@@ -151,8 +146,10 @@ impl Contour {
         self.count_work(&view, 1);
         let back = self.rotation.inverse();
         into.extend(self.pieces(1).map(|piece| {
-            let (reading, foot) = self.reading(&view, piece);
-            let row = self.derivative(&view, reading.edge, &foot);
+            let index = self.nearest(&view, &piece.mean);
+            let edge = view.edge(index);
+            let (reading, foot) = self.reading(&edge, index, piece);
+            let row = self.derivative(&edge, &foot);
             let [turning, moving] = [0, 3].map(|first| back * row.fixed_rows::<3>(first));
             (reading, Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z))
         }));
@@ -170,92 +167,71 @@ impl Contour {
         into: &mut NormalEquations,
     ) -> Option<()> {
         let view = self.view(pose)?;
-        effort::spend(view.edges.len() + self.count(step));
-        let mut sums = NormalEquations::default();
-        for (piece, before) in self.pieces(step).zip(before) {
-            let (reading, foot) = self.reading_from(&view, piece, before.edge);
-            let weight = weight(&reading);
-            let row = self.derivative(&view, reading.edge, &foot);
-            let weighted = row * weight;
-            for column in 0..6 {
-                for entry in 0..6 {
-                    sums.information[(entry, column)] += weighted[entry] * row[column];
-                }
-            }
-            sums.gradient += weighted * reading.distance;
-            sums.cost += weight * reading.distance * reading.distance;
-        }
-        *into += sums.turned(&self.rotation);
+        self.count_work(&view, step);
+        let pairs = self.pieces(step).zip(before);
+        let rows: Vec<WeightedRow> = pairs
+            .map(|(piece, before)| {
+                let edge = view.edge(before.edge as usize);
+                let (reading, foot) = self.reading(&edge, before.edge as usize, piece);
+                let derivative = self.derivative(&edge, &foot);
+                WeightedRow::new(&derivative, reading.distance, weight(&reading))
+            })
+            .collect();
+        *into += NormalEquations::weighted(&rows).turned(&self.rotation);
         Some(())
     }
 
-    /// Counts the edges that readings look at: where the plane doesn't tell the nearest, boxes and some groups for each piece.
-    fn count_work(&self, view: &View, step: usize) {
-        let each =
-            if view.sight.is_some() { 1 } else { view.edges.len().min(view.boxes.len() + GROUPS_LOOKED_AT * GROUP) };
-        effort::spend(view.edges.len() + self.count(step) * each);
+    /// Counts the vertices that a view projects and an edge for each piece.
+    fn count_work(&self, view: &View<'_>, step: usize) {
+        effort::spend(view.seen.count() + self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.
     pub fn is_in_view(&self, pose: &Pose) -> bool {
-        let depths = self.rotation.matrix().row(2) * pose.rotation.matrix();
-        let offset = (self.rotation.matrix().row(2) * pose.translation).x;
-        let before = |ring: &Vec<Vector3<f64>>| {
-            let is_before = |x: &Vector3<f64>| (depths * x).x + offset > 0.0;
-            if self.cut { ring.iter().any(is_before) } else { ring.iter().all(is_before) }
-        };
-        self.rings.iter().all(before)
+        let depths = self.boundary.depths(&self.rotation, pose);
+        if self.cut {
+            self.boundary.rings.iter().all(|ring| depths[ring.clone()].iter().any(|&depth| depth > 0.0))
+        } else {
+            depths.iter().all(|&depth| depth > 0.0)
+        }
     }
 
     /// The projected boundary at a pose; `None` where it isn't wholly before the chart's plane, or for a region that the image's
     /// border cuts not at all.
-    fn view(&self, pose: &Pose) -> Option<View> {
+    fn view(&self, pose: &Pose) -> Option<View<'_>> {
         let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
-        let mut projected = Vec::with_capacity(self.rings.iter().map(Vec::len).sum());
-        for ring in &self.rings {
-            let moved: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
-            if moved.iter().all(|x| x.z > 0.0) {
-                projected.extend(edges(&moved).map(|(from, to)| Edge::new(from, to)));
-            } else if self.cut && moved.iter().any(|x| x.z > 0.0) {
-                let near = near_plane(&moved);
-                let edge = |ends: Option<[Vector3<f64>; 2]>| ends.map_or_else(Edge::hidden, |[a, b]| Edge::new(a, b));
-                projected.extend(edges(&moved).map(|(from, to)| edge(edge_before(near, &from, &to))));
-            } else {
-                return None;
-            }
-        }
+        let seen = self.boundary.seen(&chart_from_world);
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
         let sight = sight.filter(|sight| sight.slant > OBLIQUE);
-        Some(View { boxes: projected.chunks(GROUP).map(EdgeBox::of).collect(), edges: projected, sight })
+        match seen.is_before_camera() {
+            true => Some(View { seen, sight, edges: OnceCell::new() }),
+            false if self.cut => Some(View { edges: Edges::new(seen.edges_before()?).into(), seen, sight }),
+            false => None,
+        }
     }
 
     /// The edge of the boundary nearest to a point of the chart's plane z = 1: where the point's ray meets the region's plane,
     /// the edge that is nearest there.
-    fn nearest(&self, view: &View, point: &Vector2<f64>) -> usize {
+    fn nearest(&self, view: &View<'_>, point: &Vector2<f64>) -> usize {
         let place = view.sight.as_ref().and_then(|sight| sight.place(point));
-        let field = self.plane.as_ref().and_then(|(_, field)| field.get());
-        if let (Some(field), Some(place)) = (field, place) {
+        if let (Some((_, field)), Some(place)) = (&self.plane, place) {
             return field.nearest_edge(&place);
         }
-        view.nearest(point)
+        view.edges().nearest(point)
     }
 
-    fn reading(&self, view: &View, piece: &Piece) -> (Reading, Foot) {
-        self.reading_from(view, piece, self.nearest(view, &piece.mean) as u32)
-    }
-
-    fn reading_from(&self, view: &View, piece: &Piece, index: u32) -> (Reading, Foot) {
-        let (foot, value) = view.edges[index as usize].foot(&piece.mean);
+    /// What a piece shows against an edge, and the place on the edge that it is nearest to.
+    fn reading(&self, edge: &Edge, index: usize, piece: &Piece) -> (Reading, Foot) {
+        let (foot, value) = edge.foot(&piece.mean);
         let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
         let misfit = (distance * distance + squared * crossing).sqrt();
-        (Reading { distance, spread: squared * spread, misfit, edge: index }, foot)
+        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
     }
 
     /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).
-    fn derivative(&self, view: &View, edge: u32, foot: &Foot) -> Vector6<f64> {
-        let edge = &view.edges[edge as usize];
+    fn derivative(&self, edge: &Edge, foot: &Foot) -> Vector6<f64> {
         // The point of the edge in space that is seen at the foot.
         let weight = foot.share * edge.from.z / (foot.share * edge.from.z + (1.0 - foot.share) * edge.to.z);
         let seen = edge.from.lerp(&edge.to, weight);
@@ -272,47 +248,20 @@ fn scaled(pieces: Vec<Piece>, scale: f64) -> Vec<Piece> {
 }
 
 /// A projected boundary.
-struct View {
-    edges: Vec<Edge>,
-    /// Around every [`GROUP`] of them.
-    boxes: Vec<EdgeBox>,
+struct View<'a> {
+    seen: Seen<'a>,
     sight: Option<Sight>,
+    /// All edges, of a cut boundary what lies before the camera of them, or once they are asked for.
+    edges: OnceCell<Edges>,
 }
 
-impl View {
-    /// The first of the edges nearest to a point; a box farther than one that was found holds none.
-    fn nearest(&self, point: &Vector2<f64>) -> usize {
-        let mut best = (f64::INFINITY, 0);
-        for (group, (edges, around)) in self.edges.chunks(GROUP).zip(&self.boxes).enumerate() {
-            if around.square(point) > best.0 {
-                continue;
-            }
-            for (place, edge) in edges.iter().enumerate() {
-                let square = edge.offset(point).1.norm_squared();
-                best = if square < best.0 { (square, group * GROUP + place) } else { best };
-            }
-        }
-        best.1
-    }
-}
-
-/// A box around some edges, with room for what distances are rounded by.
-struct EdgeBox {
-    low: Vector2<f64>,
-    high: Vector2<f64>,
-}
-
-impl EdgeBox {
-    fn of(edges: &[Edge]) -> Self {
-        let (low, high) = bounding_box(edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]));
-        let room = Vector2::repeat(ROUNDING * low.amax().max(high.amax()));
-        Self { low: low - room, high: high + room }
+impl View<'_> {
+    fn edge(&self, index: usize) -> Edge {
+        self.edges.get().map_or_else(|| self.seen.edge(index), |edges| edges[index])
     }
 
-    /// Squared distance of a point: no edge within is nearer.
-    fn square(&self, point: &Vector2<f64>) -> f64 {
-        let outside = |axis: usize| (self.low[axis] - point[axis]).max(point[axis] - self.high[axis]).max(0.0);
-        outside(0).powi(2) + outside(1).powi(2)
+    fn edges(&self) -> &Edges {
+        self.edges.get_or_init(|| Edges::new(self.seen.edges().collect()))
     }
 }
 
@@ -341,56 +290,5 @@ impl Sight {
         let depth = self.normal.dot(&ray);
         let [x, y] = &self.numerators;
         (depth > 0.0).then(|| Vector2::new(x.dot(&ray), y.dot(&ray)) / depth)
-    }
-}
-
-/// An edge of the projected boundary: its ends along the chart's axes, and on the plane z = 1.
-#[derive(Debug, Clone, Copy)]
-struct Edge {
-    from: Vector3<f64>,
-    to: Vector3<f64>,
-    start: Vector2<f64>,
-    step: Vector2<f64>,
-    inverse: f64,
-}
-
-/// The place on an edge nearest to a point.
-struct Foot {
-    /// Where on the edge, 0 to 1.
-    share: f64,
-    /// Unit direction in which the distance grows.
-    normal: Vector2<f64>,
-}
-
-impl Edge {
-    /// An edge behind the camera: far from every piece.
-    fn hidden() -> Self {
-        let far = Vector3::new(FAR, FAR, 1.0);
-        Self::new(far, far)
-    }
-
-    fn new(from: Vector3<f64>, to: Vector3<f64>) -> Self {
-        let (start, end) = (from.xy() / from.z, to.xy() / to.z);
-        let step = end - start;
-        Self { from, to, start, step, inverse: 1.0 / step.norm_squared().max(f64::MIN_POSITIVE) }
-    }
-
-    /// Where on the edge, 0 to 1, it is nearest to a point, and the way from there to the point.
-    fn offset(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
-        let offset = point - self.start;
-        let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
-        (share, offset - self.step * share)
-    }
-
-    /// The place nearest to a point, and the point's signed distance.
-    fn foot(&self, point: &Vector2<f64>) -> (Foot, f64) {
-        let (share, offset) = self.offset(point);
-        // Beyond an end the distance is that from the vertex, and its direction the offset's own.
-        let length = if share > 0.0 && share < 1.0 { 0.0 } else { offset.norm() };
-        if length > 0.0 {
-            return (Foot { share, normal: offset / length }, length);
-        }
-        let normal = Vector2::new(self.step.y, -self.step.x) * self.inverse.sqrt();
-        (Foot { share, normal }, offset.dot(&normal))
     }
 }

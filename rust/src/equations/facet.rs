@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::geometry::clipping::Clipped;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
-use crate::geometry::simplified::simplified;
 use crate::lanes::{LANES, Lanes, vectorized};
 use crate::mesh::PlaneMesh;
 #[cfg(feature = "mesh")]
@@ -47,10 +46,6 @@ pub const SPHERE_MESH_SIZE: f64 = 0.125;
 /// A plane that passes the camera nearer than this, as a share of the facet's distance, is seen edge-on.
 const EDGE_ON: f64 = 1e-9;
 
-/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area: around a
-/// square (a perimeter of 4 such roots) the area is then right to 4 x 0.003, about a hundredth.
-const COARSE: f64 = 0.003;
-
 /// A piece of a region in the plane `normal . X = offset`.
 #[derive(Debug, Clone)]
 pub struct Facet {
@@ -74,15 +69,6 @@ struct SpaceRing {
 }
 
 impl SpaceRing {
-    /// The ring by fewer vertices.
-    fn coarse(&self) -> Self {
-        let first = self.vertices[0];
-        let pairs = self.vertices.windows(2);
-        let area = 0.5 * pairs.map(|pair| (pair[0] - first).cross(&(pair[1] - first))).sum::<Vector3<f64>>().norm();
-        let fewer = simplified(&self.vertices, COARSE * area.sqrt());
-        if fewer.len() < 3 { self.clone() } else { Self::new(fewer) }
-    }
-
     fn new(vertices: Vec<Vector3<f64>>) -> Self {
         let group = |start: usize| {
             let vertex = |i: usize| vertices.get(start + i).unwrap_or(&vertices[0]);
@@ -145,12 +131,16 @@ fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, inte
             let mesh = integration_mesh(world.outline(), system, size)?;
             Shape::Triangles { vertices: mesh.vertices.iter().map(lift).collect(), triangles: mesh.triangles }
         }
-        _ => {
-            let ring = |ring: &Vec<Vector2<f64>>| SpaceRing::new(ring.iter().map(lift).collect());
-            Shape::Rings(world.outline().rings().iter().map(ring).collect())
-        }
+        _ => rings_of(world.outline().rings(), world, origin),
     };
     Ok(Facet { normal: frame.axes[2], offset: frame.axes[2].dot(&(frame.origin - origin)), shape })
+}
+
+/// Rings of a world region's plane in the world about `origin`.
+fn rings_of(rings: &[Vec<Vector2<f64>>], world: &WorldRegion, origin: &Vector3<f64>) -> Shape {
+    let lift = |p: &Vector2<f64>| world.frame().lifted(p) - origin;
+    let ring = |ring: &Vec<Vector2<f64>>| SpaceRing::new(ring.iter().map(lift).collect());
+    Shape::Rings(rings.iter().map(ring).collect())
 }
 
 fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integration) -> Vec<Facet> {
@@ -169,13 +159,14 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 }
 
 impl Facet {
-    /// The facet with boundaries of fewer vertices, for a first look.
-    pub fn coarse(&self) -> Self {
-        let shape = match &self.shape {
-            Shape::Rings(rings) => Shape::Rings(rings.iter().map(SpaceRing::coarse).collect()),
-            mesh => mesh.clone(),
-        };
-        Self { shape, ..*self }
+    /// The facet of a planar region with boundaries of fewer vertices, for a first look; others as they are.
+    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        match &self.shape {
+            Shape::Rings(_) if world.surface().is_none() => {
+                Self { shape: rings_of(world.coarse(), world, origin), ..*self }
+            }
+            shape => Self { shape: shape.clone(), ..*self },
+        }
     }
 
     /// Vertices of its rings, or corners of its triangles.

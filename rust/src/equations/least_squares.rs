@@ -6,7 +6,8 @@
 use nalgebra::{Cholesky, Const, Matrix6};
 
 use crate::effort;
-use crate::equations::residual::{NormalEquations, RegionEquations, normal_equations};
+use crate::equations::normal_equations::NormalEquations;
+use crate::equations::residual::{RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
 use crate::geometry::pose::{Pose, Tangent};
 

@@ -5,6 +5,7 @@ pub mod derivatives;
 pub mod facet;
 pub mod information;
 pub mod least_squares;
+pub mod normal_equations;
 pub mod residual;
 pub mod system;
 pub mod whitening;

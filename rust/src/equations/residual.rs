@@ -1,20 +1,20 @@
 //! Predicted minus observed moments of a set of regions, and their derivatives by the pose: the one place where moments,
 //! poses and regions meet.
 
-use std::ops::AddAssign;
 use std::sync::{Arc, OnceLock};
 
-use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
+use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
 use crate::effort;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
+use crate::equations::normal_equations::{DERIVED, NormalEquations};
 use crate::equations::system::{
     MOST_EQUATIONS, System, Weighting, add_plane_derivatives, add_plane_values, add_sphere_derivatives,
     add_sphere_values, subtract_flux,
 };
 use crate::equations::whitening::{BoundaryCovariance, Orders, Whitening};
 use crate::error::{Error, Result};
-use crate::geometry::pose::{Pose, Tangent};
+use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
@@ -96,8 +96,8 @@ impl RegionEquations {
     }
 
     /// The same equations with the world region by fewer vertices, for a first look.
-    pub fn coarse(&self) -> Self {
-        let facets = self.facets.iter().map(Facet::coarse).collect();
+    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        let facets = self.facets.iter().map(|facet| facet.coarse(world, origin)).collect();
         Self { facets, ..self.clone() }
     }
 
@@ -231,9 +231,6 @@ impl RegionEquations {
 /// Entries of an equation that is evaluated without derivatives: its residual.
 const ALONE: usize = 1;
 
-/// Entries of an equation with derivatives: its residual, then its derivatives by the left increment.
-const DERIVED: usize = 7;
-
 /// The first `count` rows are the equations of a region.
 struct Rows<const N: usize> {
     rows: [[f64; N]; MOST_EQUATIONS],
@@ -330,10 +327,10 @@ pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) 
 
 /// An equation with its derivatives along the camera's axes instead of the chart's (`docs/math.md`, eq. 6.2).
 fn turned(row: &[f64; DERIVED], chart: &Chart) -> [f64; DERIVED] {
-    let &[residual, a, b, c, d, e, f] = row;
+    let &[residual, a, b, c, d, e, f, _] = row;
     let back = chart.rotation.inverse();
     let (turning, moving) = (back * Vector3::new(a, b, c), back * Vector3::new(d, e, f));
-    [residual, turning.x, turning.y, turning.z, moving.x, moving.y, moving.z]
+    [residual, turning.x, turning.y, turning.z, moving.x, moving.y, moving.z, 0.0]
 }
 
 /// Sum of squared residuals of several regions; `None` where one of them is not in view.
@@ -341,68 +338,14 @@ pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> O
     regions.iter().map(|region| region.rows::<ALONE>(pose, weighting).map(|rows| rows.cost())).sum()
 }
 
-/// What least squares need of equations: with residuals `r` and derivatives `J` by the left increment, the sums over all.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct NormalEquations {
-    /// `J^T J`.
-    pub information: Matrix6<f64>,
-    /// `J^T r`.
-    pub gradient: Tangent,
-    /// `r^T r`.
-    pub cost: f64,
-}
-
 /// The normal equations of several regions; `None` where one of them is not in view.
 pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<NormalEquations> {
     let mut sum = NormalEquations::default();
     for region in regions {
         let rows = region.rows(pose, weighting)?;
-        sum += NormalEquations::along_chart(&rows).turned(&region.chart().rotation);
+        sum += NormalEquations::of(&rows.rows[..rows.count]).turned(&region.chart().rotation);
     }
     Some(sum)
-}
-
-impl NormalEquations {
-    /// Those of one region by an increment along its chart's axes.
-    fn along_chart(rows: &Rows<DERIVED>) -> Self {
-        let mut sums = [[0.0; DERIVED]; DERIVED];
-        for row in rows.iter() {
-            for (column, sums) in sums.iter_mut().enumerate() {
-                sums[..=column].iter_mut().zip(row).for_each(|(sum, entry)| *sum += row[column] * entry);
-            }
-        }
-        Self {
-            information: Matrix6::from_fn(|a, b| sums[1 + a.max(b)][1 + a.min(b)]),
-            gradient: Tangent::from_fn(|a, _| sums[1 + a][0]),
-            cost: sums[0][0],
-        }
-    }
-
-    /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera` (`docs/math.md`,
-    /// eq. 6.7).
-    pub fn turned(self, rotation: &Rotation3<f64>) -> Self {
-        let turn = rotation.matrix();
-        let mut information = Matrix6::zeros();
-        let mut gradient = Tangent::zeros();
-        for a in [0, 3] {
-            let part = turn.tr_mul(&self.gradient.fixed_rows::<3>(a));
-            gradient.fixed_rows_mut::<3>(a).copy_from(&part);
-            for b in [0, 3] {
-                let block = turn.tr_mul(&(self.information.fixed_view::<3, 3>(a, b) * turn));
-                information.fixed_view_mut::<3, 3>(a, b).copy_from(&block);
-            }
-        }
-        Self { information, gradient, cost: self.cost }
-    }
-}
-
-impl AddAssign for NormalEquations {
-    /// Adds those of other equations by the same increment.
-    fn add_assign(&mut self, other: Self) {
-        self.information += other.information;
-        self.gradient += other.gradient;
-        self.cost += other.cost;
-    }
 }
 
 fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {

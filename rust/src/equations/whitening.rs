@@ -7,7 +7,7 @@ use crate::equations::boundary_sums::{
 };
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{NullaryFnOnce, vectorized};
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::view::chart::Chart;
 
@@ -116,8 +116,9 @@ impl Whitening {
         let (pivots, columns) = vectorized(PivotedCholesky(&covariance.at(sigma, orders)));
         let mut factor = Vec::with_capacity(packed(pivots.len(), 0));
         for (k, &pivot) in pivots.iter().enumerate() {
-            factor.extend(columns[..k].iter().map(|column| column[pivot]));
-            factor.push(columns[k][pivot].recip());
+            let entry = |column: &Column| column[pivot / LANES].0[pivot % LANES];
+            factor.extend(columns[..k].iter().map(entry));
+            factor.push(entry(&columns[k]).recip());
         }
         Self { pivots, factor }
     }
@@ -130,9 +131,22 @@ impl Whitening {
     /// The whitened rows, as many as the rank, by forward substitution; each row of `rows` holds one equation's residual and
     /// derivatives (`docs/math.md`, eq. 6.5).
     pub fn applied<const N: usize>(&self, rows: &[[f64; N]; MOST_EQUATIONS]) -> [[f64; N]; MOST_EQUATIONS] {
+        vectorized(ForwardSubstitution(self, rows))
+    }
+}
+
+/// The rows that a whitening makes of others.
+struct ForwardSubstitution<'a, const N: usize>(&'a Whitening, &'a [[f64; N]; MOST_EQUATIONS]);
+
+impl<const N: usize> NullaryFnOnce for ForwardSubstitution<'_, N> {
+    type Output = [[f64; N]; MOST_EQUATIONS];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self(Whitening { pivots, factor }, rows) = self;
         let mut whitened = [[0.0; N]; MOST_EQUATIONS];
-        for (k, &pivot) in self.pivots.iter().enumerate() {
-            let weights = &self.factor[packed(k, 0)..=packed(k, k)];
+        for (k, &pivot) in pivots.iter().enumerate() {
+            let weights = &factor[packed(k, 0)..=packed(k, k)];
             let mut row = rows[pivot];
             for (weight, before) in weights.iter().zip(&whitened[..k]) {
                 row.iter_mut().zip(before).for_each(|(entry, value)| *entry -= weight * value);
@@ -147,27 +161,27 @@ impl Whitening {
 struct PivotedCholesky<'a>(&'a Covariance);
 
 impl NullaryFnOnce for PivotedCholesky<'_> {
-    type Output = (Vec<usize>, Vec<[f64; MOST_EQUATIONS]>);
+    type Output = (Vec<usize>, Vec<Column>);
 
     #[inline(always)]
     fn call(self) -> Self::Output {
         let matrix = self.0;
-        let (mut pivots, mut columns) =
-            (Vec::with_capacity(matrix.count), Vec::<[f64; MOST_EQUATIONS]>::with_capacity(matrix.count));
-        let mut rest: [f64; MOST_EQUATIONS] = std::array::from_fn(|k| matrix.entries[k][k]);
-        let cut = PIVOT_CUT * rest.iter().copied().fold(0.0, f64::max);
-        while let Some((pivot, value)) = largest(&rest[..matrix.count]).filter(|(_, value)| *value > cut) {
-            let mut column = matrix.entries[pivot];
+        let (mut pivots, mut columns) = (Vec::with_capacity(matrix.count), Vec::with_capacity(matrix.count));
+        let mut rest = column_of(&std::array::from_fn(|k| matrix.entries[k][k]));
+        let cut = PIVOT_CUT * largest(&rest).map_or(0.0, |(_, value)| value);
+        while let Some((pivot, value)) = largest(&rest).filter(|(_, value)| *value > cut) {
+            let mut column = column_of(&matrix.entries[pivot]);
             for other in &columns {
-                let share = other[pivot];
-                column.iter_mut().zip(other).for_each(|(entry, value)| *entry -= share * value);
+                subtract(&mut column, other, other[pivot / LANES].0[pivot % LANES]);
             }
             let inverse = value.sqrt().recip();
-            column.iter_mut().for_each(|entry| *entry *= inverse);
-            column[pivot] = value.sqrt();
-            rest.iter_mut().zip(&column).for_each(|(rest, entry)| *rest -= entry * entry);
+            for (entries, rest) in column.iter_mut().zip(&mut rest) {
+                *entries = *entries * Lanes::splat(inverse);
+                *rest = *rest - *entries * *entries;
+            }
+            column[pivot / LANES].0[pivot % LANES] = value.sqrt();
             // What is left of an eliminated pivot is round-off.
-            rest[pivot] = 0.0;
+            rest[pivot / LANES].0[pivot % LANES] = 0.0;
             pivots.push(pivot);
             columns.push(column);
         }
@@ -175,15 +189,38 @@ impl NullaryFnOnce for PivotedCholesky<'_> {
     }
 }
 
-/// The largest number and where it is; `None` where there is none.
-fn largest(numbers: &[f64]) -> Option<(usize, f64)> {
-    let mut largest = None;
-    for (index, &number) in numbers.iter().enumerate() {
-        if largest.is_none_or(|(_, most)| number > most) && number.is_finite() {
-            largest = Some((index, number));
-        }
+/// A column of the covariance.
+type Column = [Lanes; MOST_EQUATIONS / LANES];
+
+const _: () = assert!(MOST_EQUATIONS.is_multiple_of(LANES));
+
+#[inline(always)]
+fn column_of(numbers: &[f64; MOST_EQUATIONS]) -> Column {
+    let mut column = [Lanes::ZERO; MOST_EQUATIONS / LANES];
+    for (lanes, numbers) in column.iter_mut().zip(numbers.as_chunks().0) {
+        *lanes = Lanes(*numbers);
     }
-    largest
+    column
+}
+
+/// Takes a share of another column off one.
+#[inline(always)]
+fn subtract(column: &mut Column, other: &Column, share: f64) {
+    for (entries, others) in column.iter_mut().zip(other) {
+        *entries = *entries - Lanes::splat(share) * *others;
+    }
+}
+
+/// The first of the largest numbers, and where it is; `None` where all are none.
+#[inline(always)]
+fn largest(column: &Column) -> Option<(usize, f64)> {
+    let mut most = Lanes::splat(f64::NEG_INFINITY);
+    for lanes in column {
+        most = lanes.upper(most);
+    }
+    let most = most.max();
+    let numbers = column.iter().flat_map(|lanes| lanes.0);
+    numbers.enumerate().find(|(_, number)| *number == most)
 }
 
 /// Functions of the sphere system.

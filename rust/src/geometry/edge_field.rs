@@ -21,7 +21,7 @@ const MARGIN: f64 = 0.25;
 const GROUP: usize = 4 * LANES;
 
 /// Points of a cell for which all edges are looked at: as many as take the time to find the cell's own (by callgrind).
-const FEW: u8 = 2;
+const FIRST_POINTS: u8 = 2;
 
 /// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
 const ROUNDING: f64 = 1e-9;
@@ -35,14 +35,14 @@ pub struct EdgeField {
     origin: Vector2<f64>,
     /// Size of a cell.
     cell: Vector2<f64>,
-    /// Points that fell into each cell, up to [`FEW`].
+    /// Points that fell into each cell, up to [`FIRST_POINTS`].
     seen: [AtomicU8; CELLS * CELLS],
     /// Those of each cell, once more than a few points fell into one.
     candidates: OnceLock<Box<[Candidates]>>,
 }
 
-/// Numbers of the edges that may be nearest to a point of a cell, once they are asked for.
-type Candidates = OnceLock<Box<[u32]>>;
+/// The edges that may be nearest to a point of a cell and their numbers, rising, once they are asked for.
+type Candidates = OnceLock<Box<[(Few, [u32; LANES])]>>;
 
 #[derive(Debug, Clone, Copy)]
 struct FieldEdge {
@@ -51,49 +51,83 @@ struct FieldEdge {
     inverse: f64,
 }
 
-impl FieldEdge {
-    /// Squared distance of a point.
-    fn square(&self, point: &Vector2<f64>) -> f64 {
-        let offset = point - self.start;
-        let share = (offset.dot(&self.step) * self.inverse).clamp(0.0, 1.0);
-        (offset - self.step * share).norm_squared()
+/// As many edges as lanes, the last one repeated where they are too few.
+#[derive(Debug, Clone, Copy, Default)]
+struct Few {
+    start: [Lanes; 2],
+    step: [Lanes; 2],
+    inverse: Lanes,
+}
+
+impl Few {
+    fn of(edges: &[FieldEdge]) -> Self {
+        let mut few = Self::default();
+        for lane in 0..LANES {
+            let edge = &edges[lane.min(edges.len() - 1)];
+            for axis in 0..2 {
+                few.start[axis].0[lane] = edge.start[axis];
+                few.step[axis].0[lane] = edge.step[axis];
+            }
+            few.inverse.0[lane] = edge.inverse;
+        }
+        few
+    }
+
+    /// Squared distances of a point.
+    #[inline(always)]
+    fn squares(&self, point: &[Lanes; 2]) -> Lanes {
+        let [x, y] = [point[0] - self.start[0], point[1] - self.start[1]];
+        let [dx, dy] = self.step;
+        let share = ((x * dx + y * dy) * self.inverse).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
+        let (x, y) = (x - dx * share, y - dy * share);
+        x * x + y * y
     }
 }
 
 /// Consecutive edges, the last one repeated where they are too few.
 #[derive(Debug, Clone, Copy)]
-struct Group {
-    start: [[Lanes; 2]; GROUP / LANES],
-    step: [[Lanes; 2]; GROUP / LANES],
-    inverse: [Lanes; GROUP / LANES],
-}
+struct Group([Few; GROUP / LANES]);
 
 impl Group {
     fn of(edges: &[FieldEdge]) -> Self {
-        let mut group = Self { start: Default::default(), step: Default::default(), inverse: Default::default() };
-        for place in 0..GROUP {
-            let (edge, [k, lane]) = (&edges[place.min(edges.len() - 1)], [place / LANES, place % LANES]);
-            for axis in 0..2 {
-                group.start[k][axis].0[lane] = edge.start[axis];
-                group.step[k][axis].0[lane] = edge.step[axis];
-            }
-            group.inverse[k].0[lane] = edge.inverse;
-        }
-        group
+        let few = |k: usize| Few::of(&edges[(k * LANES).min(edges.len() - 1)..]);
+        Self(std::array::from_fn(few))
     }
 
-    /// Squared distances of a point from all edges, as [`FieldEdge::square`] gives them.
+    /// Squared distances of a point from all edges.
     #[inline(always)]
     fn squares(&self, point: &[Lanes; 2]) -> [Lanes; GROUP / LANES] {
         let mut squares = [Lanes::ZERO; GROUP / LANES];
-        for (k, square) in squares.iter_mut().enumerate() {
-            let [x, y] = [point[0] - self.start[k][0], point[1] - self.start[k][1]];
-            let [dx, dy] = self.step[k];
-            let share = ((x * dx + y * dy) * self.inverse[k]).upper(Lanes::ZERO).lower(Lanes::splat(1.0));
-            let (x, y) = (x - dx * share, y - dy * share);
-            *square = x * x + y * y;
+        for (square, few) in squares.iter_mut().zip(&self.0) {
+            *square = few.squares(point);
         }
         squares
+    }
+}
+
+/// The number of the first of a cell's edges nearest to a point.
+struct NearestAmong<'a>(&'a [(Few, [u32; LANES])], &'a Vector2<f64>);
+
+impl NullaryFnOnce for NearestAmong<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn call(self) -> u32 {
+        let point = in_lanes(self.1);
+        let (mut squares, mut places) = (Lanes::splat(f64::INFINITY), [0; LANES]);
+        for (place, (few, _)) in self.0.iter().enumerate() {
+            let others = few.squares(&point);
+            for (lane, first) in places.iter_mut().enumerate() {
+                let nearer = others.0[lane] < squares.0[lane];
+                squares.0[lane] = if nearer { others.0[lane] } else { squares.0[lane] };
+                *first = if nearer { place } else { *first };
+            }
+        }
+        let least = squares.min();
+        let first = |lane: usize| if squares.0[lane] == least { places[lane] * LANES + lane } else { usize::MAX };
+        let first = first(0).min(first(1)).min(first(2)).min(first(3));
+        // A point that is not finite is as near to any.
+        self.0.get(first / LANES).map_or(0, |(_, numbers)| numbers[first % LANES])
     }
 }
 
@@ -235,7 +269,7 @@ impl EdgeField {
 
     /// The edges that may be nearest to a point of a cell: those that are farther from its middle than the nearest by no more
     /// than the cell's diagonal.
-    fn may_be_nearest(&self, cell: usize) -> Box<[u32]> {
+    fn may_be_nearest(&self, cell: usize) -> Box<[(Few, [u32; LANES])]> {
         let place = Vector2::new((cell % CELLS) as f64 + 0.5, (cell / CELLS) as f64 + 0.5);
         let middle = self.origin + self.cell.component_mul(&place);
         let limit = (self.nearest_of_all(&middle).0.sqrt() + self.cell.norm()).powi(2);
@@ -243,21 +277,19 @@ impl EdgeField {
         // The last group repeats the last edge.
         let found = |number: usize| numbers.extend((number < self.edges.len()).then_some(number as u32));
         vectorized(Within(self, &middle, limit, found));
-        numbers.into()
+        let few = |numbers: &[u32]| {
+            let edges: Vec<_> = numbers.iter().map(|&number| self.edges[number as usize]).collect();
+            (Few::of(&edges), std::array::from_fn(|lane| numbers[lane.min(numbers.len() - 1)]))
+        };
+        numbers.chunks(LANES).map(few).collect()
     }
 
     /// The edge nearest to a point, by its number; the first of several.
     pub fn nearest_edge(&self, point: &Vector2<f64>) -> usize {
         match self.cell_of(point).filter(|&cell| self.is_busy(cell)) {
-            Some(cell) => self.nearest_among(point, self.candidates(cell)),
+            Some(cell) => vectorized(NearestAmong(self.candidates(cell), point)) as usize,
             None => self.nearest_of_all(point).1,
         }
-    }
-
-    fn nearest_among(&self, point: &Vector2<f64>, edges: &[u32]) -> usize {
-        let nearer = |best: (f64, u32), other: (f64, u32)| if other.0 < best.0 { other } else { best };
-        let squares = edges.iter().map(|&edge| (self.edges[edge as usize].square(point), edge));
-        squares.fold((f64::INFINITY, 0), nearer).1 as usize
     }
 
     /// By its squared distance and number.
@@ -269,13 +301,13 @@ impl EdgeField {
     fn is_busy(&self, cell: usize) -> bool {
         let seen = &self.seen[cell];
         let count = seen.load(Ordering::Relaxed);
-        if count < FEW {
+        if count < FIRST_POINTS {
             seen.store(count + 1, Ordering::Relaxed);
         }
-        count == FEW
+        count == FIRST_POINTS
     }
 
-    fn candidates(&self, cell: usize) -> &[u32] {
+    fn candidates(&self, cell: usize) -> &[(Few, [u32; LANES])] {
         let cells = self.candidates.get_or_init(|| vec![OnceLock::new(); CELLS * CELLS].into());
         cells[cell].get_or_init(|| self.may_be_nearest(cell))
     }

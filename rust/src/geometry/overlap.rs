@@ -14,7 +14,7 @@ use std::ops::Add;
 
 use nalgebra::Vector2;
 
-use crate::geometry::rings::{PlaneRings, rising};
+use crate::geometry::rings::PlaneRings;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
@@ -55,13 +55,8 @@ impl Add for OverlapAreas {
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, and never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
-    let (first, second) = (sloping_edges(observed), sloping_edges(predicted));
-    let area = |edges: &[SlopingEdge]| {
-        let mut segments = Segments::with_capacity(edges.len());
-        edges.iter().for_each(|edge| segments.add(edge.sign, &edge.left, &edge.right));
-        segments.area()
-    };
-    let (first_area, second_area) = (area(&first), area(&second));
+    let (first, second) = (Chains::of(observed), Chains::of(predicted));
+    let (first_area, second_area) = (first.area(), second.area());
     let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
         intersection,
@@ -84,57 +79,104 @@ impl Point {
     }
 }
 
-/// An edge that is not vertical, from left to right.
+/// Where the line through two points, the first on the left, is at an x from that of the first to that of the second.
+fn y_between(left: &Point, right: &Point, x: f64) -> f64 {
+    left.y + (x - left.x) / (right.x - left.x) * (right.y - left.y)
+}
+
+/// Consecutive edges that go on to the same side, by their points from left to right.
 #[derive(Debug, Clone, Copy)]
-struct SlopingEdge {
-    left: Point,
-    right: Point,
-    /// +1 where the region lies below the edge, -1 where it lies above.
+struct Chain<'a> {
+    points: &'a [Point],
+    /// +1 where the region lies below the edges, -1 where it lies above.
     sign: f64,
-    /// Of its extent along x.
-    inverse: f64,
 }
 
-impl SlopingEdge {
-    fn new(left: Point, right: Point, sign: f64) -> Self {
-        Self { left, right, sign, inverse: 1.0 / (right.x - left.x) }
+impl Chain<'_> {
+    fn left(&self) -> f64 {
+        self.points[0].x
     }
 
-    fn y_at(&self, x: f64) -> f64 {
-        let share = (x - self.left.x) * self.inverse;
-        // Past the end by rounding alone, or anywhere of an edge whose inverse is too large for a number.
-        let share = if share < 1.0 { share } else { 1.0 };
-        self.left.y + share * (self.right.y - self.left.y)
+    fn right(&self) -> f64 {
+        self.points[self.points.len() - 1].x
     }
 }
 
-/// The edges of a region by their left ends; vertical ones bound no area below them.
-fn sloping_edges(region: &PlaneRings) -> Vec<SlopingEdge> {
-    let mut edges = Vec::with_capacity(region.rings().iter().map(Vec::len).sum());
-    for ring in region.rings() {
-        let Some(last) = ring.last() else { continue };
-        let mut a = Point::new(*last);
-        for b in ring {
-            let b = Point::new(*b);
-            if a.x < b.x {
-                edges.push(SlopingEdge::new(a, b, -1.0));
-            } else if a.x > b.x {
-                edges.push(SlopingEdge::new(b, a, 1.0));
+/// The edges of a region but for vertical ones, which bound no area below them.
+#[derive(Debug, Default)]
+struct Chains {
+    points: Vec<Point>,
+    /// First and last point of each chain but one, and its sign.
+    ranges: Vec<(usize, usize, f64)>,
+}
+
+impl Chains {
+    fn of(region: &PlaneRings) -> Self {
+        let count: usize = region.rings().iter().map(Vec::len).sum();
+        // An end is a point of two chains.
+        let mut chains = Self { points: Vec::with_capacity(2 * count), ranges: Vec::new() };
+        region.rings().iter().for_each(|ring| chains.add(ring));
+        chains
+    }
+
+    fn add(&mut self, ring: &[Vector2<f64>]) {
+        let Some(last) = ring.last() else { return };
+        let (mut before, mut sign, mut first) = (Point::new(*last), 0.0, self.points.len());
+        for vertex in ring {
+            let point = Point::new(*vertex);
+            let way = if point.x > before.x {
+                -1.0
+            } else if point.x < before.x {
+                1.0
+            } else {
+                0.0
+            };
+            if way != sign {
+                self.close(first, sign);
+                (first, sign) = (self.points.len(), way);
+                self.points.extend((way != 0.0).then_some(before));
             }
-            a = b;
+            self.points.extend((way != 0.0).then_some(point));
+            before = point;
         }
+        self.close(first, sign);
     }
-    rising(edges.iter().map(|edge| edge.left.x)).map(|place| edges[place]).collect()
+
+    /// Ends the chain that began with a point.
+    fn close(&mut self, first: usize, sign: f64) {
+        if sign > 0.0 {
+            self.points[first..].reverse();
+        }
+        self.ranges.extend((sign != 0.0).then_some((first, self.points.len(), sign)));
+    }
+
+    /// The chains by their left ends.
+    fn rising(&self) -> Vec<Chain<'_>> {
+        let chain = |&(first, end, sign): &(usize, usize, f64)| Chain { points: &self.points[first..end], sign };
+        let mut chains: Vec<_> = self.ranges.iter().map(chain).collect();
+        chains.sort_by(|a, b| a.left().total_cmp(&b.left()));
+        chains
+    }
+
+    /// Solid angle of the region.
+    fn area(&self) -> f64 {
+        let mut segments = Segments::with_capacity(self.points.len());
+        for &(first, end, sign) in &self.ranges {
+            self.points[first..end].windows(2).for_each(|ends| segments.add(sign, &ends[0], &ends[1]));
+        }
+        segments.area()
+    }
 }
 
-/// Sum over all pairs of edges that share some x: a sweep from left to right.
-fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
-    let (mut open_first, mut open_second): (Vec<&SlopingEdge>, Vec<&SlopingEdge>) = (Vec::new(), Vec::new());
-    let (mut rest_first, mut rest_second) = (first.iter().peekable(), second.iter().peekable());
-    let mut segments = Segments::with_capacity(PAIRS * (first.len() + second.len()));
+/// Sum over all pairs of edges that share some x: a sweep over chains from left to right.
+fn common_area(first: &Chains, second: &Chains) -> f64 {
+    let (mut open_first, mut open_second): (Vec<Chain>, Vec<Chain>) = (Vec::new(), Vec::new());
+    let (mut rest_first, mut rest_second) =
+        (first.rising().into_iter().peekable(), second.rising().into_iter().peekable());
+    let mut segments = Segments::with_capacity(PAIRS * (first.points.len() + second.points.len()));
     while rest_first.peek().is_some() || rest_second.peek().is_some() {
         let from_first = match (rest_first.peek(), rest_second.peek()) {
-            (Some(a), Some(b)) => a.left.x <= b.left.x,
+            (Some(a), Some(b)) => a.left() <= b.left(),
             (next, _) => next.is_some(),
         };
         let (rest, same, other) = if from_first {
@@ -142,10 +184,10 @@ fn common_area(first: &[SlopingEdge], second: &[SlopingEdge]) -> f64 {
         } else {
             (&mut rest_second, &mut open_second, &mut open_first)
         };
-        let Some(edge) = rest.next() else { break };
-        other.retain(|open| open.right.x > edge.left.x);
-        other.iter().for_each(|open| segments.add_below_both(edge, open));
-        same.push(edge);
+        let Some(chain) = rest.next() else { break };
+        other.retain(|open| open.right() > chain.left());
+        other.iter().for_each(|open| segments.add_below_both(&chain, open));
+        same.push(chain);
     }
     segments.area()
 }
@@ -167,25 +209,39 @@ impl Segments {
         Self(Vec::with_capacity(count))
     }
 
-    /// Adds the part below an edge and one that begins before it over the x that they share; the lower one changes where they
-    /// cross.
-    fn add_below_both(&mut self, e: &SlopingEdge, f: &SlopingEdge) {
-        let (sign, left) = (e.sign * f.sign, &e.left);
-        let right = if e.right.x < f.right.x { &e.right } else { &f.right };
-        let (e_left, f_left) = (left.y, f.y_at(left.x));
-        let (e_right, f_right) = (e.y_at(right.x), f.y_at(right.x));
-        let (gap, next) = (e_left - f_left, e_right - f_right);
-        let lower = |a: f64, b: f64| if a < b { a } else { b };
-        let (start, end) =
-            (Point { y: lower(e_left, f_left), ..*left }, Point { y: lower(e_right, f_right), ..*right });
+    /// Adds the part below a chain and one that begins no later and ends beyond its left end, over the x that they
+    /// share.
+    fn add_below_both(&mut self, late: &Chain, early: &Chain) {
+        let (a, b, sign) = (late.points, early.points, late.sign * early.sign);
+        let (mut i, mut j) = (1, b.partition_point(|point| point.x <= a[0].x));
+        let mut left = (a[0], y_between(&b[j - 1], &b[j], a[0].x));
+        while i < a.len() && j < b.len() {
+            let (on_a, on_b) = (a[i], b[j]);
+            let right = if on_a.x <= on_b.x {
+                (on_a, y_between(&b[j - 1], &on_b, on_a.x))
+            } else {
+                (Point { y: y_between(&a[i - 1], &on_a, on_b.x), ..on_b }, on_b.y)
+            };
+            self.add_below(sign, &left, &right);
+            (i, j) = (i + usize::from(on_a.x <= on_b.x), j + usize::from(on_b.x <= on_a.x));
+            left = right;
+        }
+    }
+
+    /// Adds the part below two edges between their places on the left and on the right, each a point and the y of the
+    /// other at its x; the lower edge changes where they cross.
+    fn add_below(&mut self, sign: f64, left: &(Point, f64), right: &(Point, f64)) {
+        let lower =
+            |&(point, other): &(Point, f64)| Point { y: if point.y < other { point.y } else { other }, ..point };
+        let (gap, next) = (left.0.y - left.1, right.0.y - right.1);
         if gap * next < 0.0 {
             let share = gap / (gap - next);
-            let crossing = Vector2::new(left.x, e_left).lerp(&Vector2::new(right.x, e_right), share);
+            let crossing = Vector2::new(left.0.x, left.0.y).lerp(&Vector2::new(right.0.x, right.0.y), share);
             let crossing = Point::new(crossing);
-            self.add(sign, &start, &crossing);
-            self.add(sign, &crossing, &end);
+            self.add(sign, &lower(left), &crossing);
+            self.add(sign, &crossing, &lower(right));
         } else {
-            self.add(sign, &start, &end);
+            self.add(sign, &lower(left), &lower(right));
         }
     }
 

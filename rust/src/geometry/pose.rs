@@ -7,6 +7,9 @@ use crate::error::{Error, Result};
 /// Increment of a pose, `[omega (rad), tau (metres)]`, applied on the left.
 pub type Tangent = Vector6<f64>;
 
+/// Parameters of a pose.
+pub const PARAMETERS: usize = 6;
+
 /// Below this angle (rad) the series of the exponential map replace its quotients; their error is of order angle^4 / 100.
 const SMALL_ANGLE: f64 = 1e-4;
 

@@ -32,8 +32,6 @@ pub(crate) const NEGLIGIBLE_FRACTION: f64 = 7.174_648_137_343_064e-43;
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneRings {
     rings: Vec<Vec<Vector2<f64>>>,
-    lower: Vector2<f64>,
-    upper: Vector2<f64>,
 }
 
 impl PlaneRings {
@@ -89,8 +87,7 @@ impl PlaneRings {
             }
             rings.push(mapped);
         }
-        let (lower, upper) = bounding_box(rings.iter().flatten().copied());
-        Some(Self { rings, lower, upper })
+        Some(Self { rings })
     }
 
     /// The rings after a map that may have turned all of them round: outer ones counter-clockwise again.
@@ -103,8 +100,7 @@ impl PlaneRings {
 
     /// Rings that are known to be simple and oriented, as those of what two regions share; none for nothing.
     pub(crate) fn of_simple(rings: Vec<Vec<Vector2<f64>>>) -> Self {
-        let (lower, upper) = bounding_box(rings.iter().flatten().copied());
-        Self { rings, lower, upper }
+        Self { rings }
     }
 
     /// Edges of all rings as (start, end), ring by ring; the region lies to their left.
@@ -132,7 +128,7 @@ impl PlaneRings {
 
     /// Corners (lower left, upper right) of the smallest box around the region, sides along the axes.
     pub fn bounds(&self) -> (Vector2<f64>, Vector2<f64>) {
-        (self.lower, self.upper)
+        bounding_box(self.rings.iter().flatten().copied())
     }
 }
 
@@ -149,8 +145,13 @@ pub(crate) fn is_flat(ring: &[Vector2<f64>]) -> bool {
 }
 
 /// Smallest area accepted for a ring of this extent.
+#[cfg(feature = "mesh")]
 fn smallest_area(ring: &[Vector2<f64>]) -> f64 {
-    let (lower, upper) = bounding_box(ring.iter().copied());
+    smallest_area_within(&bounding_box(ring.iter().copied()))
+}
+
+/// The same of the corners of a ring's box.
+fn smallest_area_within((lower, upper): &(Vector2<f64>, Vector2<f64>)) -> f64 {
     SMALLEST_AREA_FRACTION * (upper - lower).amax().powi(2)
 }
 
@@ -190,12 +191,14 @@ struct CleanRing {
     /// Index of each vertex in the ring as given.
     given: Vec<usize>,
     area: f64,
+    /// Corners of the smallest box around it.
+    bounds: (Vector2<f64>, Vector2<f64>),
 }
 
 impl CleanRing {
     fn new(given: &[Vector2<f64>], largest: f64) -> Self {
-        let mut ring =
-            Self { vertices: Vec::with_capacity(given.len()), given: Vec::with_capacity(given.len()), area: 0.0 };
+        let (vertices, places) = (Vec::with_capacity(given.len()), Vec::with_capacity(given.len()));
+        let mut ring = Self { vertices, given: places, area: 0.0, bounds: Default::default() };
         for (index, &vertex) in given.iter().enumerate() {
             let vertex = without_negligible(vertex, largest);
             if ring.vertices.last() != Some(&vertex) {
@@ -208,6 +211,7 @@ impl CleanRing {
             ring.given.pop();
         }
         ring.area = signed_area(&ring.vertices);
+        ring.bounds = bounding_box(ring.vertices.iter().copied());
         ring
     }
 
@@ -225,7 +229,7 @@ impl CleanRing {
     }
 
     fn check_area(&self, ring: usize) -> Result<()> {
-        let needed = smallest_area(&self.vertices);
+        let needed = smallest_area_within(&self.bounds);
         let area = self.area.abs();
         if area > needed { Ok(()) } else { Err(Error::ZeroArea { ring, area, needed }) }
     }
@@ -283,14 +287,13 @@ impl SimpleRings {
     }
 
     fn oriented(self) -> PlaneRings {
-        let (lower, upper) = bounding_box(self.rings.iter().flat_map(|ring| ring.vertices.iter().copied()));
         let turned = |(mut ring, parents): (CleanRing, Vec<usize>)| {
             if (ring.area > 0.0) != parents.len().is_multiple_of(2) {
                 ring.vertices[1..].reverse();
             }
             ring.vertices
         };
-        PlaneRings { rings: self.rings.into_iter().zip(self.parents).map(turned).collect(), lower, upper }
+        PlaneRings { rings: self.rings.into_iter().zip(self.parents).map(turned).collect() }
     }
 }
 

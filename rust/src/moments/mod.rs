@@ -9,6 +9,7 @@ pub mod mesh;
 pub mod pixels;
 pub mod plane;
 pub(crate) mod quadrature;
+pub(crate) mod shape;
 pub mod sphere;
 
 use nalgebra::Vector3;

@@ -1,7 +1,8 @@
-//! How likely labels are at a pose that is not refined, and how far they are trusted beforehand (`docs/math.md`, eq. 17.3).
+//! How likely labels are at a pose that is not refined, and how far they are trusted beforehand (`docs/math.md`, eq.
+//! 17.3).
 
-use super::propagation::{Label, Trust};
-use super::readings::{Reading, SampledRegion};
+use super::propagation::{Edge, Label, Trust};
+use super::readings::{Reading, SampledRegion, Sight};
 use crate::geometry::pose::Pose;
 
 /// The coarsest blur, pixels.
@@ -11,7 +12,8 @@ pub(super) const COARSEST: f64 = 64.0;
 pub(super) const SHARP: f64 = 4.0;
 pub(super) const LEADING: usize = 200;
 
-/// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand for.
+/// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand
+/// for.
 pub(super) const MISLABELLED: f64 = 0.01;
 pub(super) const DISTURBED: f64 = 0.03;
 pub(super) const WEIGHT: f64 = 30.0;
@@ -20,20 +22,17 @@ pub(super) const WEIGHT: f64 = 30.0;
 pub(super) const FAR_OFF: f64 = 0.1;
 pub(super) const FAR_BLURS: f64 = 4.0;
 
-/// Logarithm of the probability of a label of which the contour tells nothing: a coin's. Were it one, the likeliest pose would be
-/// one that shows all samples where nothing is known.
-pub(super) const UNKNOWN: f64 = -std::f64::consts::LN_2;
-
 /// The step that leaves about as many samples of all regions as lead.
 pub fn leading_step(regions: &[SampledRegion]) -> usize {
     (regions.iter().map(SampledRegion::count).sum::<usize>() / LEADING).max(1)
 }
 
-/// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square, pixels.
+/// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square,
+/// pixels.
 pub(super) fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0);
     for reading in readings(regions, pose, step) {
-        if let Reading::Seen(margin, _) = reading
+        if let Reading::Seen(Sight { margin, edge: Edge::Own, .. }) = reading
             && margin < 0.0
         {
             squares += margin * margin;
@@ -47,9 +46,8 @@ pub(super) fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) ->
 pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: usize) -> f64 {
     let trust = Trust { blur, wide: FAR_BLURS * blur, ..Trust::unknown() };
     let label = |reading: Reading| match reading {
-        Reading::Seen(margin, _) => trust.label(margin, 0.0).log_probability,
+        Reading::Seen(sight) => trust.label(sight.edge, sight.margin, 0.0).log_probability,
         Reading::Behind(right) => trust.label_behind(right).log_probability,
-        Reading::Unknown => UNKNOWN,
     };
     readings(regions, pose, step).map(label).sum()
 }
@@ -62,7 +60,7 @@ impl Trust {
 
     /// The label of a sample behind the camera, infinitely far on its right side or its wrong one.
     pub(super) fn label_behind(&self, right: bool) -> Label {
-        self.label(if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0)
+        self.label(Edge::Own, if right { f64::INFINITY } else { f64::NEG_INFINITY }, 0.0)
     }
 }
 

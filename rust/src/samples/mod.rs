@@ -1,4 +1,5 @@
-//! The pose from samples of regions: how likely they are, and the mean of what they leave possible (`docs/math.md`, section 17).
+//! The pose from samples of regions: how likely they are, and the mean of what they leave possible (`docs/math.md`,
+//! section 17).
 
 pub mod belief;
 pub mod labels;

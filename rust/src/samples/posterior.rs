@@ -13,6 +13,13 @@ use crate::prior::Gaussian;
 /// From blur to blur.
 const STEP: f64 = 0.5;
 
+/// Standard deviations of how far contours are grown, pixels: from the quality of calibrations to a hand's error, and
+/// half the width of a lidar's beam beside a region of a few metres.
+const GROWTHS: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+
+/// Logarithm of odds from which a setting that is farther on tells nothing.
+const NOTHING: f64 = 10.0;
+
 /// Relinearisations at one blur at most: on the way, and where they end.
 const ROUNDS: usize = 2;
 const LAST_ROUNDS: usize = 8;
@@ -45,8 +52,8 @@ pub struct Led {
     trust: Vec<Trust>,
 }
 
-/// Where some of the samples lead a start, while their blur falls by halves from as far as they lie on the wrong side; `others`
-/// gives what else is known at a pose. `None` where a direction is left free.
+/// Where some of the samples lead a start, while their blur falls by halves from as far as they lie on the wrong side;
+/// `others` gives what else is known at a pose. `None` where a direction is left free.
 pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
@@ -54,7 +61,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
-        state = samples.settled(state, blur, ROUNDS, false)?;
+        state = samples.settled(state, Setting { blur, growth: 0.0 }, ROUNDS, false)?;
         if blur <= SHARP {
             let State { pose, log_evidence, belief } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
@@ -63,60 +70,115 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     }
 }
 
-/// What all samples leave possible about starts that some of them led on, whatever the blur, which falls on from there. A start
-/// that is behind the best at one blur by more than `hopeless`, in logarithms of the evidence, falls no farther.
+/// What all samples leave possible about starts that some of them led on, whatever the blur and the growth. First the
+/// blur falls on from there, then contours may be grown farther and farther, and where they are the blur falls again:
+/// what is grown looks blurred to those who do not know of it. A start that is behind the best by more than `hopeless`,
+/// in logarithms of the evidence, goes no farther.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
     led: &[Led],
     hopeless: f64,
 ) -> Vec<Posterior> {
-    let mut falling: Vec<_> = led.iter().map(|from| Falling::new(regions, others, from)).collect();
-    let mut blur = SHARP;
-    while blur >= FINEST {
-        falling.retain_mut(|one| one.fall_to(blur).is_some());
-        let most = falling.iter().map(|one| one.state.log_evidence).fold(f64::NEG_INFINITY, f64::max);
-        falling.retain(|one| most - one.state.log_evidence <= hopeless);
-        blur *= STEP;
+    let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
+    for blur in blurs() {
+        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: GROWTHS[0] }));
     }
-    falling.into_iter().filter_map(Falling::ended).collect()
+    all.retain_mut(|one| one.go_back().is_some());
+    for growth in GROWTHS.into_iter().skip(1) {
+        go_on(&mut all, hopeless, |one| Some(Setting { growth, ..one.likeliest()? }));
+    }
+    all.retain_mut(|one| one.go_back().is_some());
+    for blur in blurs() {
+        let is_new = |likeliest: &Setting| likeliest.growth > GROWTHS[0] && blur < likeliest.blur;
+        go_on(&mut all, hopeless, |one| Some(Setting { blur, ..one.likeliest().filter(is_new)? }));
+    }
+    all.into_iter().filter_map(Going::ended).collect()
+}
+
+/// The blurs with all samples, falling.
+fn blurs() -> impl Iterator<Item = f64> {
+    std::iter::successors(Some(SHARP), |blur| Some(blur * STEP)).take_while(|blur| *blur >= FINEST)
+}
+
+/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless.
+fn go_on<F: Fn(&Pose) -> Gaussian>(
+    all: &mut Vec<Going<F>>,
+    hopeless: f64,
+    next: impl Fn(&Going<F>) -> Option<Setting>,
+) {
+    all.retain_mut(|one| next(one).is_none_or(|setting| one.go_to(setting).is_some()));
+    let most = all.iter().map(Going::most).fold(f64::NEG_INFINITY, f64::max);
+    all.retain(|one| most - one.most() <= hopeless);
+}
+
+/// Blur of labels, and how far contours are grown (standard deviation), pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Setting {
+    pub(super) blur: f64,
+    pub(super) growth: f64,
 }
 
 /// A start on its way with all samples.
-struct Falling<'a, F> {
+struct Going<'a, F> {
     samples: Samples<'a, F>,
     state: State,
-    /// Where it was at each blur.
-    found: Vec<(State, f64)>,
+    /// Where it was with each setting.
+    found: Vec<(State, Setting)>,
+    /// The likeliest of these, and the samples then.
+    best: Option<(State, Setting, Samples<'a, F>)>,
 }
 
-impl<'a, F: Fn(&Pose) -> Gaussian> Falling<'a, F> {
+impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
         let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
-        Self { samples: Samples::all(regions, others, from.pose, from.trust.clone()), state, found: Vec::new() }
+        let samples = Samples::all(regions, others, from.pose, from.trust.clone());
+        Self { samples, state, found: Vec::new(), best: None }
     }
 
-    /// The state at the next blur; `None` where a direction is left free.
-    fn fall_to(&mut self, blur: f64) -> Option<()> {
-        self.state = self.samples.settled(self.state, blur, ROUNDS, false)?;
-        self.found.push((self.state, blur));
+    /// The greatest logarithm of the evidence so far.
+    fn most(&self) -> f64 {
+        self.best.as_ref().map_or(f64::NEG_INFINITY, |(state, ..)| state.log_evidence)
+    }
+
+    /// The likeliest setting, unless the last one is so much less likely that farther ones tell nothing.
+    fn likeliest(&self) -> Option<Setting> {
+        let is_likely = self.most() - self.state.log_evidence <= NOTHING;
+        self.best.as_ref().filter(|_| is_likely).map(|(_, setting, _)| *setting)
+    }
+
+    /// The state with a setting; `None` where a direction is left free.
+    fn go_to(&mut self, setting: Setting) -> Option<()> {
+        self.state = self.samples.settled(self.state, setting, ROUNDS, false)?;
+        if self.state.log_evidence > self.most() {
+            self.best = Some((self.state, setting, self.samples.clone()));
+        }
+        self.found.push((self.state, setting));
         Some(())
     }
 
-    /// The likeliest blur's state over the whole of its belief, and those of all blurs together.
+    /// Goes back to the likeliest setting; `None` where there is none.
+    fn go_back(&mut self) -> Option<Setting> {
+        let (state, setting, samples) = self.best.as_ref()?;
+        (self.state, self.samples) = (*state, samples.clone());
+        Some(*setting)
+    }
+
+    /// The likeliest setting's state over the whole of its belief, and those of all settings together.
     fn ended(mut self) -> Option<Posterior> {
-        let by_evidence = |(a, _): &&(State, f64), (b, _): &&(State, f64)| a.log_evidence.total_cmp(&b.log_evidence);
-        let (likeliest, blur) = *self.found.iter().max_by(by_evidence)?;
-        let last = self.samples.settled(likeliest, blur, LAST_ROUNDS, true)?;
+        let setting = self.go_back()?;
+        let likeliest = self.state;
+        let last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
         let (wrong, telling) = (self.samples.wrong(&last), self.samples.telling.len());
-        let rest = self.found.iter().filter(|(_, other)| *other != blur);
+        let rest = self.found.iter().filter(|(_, other)| *other != setting);
         let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
-        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur, wrong, telling })
+        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur: setting.blur, wrong, telling })
     }
 }
 
-/// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to all.
+/// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to
+/// all.
 fn mixed(about: &Pose, states: &[(f64, State)]) -> (Pose, Matrix6<f64>) {
     let all: f64 = states.iter().map(|(weight, _)| weight.exp()).sum();
     let ways: Vec<_> =

@@ -1,23 +1,28 @@
-//! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour leave
-//! possible (`docs/math.md`, eq. 17.5 to 17.7).
+//! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour
+//! leave possible (`docs/math.md`, eq. 17.5 to 17.7).
 
 use nalgebra::{SVector, Vector6};
 
-use super::belief::{Belief, JOINT, JointGaussian, OFFSET};
+use super::belief::{Belief, INCREMENT};
 use super::normal::{cumulative, density};
-use super::stretch::{KINDS, Stretch, View};
+use super::readings::Sight;
+use super::stretch::{Heard, KINDS, Outline, View};
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
 const SWEEPS: usize = 6;
 
-/// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
+/// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the
+/// last.
 const SETTLED: f64 = 0.05;
+
+/// Probability of a label of which the contour tells nothing.
+const COIN: f64 = 0.5;
 
 /// How far the labels of a region's samples are to be trusted.
 ///
-/// A label is right with the probability `mislabelled + (1 - 2 mislabelled) ((1 - disturbed) Phi(margin / blur) + disturbed
-/// Phi(margin / wide))`.
+/// A label is right with the probability `mislabelled + (1 - 2 mislabelled) ((1 - disturbed) Phi(margin / blur) +
+/// disturbed Phi(margin / wide))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trust {
     /// Blur of the contour where it is clean, pixels.
@@ -30,21 +35,45 @@ pub struct Trust {
     pub mislabelled: f64,
 }
 
+/// Whether the edge that a sample is nearest to is the region's own. Beyond one that hides it, the region may go on:
+/// there a label is a coin's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Edge {
+    /// The region's own.
+    Own,
+    /// The border of the image or of something in front, of a sample inside the region.
+    HidesInside,
+    /// The same, of a sample outside of it.
+    HidesOutside,
+}
+
 impl Trust {
+    /// The probability of a label on its wrong side, and what it is more on its right one.
+    fn bounds(&self, edge: Edge) -> (f64, f64) {
+        match edge {
+            Edge::Own => (self.mislabelled, 1.0 - 2.0 * self.mislabelled),
+            Edge::HidesInside => (COIN, COIN - self.mislabelled),
+            Edge::HidesOutside => (self.mislabelled, COIN - self.mislabelled),
+        }
+    }
+
     /// Weights and blurs of the clean and the disturbed parts.
-    fn parts(&self) -> [(f64, f64); 2] {
-        let labelled = 1.0 - 2.0 * self.mislabelled;
+    fn parts(&self, edge: Edge) -> [(f64, f64); 2] {
+        let (_, labelled) = self.bounds(edge);
         [(labelled * (1.0 - self.disturbed), self.blur), (labelled * self.disturbed, self.wide)]
     }
 
-    /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the contour is
-    /// disturbed; of a margin with a normal distribution.
-    pub fn label(&self, mean: f64, variance: f64) -> Label {
+    /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the
+    /// contour is disturbed; of a margin with a normal distribution.
+    pub fn label(&self, edge: Edge, mean: f64, variance: f64) -> Label {
         let [clean, wide] =
-            self.parts().map(|(weight, blur)| weight * cumulative(mean / (blur * blur + variance).sqrt()));
-        let all = self.mislabelled + clean + wide;
+            self.parts(edge).map(|(weight, blur)| weight * cumulative(mean / (blur * blur + variance).sqrt()));
+        let all = self.bounds(edge).0 + clean + wide;
         // Of a margin that is certain to be right a label that was drawn at random agrees by half.
-        let beyond = self.mislabelled * cumulative(-mean / (self.blur * self.blur + variance).sqrt());
+        let beyond = match edge {
+            Edge::HidesInside => 0.0,
+            _ => self.mislabelled * cumulative(-mean / (self.blur * self.blur + variance).sqrt()),
+        };
         Label { log_probability: all.ln(), mislabelled: beyond / all, disturbed: wide / all }
     }
 }
@@ -86,16 +115,20 @@ impl std::ops::Add for Label {
     }
 }
 
-/// A sample: its margin on the right side of the contour is `margin + slope . x` pixels, linear in the left increment and the
-/// offset of the stretch that it lies beside, together `x`.
+/// A sample: its margin on the right side of the contour is `margin + slope . x + outwards (g + d)` pixels, linear in
+/// the left increment `x`, the growth `g` of its contour and the offset `d` of the stretch that it lies beside.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
-    /// Derivative of the margin.
-    pub slope: SVector<f64, JOINT>,
+    /// Derivative of the margin by the increment.
+    pub slope: Vector6<f64>,
+    /// The same by growth and offset.
+    pub outwards: f64,
     /// The margin at zero, pixels.
     pub margin: f64,
     /// Variance of the margin about that line, squared pixels, which adds to the blur's.
     pub bent: f64,
+    /// Whether it is nearest to an edge of the region's own.
+    pub edge: Edge,
     /// How far labels are to be trusted.
     pub trust: Trust,
     /// The normal factors of the margin that stand for the label, for each kind of stretch that it may lie beside.
@@ -103,7 +136,7 @@ pub struct Site {
 }
 
 /// Natural parameters of a normal factor of a margin.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Factor {
     /// Inverse variance.
     pub precision: f64,
@@ -122,9 +155,9 @@ struct Tilted {
 
 impl Tilted {
     /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.6).
-    fn new(mean: f64, variance: f64, trust: &Trust) -> Self {
-        let (mut probability, mut slope, mut bend) = (trust.mislabelled, 0.0, 0.0);
-        for (weight, blur) in trust.parts() {
+    fn new(mean: f64, variance: f64, trust: &Trust, edge: Edge) -> Self {
+        let (mut probability, mut slope, mut bend) = (trust.bounds(edge).0, 0.0, 0.0);
+        for (weight, blur) in trust.parts(edge) {
             let width = (blur * blur + variance).sqrt();
             let u = mean / width;
             let height = weight * density(u) / width;
@@ -150,14 +183,15 @@ impl AsMut<Site> for Site {
 }
 
 impl Site {
-    /// A sample whose factor is not known yet; its margin grows by `outwards` for each pixel that its stretch is off.
-    pub fn new(slope: &Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Self {
-        Self { slope: slope.push(outwards), margin, bent: 0.0, trust, factors: Default::default() }
+    /// A sample where it is seen, whose factor is not known yet.
+    pub fn new(sight: &Sight, trust: Trust) -> Self {
+        let Sight { margin, slope, outwards, edge, .. } = *sight;
+        Self { slope, outwards, margin, bent: 0.0, edge, trust, factors: Default::default() }
     }
 
     /// The same with the derivative by the increment and the margin that it has from there.
     pub fn with_line(self, slope: &Vector6<f64>, margin: f64) -> Self {
-        Self { slope: slope.push(self.slope[OFFSET]), margin, ..self }
+        Self { slope: *slope, margin, ..self }
     }
 
     /// The site with the factors of another one.
@@ -165,25 +199,31 @@ impl Site {
         Self { factors: other.factors, ..self }
     }
 
-    /// Mean and variance of the margin under a distribution of the increment and the offset.
-    pub fn margin_under(&self, belief: &Belief<JOINT>) -> (f64, f64) {
-        let variance = self.slope.dot(&(belief.covariance * self.slope));
-        (self.margin + self.slope.dot(&belief.mean), variance)
+    /// Derivative of the margin by the increment and by growth and offset, as far as they are among the components.
+    fn row<const D: usize>(&self) -> SVector<f64, D> {
+        SVector::from_fn(|row, _| if row < INCREMENT { self.slope[row] } else { self.outwards })
+    }
+
+    /// Mean and variance of the margin under a distribution of the increment, and of what the contour is off.
+    pub fn margin_under<const D: usize>(&self, belief: &Belief<D>) -> (f64, f64) {
+        let row = self.row::<D>();
+        (self.margin + row.dot(&belief.mean), row.dot(&(belief.covariance * row)))
     }
 
     /// What the label shows under a belief.
-    pub fn label(&self, belief: &Belief<JOINT>) -> Label {
+    pub fn label<const D: usize>(&self, belief: &Belief<D>) -> Label {
         let (mean, variance) = self.margin_under(belief);
-        self.trust.label(mean, variance + self.bent)
+        self.trust.label(self.edge, mean, variance + self.bent)
     }
 
     /// Moment matching of the factor for a kind of stretch, in place in the belief.
-    pub(super) fn update(&mut self, kind: usize, belief: &mut Belief<JOINT>) {
-        let spread = belief.covariance * self.slope;
-        let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
+    pub(super) fn update<const D: usize>(&mut self, kind: usize, belief: &mut Belief<D>) {
+        let row = self.row::<D>();
+        let spread = belief.covariance * row;
+        let (mean, variance) = (self.margin + row.dot(&belief.mean), row.dot(&spread));
         let before = self.factors[kind];
         let Some((mean_without, variance_without)) = before.left_out(mean, variance) else { return };
-        let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust);
+        let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust, self.edge);
         let left = 1.0 - variance_without * tilted.second;
         // A sample that contradicts the others would make the belief wider than they leave it: it says nothing.
         let after = match tilted.second > 0.0 {
@@ -204,18 +244,20 @@ impl Site {
     }
 
     /// The site's factor for a kind of stretch, without what makes it as large as the label's probability.
-    pub(super) fn factor_into(&self, kind: usize, factor: &mut JointGaussian) {
+    pub(super) fn factor_into<const D: usize>(&self, kind: usize, factor: &mut Gaussian<D>) {
         let Factor { precision, pull } = self.factors[kind];
-        factor.information.ger(precision, &self.slope, &self.slope, 1.0);
-        factor.vector += self.slope * (pull - precision * self.margin);
+        let row = self.row::<D>();
+        factor.information.ger(precision, &row, &row, 1.0);
+        factor.vector += row * (pull - precision * self.margin);
         factor.offset += self.margin * (pull - 0.5 * precision * self.margin);
     }
 
-    /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's probability.
-    pub(super) fn log_scale(&self, kind: usize, belief: &Belief<JOINT>) -> f64 {
+    /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's
+    /// probability.
+    pub(super) fn log_scale<const D: usize>(&self, kind: usize, belief: &Belief<D>) -> f64 {
         let (mean, variance) = self.margin_under(belief);
         let Some((mean_without, variance_without)) = self.factors[kind].left_out(mean, variance) else { return 0.0 };
-        let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust).log_probability;
+        let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust, self.edge).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
     }
@@ -223,7 +265,7 @@ impl Site {
 
 impl Factor {
     /// Mean and variance of a margin without the factor; `None` where nothing is left.
-    fn left_out(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
+    pub(super) fn left_out(&self, mean: f64, variance: f64) -> Option<(f64, f64)> {
         let left = 1.0 - variance * self.precision;
         (left > f64::EPSILON).then(|| ((mean - variance * self.pull) / left, variance / left))
     }
@@ -234,62 +276,78 @@ impl Factor {
 pub struct Propagated {
     /// Of the increment.
     pub belief: Belief,
-    /// Of the increment and the offset of each stretch, for each kind that it may be.
-    pub views: Vec<Vec<View>>,
+    /// Of the increment and what each contour is off; none of samples by themselves.
+    pub views: Vec<View>,
     /// Logarithm of the evidence.
     pub log_evidence: f64,
 }
 
-/// What samples beside stretches and other factors leave possible; sites and stretches keep their factors, from which the next
-/// call goes on. In the first sweep a `guard` stands in for the factors that
-/// sites do not have yet: without it the first of them would meet a belief so wide that they contradict one another. `None`
-/// where a direction is left free.
+/// What samples beside contours that are off, and other factors, leave possible; sites and stretches keep their
+/// factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that sites do not
+/// have yet: without it the first of them would meet a belief so wide that they contradict one another. `None` where a
+/// direction is left free.
 ///
-/// The offsets meet in the increment alone: what each stretch says of that is a message, and without its own the sum of all
-/// messages is what the others say.
+/// What contours are off meets in the increment alone, and stretches of one contour in that and its growth: each says
+/// something of these, a message, and without its own the product of all messages is what the others say.
 pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     others: &Gaussian,
     guard: &Gaussian,
     sites: &mut [S],
-    stretches: &mut [Stretch],
+    outlines: &mut [Outline],
 ) -> Option<Propagated> {
-    let mut messages: Vec<Gaussian> = stretches.iter().map(|stretch| stretch.first_message(sites)).collect();
-    let sum = |known: Gaussian, messages: &[Gaussian]| messages.iter().fold(known, |sum, message| sum + *message);
-    let mut all = sum(*others + *guard, &messages);
+    let mut heard: Vec<Heard> = outlines.iter().map(|outline| outline.heard(sites)).collect();
+    let sum = |heard: &[Heard]| heard.iter().fold(*others, |sum, heard| sum + heard.message());
+    let mut all = sum(&heard) + *guard;
     let mut belief = all.belief()?.0;
     for _ in 0..SWEEPS {
         let before = belief.mean;
-        for (stretch, message) in stretches.iter_mut().zip(&mut messages) {
-            let rest = all - *message;
-            if let Some(new) = stretch.sweep(&rest, sites) {
-                (*message, all) = (new, rest + new);
-            }
+        for (outline, heard) in outlines.iter_mut().zip(&mut heard) {
+            let rest = all - heard.message();
+            outline.sweep(&rest, heard, sites);
+            all = rest + heard.message();
         }
-        // Anew from all factors: the updates' rounding errors add up.
-        all = sum(*others, &messages);
+        // Anew from all messages: differences' rounding errors add up.
+        heard.iter_mut().zip(&*outlines).for_each(|(heard, outline)| heard.renew(outline));
+        all = sum(&heard);
         belief = all.belief()?.0;
-        let way = belief.mean - before;
-        if way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED {
+        if is_settled(&belief, &before)? {
             break;
         }
     }
-    judged(&all, &messages, sites, stretches)
+    let (belief, integral) = all.belief()?;
+    let view = |(outline, heard): (&Outline, &Heard)| outline.view(&(all - heard.message()), heard, sites);
+    let views: Vec<View> = outlines.iter().zip(&heard).map(view).collect::<Option<_>>()?;
+    let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
+    Some(Propagated { belief, views, log_evidence })
 }
 
-/// The beliefs and the evidence where `all` is the product of all messages and other factors.
-fn judged<S: AsRef<Site>>(
-    all: &Gaussian,
-    messages: &[Gaussian],
-    sites: &[S],
-    stretches: &[Stretch],
+/// The same of samples by themselves, each beside a part of a contour of its own.
+pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
+    others: &Gaussian,
+    guard: &Gaussian,
+    sites: &mut [S],
 ) -> Option<Propagated> {
-    let (belief, integral) = all.belief()?;
-    let mut log_evidence = integral;
-    let mut views = Vec::with_capacity(stretches.len());
-    for (stretch, message) in stretches.iter().zip(messages) {
-        let own = stretch.views(&(*all - *message), sites)?;
-        log_evidence += stretch.judged(&own).0 - integral;
-        views.push(own);
+    let product = |sites: &[S]| {
+        let mut all = *others;
+        sites.iter().for_each(|site| site.as_ref().factor_into(0, &mut all));
+        all
+    };
+    let mut belief = (product(sites) + *guard).belief()?.0;
+    for _ in 0..SWEEPS {
+        let before = belief.mean;
+        sites.iter_mut().for_each(|site| site.as_mut().update(0, &mut belief));
+        belief = product(sites).belief()?.0;
+        if is_settled(&belief, &before)? {
+            break;
+        }
     }
-    Some(Propagated { belief, views, log_evidence })
+    let (belief, integral) = product(sites).belief()?;
+    let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(0, &belief)).sum::<f64>();
+    Some(Propagated { belief, views: Vec::new(), log_evidence })
+}
+
+/// Whether a mean has moved by next to nothing; `None` where a direction is left free.
+fn is_settled(belief: &Belief, before: &Vector6<f64>) -> Option<bool> {
+    let way = belief.mean - before;
+    Some(way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED)
 }

@@ -1,7 +1,9 @@
-//! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1, 17.2).
+//! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1,
+//! 17.2).
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 
+use super::propagation::Edge;
 use super::signed_field::SignedField;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -30,12 +32,25 @@ pub struct SampledRegion {
 /// Where a sample is seen at a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {
-    /// On its right side of the contour by so many pixels (negative on the wrong one), with the derivative by the left increment.
-    Seen(f64, Vector6<f64>),
-    /// Nearest to a stretch of the contour that is not the region's own, which tells nothing.
-    Unknown,
+    /// Beside the contour.
+    Seen(Sight),
     /// Behind the camera, where no region is seen: right for a sample outside.
     Behind(bool),
+}
+
+/// Where a sample is seen beside the contour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// By how many pixels it lies on its right side, negative on the wrong one.
+    pub margin: f64,
+    /// Derivative of the margin by the left increment.
+    pub slope: Vector6<f64>,
+    /// The same by the pixels that the contour or a stretch of it is off outwards.
+    pub outwards: f64,
+    /// Whether the nearest edge is the region's own.
+    pub edge: Edge,
+    /// The stretch of the contour that this lies on, by number.
+    pub stretch: usize,
 }
 
 impl SampledRegion {
@@ -44,7 +59,8 @@ impl SampledRegion {
         let samples = world.samples()?;
         let lifted = |inside: bool| move |p| (world.frame().lifted(p) - origin, inside);
         let inside = samples.inside().iter().map(lifted(true));
-        // What a contour without holes encloses is not compared: a drawn wall holds its windows, a scan looks through them.
+        // What a contour without holes encloses is not compared: a drawn wall holds its windows, a scan looks through
+        // them.
         let enclosed = if region.outline().has_holes() { samples.enclosed() } else { &[] };
         let outside = samples.outside().iter().chain(enclosed).map(lifted(false));
         let scale = region.chart().scale;
@@ -82,15 +98,6 @@ impl SampledRegion {
         self.reading(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }
 
-    /// The stretch of the contour that the sample of a number is nearest to at a pose, by number, and how the margin grows as that
-    /// stretch moves outwards; `None` behind the camera.
-    pub fn stretch(&self, pose: &Pose, number: usize) -> Option<(usize, f64)> {
-        let (sample, inside) = &self.samples[number];
-        let seen = self.rotation * pose.transform(sample);
-        let place = (seen.z >= BEHIND * seen.norm()).then(|| seen.xy() / seen.z)?;
-        Some((self.contour.stretch(&place), if *inside { 1.0 } else { -1.0 }))
-    }
-
     /// The reading of a sample that lies at `seen` along the chart's axes.
     fn reading(&self, seen: &Vector3<f64>, inside: bool, back: &Rotation3<f64>) -> Reading {
         if seen.z < BEHIND * seen.norm() {
@@ -98,14 +105,17 @@ impl SampledRegion {
         }
         let point = seen.xy() / seen.z;
         let nearest = self.contour.nearest(&point);
-        if nearest.marked {
-            return Reading::Unknown;
-        }
+        let edge = match (nearest.marked, inside) {
+            (false, _) => Edge::Own,
+            (true, true) => Edge::HidesInside,
+            (true, false) => Edge::HidesOutside,
+        };
         let scale = if inside { self.pixels } else { -self.pixels };
         let slope = nearest.gradient * (scale / seen.z);
         let moving = Vector3::new(slope.x, slope.y, -slope.dot(&point));
         let (turning, moving) = (back * seen.cross(&moving), back * moving);
         let derivative = Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z);
-        Reading::Seen(scale * nearest.distance, derivative)
+        let margin = scale * nearest.distance;
+        Reading::Seen(Sight { margin, slope: derivative, outwards: scale.signum(), edge, stretch: nearest.stretch })
     }
 }

@@ -30,6 +30,9 @@ pub struct Nearest {
     pub gradient: Vector2<f64>,
     /// Whether the nearest edge is one that was marked.
     pub marked: bool,
+    /// The stretch of the boundary that it lies on, by number: a straight side, or a part of about the twentieth of the
+    /// size of its ring.
+    pub stretch: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -39,14 +42,15 @@ struct Edge {
     inverse: f64,
     /// Unit normal towards the inside.
     inward: Vector2<f64>,
-    /// Sums of this normal and the neighbour's at either end: they tell the side of a point that is nearest to the vertex.
+    /// Sums of this normal and the neighbour's at either end: they tell the side of a point that is nearest to the
+    /// vertex.
     ends: [Vector2<f64>; 2],
     marked: bool,
 }
 
 impl SignedField {
-    /// The field of a region's rings, with so many pixels to the unit; `marks` tells of each edge, ring by ring, whether it is
-    /// marked (none where it is empty).
+    /// The field of a region's rings, with so many pixels to the unit; `marks` tells of each edge, ring by ring,
+    /// whether it is marked (none where it is empty).
     pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>], pixels: f64) -> Self {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges = rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
@@ -54,23 +58,27 @@ impl SignedField {
         Self { field: EdgeField::new(rings), edges, stretches }
     }
 
-    /// The stretch of the boundary that a point is nearest to: a straight side, or a part of about the twentieth of the size of its ring.
-    pub fn stretch(&self, point: &Vector2<f64>) -> usize {
-        self.stretches[self.field.nearest_edge(point)]
-    }
-
-    /// Signed distance of a point, and its gradient.
+    /// Signed distance of a point, its gradient and where it is measured from.
     pub fn nearest(&self, point: &Vector2<f64>) -> Nearest {
-        let edge = &self.edges[self.field.nearest_edge(point)];
-        let offset = point - edge.start;
-        let share = offset.dot(&edge.step) * edge.inverse;
+        let number = self.field.nearest_edge(point);
+        let edge = &self.edges[number];
+        let (distance, gradient) = edge.distance(point);
+        Nearest { distance, gradient, marked: edge.marked, stretch: self.stretches[number] }
+    }
+}
+
+impl Edge {
+    /// Signed distance of a point that is nearest to this edge, and its gradient.
+    fn distance(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
+        let offset = point - self.start;
+        let share = offset.dot(&self.step) * self.inverse;
         if share > 0.0 && share < 1.0 {
-            return Nearest { distance: offset.dot(&edge.inward), gradient: edge.inward, marked: edge.marked };
+            return (offset.dot(&self.inward), self.inward);
         }
-        let (from_end, inward) = if share <= 0.0 { (offset, edge.ends[0]) } else { (offset - edge.step, edge.ends[1]) };
+        let (from_end, inward) = if share <= 0.0 { (offset, self.ends[0]) } else { (offset - self.step, self.ends[1]) };
         let (length, side) = (from_end.norm(), if from_end.dot(&inward) < 0.0 { -1.0 } else { 1.0 });
-        let gradient = if length > 0.0 { from_end * (side / length) } else { edge.inward };
-        Nearest { distance: side * length, gradient, marked: edge.marked }
+        let gradient = if length > 0.0 { from_end * (side / length) } else { self.inward };
+        (side * length, gradient)
     }
 }
 
@@ -89,8 +97,8 @@ fn stretches(ring: &[Vector2<f64>], tolerance: f64) -> Vec<bool> {
     begins
 }
 
-/// The vertices of a ring, by number, between which it is straight: from the first, each as far on as all between lie within the
-/// tolerance of rays from the last.
+/// The vertices of a ring, by number, between which it is straight: from the first, each as far on as all between lie
+/// within the tolerance of rays from the last.
 fn corners(ring: &[Vector2<f64>], tolerance: f64) -> Vec<usize> {
     let mut corners = vec![0];
     let mut cone: Option<[Vector2<f64>; 2]> = None;

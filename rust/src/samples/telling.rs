@@ -5,10 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELLED, UNKNOWN, WEIGHT, log_likelihood};
-use super::propagation::{Label, Propagated, Site, Trust, propagated};
+use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELLED, WEIGHT, log_likelihood};
+use super::posterior::Setting;
+use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
-use super::stretch::{Kind, Stretch, View};
+use super::stretch::{KINDS, Kind, KindView, Outline, Stretch, View};
 use crate::contour::fit::size;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -28,12 +29,13 @@ const SETTLED: f64 = 0.1;
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
 
-/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six parameters lose 3 by
-/// chance. What is farther is approached by half, so many times.
+/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six
+/// parameters lose 3 by chance. What is farther is approached by half, so many times.
 const WORSE: f64 = 6.0;
 const HALVINGS: usize = 4;
 
-/// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the belief's.
+/// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the
+/// belief's.
 const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 
 /// Longest step, rad and share of the distance.
@@ -51,8 +53,9 @@ const REACH: f64 = 6.0;
 /// Deviation of an increment from the start before anything is seen: a radian, and the distance.
 const ANCHOR: f64 = 1.0;
 
-/// A sample that tells something: its site, its region's place among those with samples, its number there, and the stretch of
-/// the contour that it lies beside.
+/// A sample that tells something: its site, its region's place among those with samples, its number there, and the
+/// stretch of the contour that it lies beside.
+#[derive(Clone)]
 pub(super) struct Telling {
     site: Site,
     region: usize,
@@ -90,13 +93,13 @@ pub(super) struct Samples<'a, F> {
     /// Whether samples beside one stretch of a contour are off together.
     joined: bool,
     pub(super) telling: Vec<Telling>,
-    /// The stretches that these lie beside.
-    stretches: Vec<Stretch>,
+    /// The contours that these lie beside; none where each is off by itself.
+    outlines: Vec<Outline>,
+    /// How far contours are grown all around, pixels (standard deviation).
+    growth: f64,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     pub(super) trust: Vec<Trust>,
     certain: Vec<Shown>,
-    /// Number of samples of which nothing is known.
-    unknown: usize,
 }
 
 /// What labels show together.
@@ -129,12 +132,19 @@ pub(super) struct State {
     pub(super) log_evidence: f64,
 }
 
+impl<F> Clone for Samples<'_, F> {
+    fn clone(&self) -> Self {
+        let (telling, outlines) = (self.telling.clone(), self.outlines.clone());
+        Self { telling, outlines, trust: self.trust.clone(), certain: self.certain.clone(), ..*self }
+    }
+}
+
 impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     /// Every `step`-th sample, each off by itself.
     pub(super) fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
-        let (telling, stretches, certain) = (Vec::new(), Vec::new(), Vec::new());
+        let (telling, outlines, certain) = (Vec::new(), Vec::new(), Vec::new());
         let trust = vec![Trust::unknown(); regions.len()];
-        Self { regions, others, start, step, joined: false, telling, stretches, trust, certain, unknown: 0 }
+        Self { regions, others, start, step, joined: false, telling, outlines, growth: 0.0, trust, certain }
     }
 
     /// All samples, trusted so far, those beside one stretch off together.
@@ -153,19 +163,22 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     fn take_trust(&mut self) {
         let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
         self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
-        for stretch in self.stretches.iter_mut().filter(|_| self.joined) {
-            stretch.kinds = kinds(&self.trust[stretch.place.0]);
+        for outline in &mut self.outlines {
+            let kinds = kinds(&self.trust[outline.region]);
+            outline.stretches.iter_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
         }
     }
 
     /// How far disturbed stretches of each region are off, as they show it, with one that is off by what was expected.
-    fn learn_wide(&mut self, views: &[Vec<View>]) {
+    fn learn_wide(&mut self, views: &[View]) {
         let mut sums: Vec<(f64, f64)> =
             self.regions.iter().map(|sampled| (1.0, (FAR_OFF * sampled.size()).powi(2))).collect();
-        for (stretch, views) in self.stretches.iter().zip(views) {
-            let (count, square) = &mut sums[stretch.place.0];
-            *count += stretch.odds[1];
-            *square += stretch.odds[1] * Stretch::square(&views[1]);
+        for (outline, view) in self.outlines.iter().zip(views) {
+            let (count, square) = &mut sums[outline.region];
+            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+                *count += stretch.odds[1];
+                *square += stretch.odds[1] * views[1].square();
+            }
         }
         for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
             trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur);
@@ -178,28 +191,27 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         if self.joined { Trust { disturbed: 0.0, ..trust } } else { trust }
     }
 
-    /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may be
-    /// disturbed do not put out of reach.
-    fn look(&mut self, state: &State, blur: f64) {
+    /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may
+    /// be disturbed do not put out of reach.
+    fn look(&mut self, state: &State, Setting { blur, growth }: Setting) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
         self.take_blur(blur);
-        (self.certain, self.unknown) = (vec![Shown::default(); self.regions.len()], 0);
+        self.growth = growth;
+        self.certain = vec![Shown::default(); self.regions.len()];
         let mut seen = Vec::new();
         for (region, sampled) in self.regions.iter().enumerate() {
             let trust = self.own_trust(region);
             for number in (0..sampled.count()).step_by(self.step) {
                 let before = known.next_if(|telling| (telling.region, telling.number) == (region, number));
                 match sampled.read(&state.pose, number) {
-                    Reading::Seen(margin, slope) => {
-                        let (stretch, outwards) = self.beside(&state.pose, region, number);
-                        let site = Site::new(&slope, outwards, margin, trust);
+                    Reading::Seen(sight) => {
+                        let site = Site::new(&sight, trust);
                         // The factors of margins stay what they are when these are linearised anew.
                         let site = before.map_or(site, |before| site.with_factors_of(&before.site));
-                        seen.push(Telling { site, region, number, stretch });
+                        seen.push(Telling { site, region, number, stretch: sight.stretch });
                     }
                     Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
-                    Reading::Unknown => self.unknown += 1,
                 }
             }
         }
@@ -207,15 +219,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.join();
     }
 
-    /// The stretch that a sample lies beside, and how its margin grows as that moves outwards.
-    fn beside(&self, pose: &Pose, region: usize, number: usize) -> (usize, f64) {
-        let stretch = || self.regions[region].stretch(pose, number);
-        self.joined.then(stretch).flatten().unwrap_or((0, 0.0))
-    }
-
     /// Keeps the samples that tell something under a belief.
     fn sort(&mut self, seen: Vec<Telling>, belief: &Belief, blur: f64) {
-        let belief = Belief { mean: Tangent::zeros(), ..*belief }.beside_clean();
+        let belief = Belief { mean: Tangent::zeros(), ..*belief };
         let margin = |telling: &Telling| {
             let (mean, variance) = telling.site.margin_under(&belief);
             (mean, (blur * blur + variance).sqrt())
@@ -223,13 +229,13 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
         let is_wrong = |telling: &&Telling| {
             let (mean, deviation) = margin(telling);
-            self.joined && mean < -CLEARLY * deviation
+            self.joined && telling.site.edge == Edge::Own && mean < -CLEARLY * deviation
         };
         let doubtful: BTreeSet<_> = seen.iter().filter(is_wrong).map(Telling::place).collect();
         for telling in seen {
             let (mean, deviation) = margin(&telling);
             let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
-            if mean.abs() > REACH * deviation.hypot(wide) {
+            if mean.abs() > REACH * deviation.hypot(wide).hypot(self.growth) {
                 let label = telling.site.label(&belief);
                 self.certain[telling.region].add(&label, mean < 0.0);
             } else {
@@ -238,35 +244,41 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// Puts the telling samples beside their stretches, which keep what is known of their offsets.
+    /// Puts the telling samples beside their stretches, which keep what is known of their kinds.
     fn join(&mut self) {
-        if !self.joined {
-            self.stretches = vec![Stretch::apart(self.telling.len())];
-            return;
+        let known: BTreeMap<_, _> = self.odds().collect();
+        let mut members: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
+        for (index, telling) in self.telling.iter().enumerate().filter(|_| self.joined) {
+            members.entry(telling.region).or_default().entry(telling.stretch).or_default().push(index);
         }
-        let before: BTreeMap<_, _> = self.stretches.iter().map(|stretch| (stretch.place, stretch.odds)).collect();
-        let mut members: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        for (index, telling) in self.telling.iter().enumerate() {
-            members.entry(telling.place()).or_default().push(index);
-        }
-        let stretch = |(place, members): ((usize, usize), Vec<usize>)| {
-            let stretch = Stretch::new(place, members, kinds(&self.trust[place.0]));
-            before.get(&place).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
+        let outline = |(region, stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
+            let stretch = |(number, members)| {
+                let stretch = Stretch::new(number, members, kinds(&self.trust[region]));
+                known.get(&(region, number)).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
+            };
+            Outline { region, growth: self.growth, stretches: stretches.into_iter().map(stretch).collect() }
         };
-        self.stretches = members.into_iter().map(stretch).collect();
+        self.outlines = members.into_iter().map(outline).collect();
+    }
+
+    /// Probability of each kind, by region and stretch.
+    fn odds(&self) -> impl Iterator<Item = ((usize, usize), [f64; KINDS])> {
+        self.outlines.iter().flat_map(|outline| {
+            outline.stretches.iter().map(|stretch| ((outline.region, stretch.number), stretch.odds))
+        })
     }
 
     /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
     fn linearise(&mut self, pose: &Pose) {
         for telling in &mut self.telling {
-            if let Reading::Seen(margin, slope) = self.regions[telling.region].read(pose, telling.number) {
-                telling.site = telling.site.with_line(&slope, margin);
+            if let Reading::Seen(sight) = self.regions[telling.region].read(pose, telling.number) {
+                telling.site = Site { edge: sight.edge, ..telling.site.with_line(&sight.slope, sight.margin) };
             }
         }
     }
 
-    /// The lines that the margins of the telling samples follow best over the whole of a belief about a pose, and how far they
-    /// bend from these (statistical linear regression at the belief's sigma points).
+    /// The lines that the margins of the telling samples follow best over the whole of a belief about a pose, and how
+    /// far they bend from these (statistical linear regression at the belief's sigma points).
     fn regress(&mut self, state: &State) {
         let Some(root) = state.belief.covariance.cholesky().map(|root| root.unpack()) else { return };
         let ways: [Tangent; 6] = std::array::from_fn(|axis| root.column(axis) * SIGMA_POINTS);
@@ -277,7 +289,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             let mut seen = true;
             for (margin, pose) in margins.iter_mut().flatten().zip(poses.iter().flatten()) {
                 match self.regions[telling.region].read(pose, telling.number) {
-                    Reading::Seen(value, _) => *margin = value,
+                    Reading::Seen(sight) => *margin = sight.margin,
                     _ => seen = false,
                 }
             }
@@ -289,28 +301,30 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Logarithm of the probability of the labels that move nothing.
     fn log_certain(&self) -> f64 {
-        self.certain.iter().map(|shown| shown.log_probability).sum::<f64>() + self.unknown as f64 * UNKNOWN
+        self.certain.iter().map(|shown| shown.log_probability).sum()
     }
 
-    /// What all labels show of each region under what is believed of the stretches.
-    fn shown(&self, views: &[Vec<View>]) -> Vec<Shown> {
+    /// What all labels show of each region under what is believed of its contour, or of the increment alone.
+    fn shown(&self, belief: &Belief, views: &[View]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
-        for (stretch, views) in self.stretches.iter().zip(views) {
-            for Telling { site, region, .. } in stretch.members.iter().map(|&member| &self.telling[member]) {
-                let of_kind = |(odds, view): (&f64, &View)| site.label(&view.belief) * *odds;
-                let label =
-                    stretch.odds.iter().zip(views).map(of_kind).fold(Label::default(), |sum, label| sum + label);
-                // Labels tell apart from their stretch that a contour is disturbed, or stretches that they are.
-                let disturbed = label.disturbed + stretch.odds[1];
-                shown[*region].add(&Label { disturbed, ..label }, true);
+        if !self.joined {
+            self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
+        }
+        for (outline, view) in self.outlines.iter().zip(views) {
+            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+                for site in stretch.members.iter().map(|&member| &self.telling[member].site) {
+                    let of_kind = |sum, (odds, view): (&f64, &KindView)| sum + site.label(&view.belief) * *odds;
+                    let label = stretch.odds.iter().zip(views).fold(Label::default(), of_kind);
+                    shown[outline.region].add(&Label { disturbed: stretch.odds[1], ..label }, true);
+                }
             }
         }
         shown
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
-    fn learn_trust(&mut self, views: &[Vec<View>]) {
-        let shown = self.shown(views);
+    fn learn_trust(&mut self, belief: &Belief, views: &[View]) {
+        let shown = self.shown(belief, views);
         let share =
             |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
         for (trust, shown) in self.trust.iter_mut().zip(shown) {
@@ -319,16 +333,17 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at a pose.
+    /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at
+    /// a pose.
     pub(super) fn wrong(&self, state: &State) -> Vec<f64> {
-        let belief = Belief { mean: Tangent::zeros(), ..state.belief }.beside_clean();
+        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
         let share = |(region, sampled): (usize, &SampledRegion)| {
             let trust = self.trust[region];
             let (mut wrong, mut near) = (0.0, 0.0);
             for reading in (0..sampled.count()).map(|number| sampled.read(&state.pose, number)) {
                 let (margin, deviation) = match reading {
-                    Reading::Seen(margin, slope) => {
-                        let (mean, variance) = Site::new(&slope, 0.0, margin, trust).margin_under(&belief);
+                    Reading::Seen(sight) if sight.edge == Edge::Own => {
+                        let (mean, variance) = Site::new(&sight, trust).margin_under(&belief);
                         (mean, (trust.blur * trust.blur + variance).sqrt())
                     }
                     Reading::Behind(false) => (f64::NEG_INFINITY, 1.0),
@@ -343,15 +358,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.regions.iter().enumerate().map(share).collect()
     }
 
-    /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as one sample
-    /// would tell.
+    /// What stands in for factors that are not known yet: the belief of the state three times as wide, or as much as
+    /// one sample would tell.
     fn guard(&self, state: &State, blur: f64) -> Gaussian {
         let known = state.belief.covariance.cholesky().map(|root| root.inverse() / (WIDER * WIDER));
         let unit = || {
             let mut information = Matrix6::zeros();
             for telling in &self.telling {
-                let slope = telling.site.slope.fixed_rows::<6>(0);
-                information.ger(1.0, &slope, &slope, 1.0);
+                information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0);
             }
             information / (self.telling.len() as f64 * blur * blur)
         };
@@ -366,10 +380,20 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)
     }
 
+    /// What the telling samples and all else that is known leave possible about a pose.
+    fn propagate(&mut self, pose: &Pose, guard: &Gaussian) -> Option<Propagated> {
+        let known = anchor(&self.start, pose) + (self.others)(pose);
+        match self.joined {
+            true => propagated(&known, guard, &mut self.telling, &mut self.outlines),
+            false => propagated_apart(&known, guard, &mut self.telling),
+        }
+    }
+
     /// The belief once its mean is where it was linearised; `None` where a direction is left free.
-    pub(super) fn settled(&mut self, mut state: State, blur: f64, rounds: usize, whole: bool) -> Option<State> {
+    pub(super) fn settled(&mut self, mut state: State, setting: Setting, rounds: usize, whole: bool) -> Option<State> {
+        let blur = setting.blur;
         let is_first = self.telling.is_empty();
-        self.look(&state, blur);
+        self.look(&state, setting);
         let (mut before, mut share) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
             if whole {
@@ -378,10 +402,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 self.linearise(&state.pose);
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
-            let known = anchor(&self.start, &state.pose) + (self.others)(&state.pose);
-            let Propagated { belief, views, log_evidence } =
-                propagated(&known, &guard, &mut self.telling, &mut self.stretches)?;
-            self.learn_trust(&views);
+            let Propagated { belief, views, log_evidence } = self.propagate(&state.pose, &guard)?;
+            self.learn_trust(&belief, &views);
             if self.joined {
                 self.learn_wide(&views);
             }

@@ -12,6 +12,7 @@ use super::moments::{
 };
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
+pub use crate::contour::fit::AMBIGUITY;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
 use crate::effort;
@@ -23,11 +24,7 @@ use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, Prior};
 use crate::problem::Problem;
 
-/// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
-/// deviations.
-pub const AMBIGUITY: f64 = 25.0;
-
-/// A candidate stays while it is worse by less than so many times what would count as fitting.
+/// A candidate stays while it is worse by less than so many times what would count as fitting: a convention.
 const COARSE_AMBIGUITY: f64 = 4.0;
 
 /// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
@@ -35,7 +32,7 @@ const COARSE_AMBIGUITY: f64 = 4.0;
 const DECISIVE: f64 = 10.0;
 
 /// Clean share of every region's boundary from which a pose of several regions is found, and of one alone: three sides of a
-/// region can be led onto any three lines.
+/// region can be led onto any three lines. Conventions.
 const FOUND: f64 = 0.2;
 const FOUND_ALONE: f64 = 0.9;
 
@@ -46,16 +43,16 @@ pub const LOOSE: f64 = 2.0;
 /// over 120 pieces, odds of e to the 120.
 const HOPELESS: f64 = 1.0;
 
-/// Poses from corners that are compared on more than a few pieces.
+/// Poses from corners that are compared on more than a few pieces: a convention.
 const FIRST_LOOK: usize = 250;
 
-/// Pairs of triples of corners at most, over all regions.
+/// Pairs of triples of corners at most, over all regions: a convention.
 const MOST_PAIRS: usize = 4000;
 
-/// Poses of one kind that are led onto the contours at most, those that are likeliest.
+/// Poses of one kind that are led onto the contours at most, those that are likeliest: a convention.
 const MOST_LED: usize = 16;
 
-/// How many times as many pieces follow a refinement on few.
+/// How many times as many pieces follow a refinement on few: a convention.
 const MORE_PIECES: usize = 5;
 
 /// Edges that a search looks at, at most, before it makes do with what it has found: fifteen times what ordinary problems

@@ -7,8 +7,8 @@ use nalgebra::{Complex, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
-use crate::moments::PlaneMoments;
 use crate::moments::plane::planar_moments;
+use crate::moments::shape::{NormalizedShape, SHAPE_ORDERS, centroid};
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::chart::Chart;
 
@@ -25,38 +25,12 @@ pub enum WantedTurns {
     All,
 }
 
-/// Multiple of the least difference below which a turn is likely.
+/// Multiple of the least difference below which a turn is likely: a convention.
 const LIKELY: f64 = 10.0;
 
-/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least.
+/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least: a
+/// convention.
 const POWER_SHARE: f64 = 0.05;
-
-/// Orders of the moments that are compared once the second moments agree.
-const SHAPE_ORDERS: std::ops::RangeInclusive<usize> = 3..=8;
-
-/// A shape whose second moments are the identity and whose centroid is the origin, and the affine map that made it so.
-#[derive(Debug, Clone)]
-struct NormalizedShape {
-    mean: Vector2<f64>,
-    /// `normalized = transform (x - mean)`.
-    transform: Matrix2<f64>,
-    /// Complex moments of orders 3 to 8, `integral of z^p conj(z)^q` with p >= q, over those of a disc.
-    moments: Vec<ComplexMoment>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct ComplexMoment {
-    /// `p - q`: a turn by t multiplies the moment by `exp(i winding t)`.
-    winding: usize,
-    value: Complex<f64>,
-}
-
-impl ComplexMoment {
-    /// How often the moment counts: with its conjugate, unless it is real.
-    fn share(&self) -> f64 {
-        if self.winding == 0 { 1.0 } else { 2.0 }
-    }
-}
 
 /// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
 ///
@@ -70,13 +44,13 @@ pub fn closed_form(
     origin: &Vector3<f64>,
     turns: WantedTurns,
 ) -> Vec<Pose> {
-    let (Some(seen), Some(model)) = (NormalizedShape::of(outline), NormalizedShape::of(world.outline())) else {
+    let (Some(seen), Some(model)) = (NormalizedShape::of(outline.rings()), world.shape()) else {
         return Vec::new();
     };
     let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
     let target = seen.mean / chart.scale;
     let mut poses = Vec::new();
-    for turn in best_turns(&seen, &model, turns) {
+    for turn in best_turns(&seen, model, turns) {
         let affine = back * turn.matrix() * model.transform / chart.scale;
         for (rotation, depth) in two_fold(&affine) {
             let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
@@ -278,86 +252,6 @@ fn powers(number: Complex<f64>) -> impl Iterator<Item = Complex<f64>> {
 /// `e^(i angle)` of the angles at which shapes are compared.
 static UNIT_CIRCLE: LazyLock<[Complex<f64>; ANGLES]> =
     LazyLock::new(|| std::array::from_fn(|k| Complex::cis(TAU * k as f64 / ANGLES as f64)));
-
-impl NormalizedShape {
-    /// Sum of squares of the moments.
-    fn power(&self) -> f64 {
-        self.moments.iter().map(|moment| moment.share() * moment.value.norm_sqr()).sum()
-    }
-
-    fn of(outline: &PlaneRings) -> Option<Self> {
-        let first = planar_moments(slices(outline), 2);
-        let (area, mean) = (first.get(0, 0), centroid(&first));
-        let xy = first.get(1, 1) / area - mean.x * mean.y;
-        let covariance =
-            Matrix2::new(first.get(2, 0) / area - mean.x * mean.x, xy, xy, first.get(0, 2) / area - mean.y * mean.y);
-        let transform = inverse_square_root(&covariance)?;
-        let rings = outline.mapped(|p| Some(transform * (p - mean)))?;
-        let moments = planar_moments(slices(&rings), *SHAPE_ORDERS.end());
-        Some(Self { mean, transform, moments: complex_moments(&moments) })
-    }
-}
-
-/// Symmetric inverse square root of a positive 2 x 2 matrix, by Cayley and Hamilton's theorem (`docs/math.md`, eq. 7.2).
-fn inverse_square_root(matrix: &Matrix2<f64>) -> Option<Matrix2<f64>> {
-    let root = matrix.determinant();
-    if root.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-        return None;
-    }
-    let root = root.sqrt();
-    let square_root = (matrix + Matrix2::identity() * root) / (matrix.trace() + 2.0 * root).sqrt();
-    square_root.try_inverse()
-}
-
-/// `integral of z^p conj(z)^q` for p + q in 3..=8, p >= q, `z = x + i y`, per unit of area and of the disc's moment
-/// (`docs/math.md`, eq. 7.4).
-fn complex_moments(moments: &PlaneMoments) -> Vec<ComplexMoment> {
-    let area = moments.get(0, 0);
-    let moment = |expansion: &Expansion| {
-        let order = expansion.coefficients.len() - 1;
-        let terms = expansion.coefficients.iter().enumerate().map(|(j, c)| c * moments.get(order - j, j));
-        ComplexMoment { winding: expansion.winding, value: terms.sum::<Complex<f64>>() / area }
-    };
-    EXPANSIONS.iter().map(moment).collect()
-}
-
-/// `(x + i y)^p (x - i y)^q` over the disc's moment, in monomials.
-struct Expansion {
-    /// `p - q`.
-    winding: usize,
-    /// Those of `x^(p + q - j) y^j`.
-    coefficients: Vec<Complex<f64>>,
-}
-
-/// Those of all moments that are compared.
-static EXPANSIONS: LazyLock<Vec<Expansion>> = LazyLock::new(|| {
-    let of_order = |order: usize| (0..=order / 2).map(move |q| expansion(order - q, q));
-    SHAPE_ORDERS.flat_map(of_order).collect()
-});
-
-/// Mean of `|z|^order` over the disc whose second moments are the identity (radius 2): the size of moments of that order.
-fn disc_moment(order: usize) -> f64 {
-    2.0 * 2.0_f64.powi(order as i32) / (order + 2) as f64
-}
-
-/// The expansion of `(x + i y)^p (x - i y)^q`, by multiplying factor after factor.
-fn expansion(p: usize, q: usize) -> Expansion {
-    let order = p + q;
-    let mut coefficients = vec![Complex::new(0.0, 0.0); order + 1];
-    coefficients[0] = Complex::new(1.0 / disc_moment(order), 0.0);
-    for factor in 0..order {
-        let step = Complex::new(0.0, if factor < p { 1.0 } else { -1.0 });
-        for power in (1..=factor + 1).rev() {
-            let lower = coefficients[power - 1];
-            coefficients[power] += step * lower;
-        }
-    }
-    Expansion { winding: p - q, coefficients }
-}
-
-fn centroid(moments: &PlaneMoments) -> Vector2<f64> {
-    Vector2::new(moments.get(1, 0), moments.get(0, 1)) / moments.get(0, 0)
-}
 
 fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {
     outline.rings().iter().map(Vec::as_slice)

@@ -7,14 +7,11 @@ use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::simplified::simplified;
 use crate::region::WorldRegion;
+use crate::region::derived::CORNER_TOLERANCE;
 use crate::search::p3p::three_point_poses;
 use crate::view::chart::Chart;
 
-/// Distance of an outline from the line between two of its corners, as a share of the square root of its area: curves keep
-/// corners every 20 degrees, masks lose their staircase.
-const TOLERANCE: f64 = 0.015;
-
-/// The same in pixels at least.
+/// Distance of an observed outline from the line between two of its corners at least, pixels.
 const TOLERANCE_PIXELS: f64 = 1.5;
 
 /// Corners between the three of a triple are all passed over alike: none, one or two.
@@ -136,12 +133,11 @@ fn posed(chart: &Chart, origin: &Vector3<f64>, seen: &Triple<Vector2<f64>>, know
 }
 
 fn observed_corners(outline: &PlaneRings, pixel: f64) -> Vec<Vec<Corner<Vector2<f64>>>> {
-    let tolerance = (TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
+    let tolerance = (CORNER_TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
     outline.rings().iter().map(|ring| turning(simplified(ring, tolerance), |p| *p)).collect()
 }
 
 fn world_corners(world: &WorldRegion) -> Vec<Vec<Corner<Vector3<f64>>>> {
-    let tolerance = TOLERANCE * world.outline().area().sqrt();
-    let corners = |ring: &Vec<Vector3<f64>>| turning(simplified(ring, tolerance), |x| world.frame().flat(x));
-    world.rings().iter().map(corners).collect()
+    let corners = |ring: &Vec<Vector3<f64>>| turning(ring.clone(), |x| world.frame().flat(x));
+    world.corners().iter().map(corners).collect()
 }

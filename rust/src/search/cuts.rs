@@ -6,7 +6,8 @@ use crate::geometry::clipping::intersection;
 use crate::geometry::rings::PlaneRings;
 use crate::region::WorldRegion;
 
-/// Directions from which a world region is cut, over a full turn, and the shares that are cut off it, to start from.
+/// Directions from which a world region is cut, over a full turn, and the shares that are cut off it, to start from:
+/// conventions.
 const CUT_DIRECTIONS: usize = 12;
 const CUT_SHARES: [f64; 3] = [0.15, 0.3, 0.45];
 

@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 use super::poses::sorted;
+use super::symmetry::TURNS;
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -20,9 +21,6 @@ use crate::region::WorldRegion;
 /// Standard deviation of a turn, rad (10 degrees), above which directions leave it free: those of a single region, or
 /// of regions close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
 const FREE: f64 = std::f64::consts::PI / 18.0;
-
-/// Turns about a free axis that are compared: 4 degrees apart, as of a plane in itself.
-const TURNS: usize = 90;
 
 /// Turns that are candidates at most: those of a fourfold symmetry.
 const MOST_TURNS: usize = 4;

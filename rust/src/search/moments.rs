@@ -20,7 +20,7 @@ pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-4, evaluations: 28 };
 /// from wherever it lies.
 pub const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 210 };
 
-/// Candidates above the least unweighted cost by this factor are given up.
+/// Candidates above the least unweighted cost by this factor are given up: a convention.
 const WORTH_A_LOOK: f64 = 1e3;
 
 /// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
@@ -30,16 +30,18 @@ const SMALL_COST: f64 = 1e-4;
 /// of the symmetric difference is then of the order of the region itself.
 const SINGLE_REGION_COST: f64 = 0.05;
 
-/// Starts of one region that are followed where other regions can tell them apart.
+/// Starts of one region that are followed where other regions can tell them apart: a convention, two turns seen from
+/// two sides.
 const STARTS_PER_REGION: usize = 4;
 
-/// Starts of a region that the image's border cuts, of all the cuts that are tried.
+/// Starts of a region that the image's border cuts, of all the cuts that are tried: a convention.
 const STARTS_OF_CUT: usize = 48;
 
 /// Candidates whose equations are solved at most: those of an eightfold symmetry, from before and from behind, twice.
 pub const MOST_CANDIDATES: usize = 32;
 
-/// Poses nearer than this are one candidate: radians, and a share of the distance to the regions.
+/// Poses nearer than this are one candidate: radians, and a share of the distance to the regions. A convention, a
+/// hundred times the tolerance of [`CANDIDATE`].
 pub const SAME_CANDIDATE: f64 = 0.01;
 
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.

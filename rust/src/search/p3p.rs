@@ -7,14 +7,10 @@ use crate::geometry::pose::Pose;
 /// Newton steps on the depths: the closed form leaves 1e-10 or so, and each step squares that.
 const POLISHES: usize = 4;
 
-/// Share of the sum of the squared sides by which depths may miss one: those of a double root are good to half the digits.
-const MISS: f64 = 1e-9;
-
-/// Depths nearer than this, as a share of them, are one solution.
-const SAME: f64 = 1e-8;
-
-/// Sine of the smallest angle between two sides of the triangle.
-const SMALLEST_SINE: f64 = 1e-9;
+/// Half the digits, the root of the precision, which is what a double root is good to: depths nearer than this, as a
+/// share of them, are one solution, may miss a squared side by this share of the sum of all, and a sine below it is
+/// none.
+const HALF_THE_DIGITS: f64 = 1.0 / (1_u64 << (f64::MANTISSA_DIGITS / 2)) as f64;
 
 /// All poses (up to four) that see three world points along three unit bearings, `camera_from_world`.
 ///
@@ -35,7 +31,7 @@ pub fn three_point_poses(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3
 fn axes([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
     let (along, other) = (b - a, c - a);
     let first = along.try_normalize(0.0)?;
-    let third = first.cross(&other).try_normalize(SMALLEST_SINE * other.norm())?;
+    let third = first.cross(&other).try_normalize(HALF_THE_DIGITS * other.norm())?;
     Some(Matrix3::from_columns(&[first, third.cross(&first), third]))
 }
 
@@ -58,8 +54,8 @@ fn depths(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3]) -> Vec<Vecto
         let sign = if direction.sum() < 0.0 { -1.0 } else { 1.0 };
         let start = direction * (sign / size.max(f64::MIN_POSITIVE).sqrt());
         let depths = polished(start, &squares, &cosines);
-        let right = sides_missed(&depths, &squares, &cosines).amax() < MISS && depths.min() > 0.0;
-        if right && found.iter().all(|other| (other - depths).norm() > SAME * depths.norm()) {
+        let right = sides_missed(&depths, &squares, &cosines).amax() < HALF_THE_DIGITS && depths.min() > 0.0;
+        if right && found.iter().all(|other| (other - depths).norm() > HALF_THE_DIGITS * depths.norm()) {
             found.push(depths);
         }
     }

@@ -14,9 +14,9 @@ use crate::problem::Problem;
 use crate::region::{PlaneFrame, WorldRegion};
 
 /// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
-const STEPS: usize = 90;
+pub(super) const TURNS: usize = 90;
 
-/// Parts of a step to which the least ones are found, each half the last.
+/// Parts of a step to which the least ones are found, each half the last: a quarter of a degree, a convention.
 const HALVINGS: usize = 4;
 
 /// Turns that come back at most: those of an eightfold symmetry from before and from behind but the first, about two middles.
@@ -26,7 +26,8 @@ const MOST_TURNS: usize = 30;
 /// others do.
 const MOST_WORSE: f64 = 0.15;
 
-/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one plane.
+/// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one
+/// plane: a convention.
 const FLAT: f64 = 0.02;
 
 /// A plane in which regions are drawn, and the point about which they may be symmetric, about the problem's origin.
@@ -96,14 +97,14 @@ impl Drawing {
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
 fn least_turns(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
-    let step = 2.0 * std::f64::consts::PI / STEPS as f64;
+    let step = 2.0 * std::f64::consts::PI / TURNS as f64;
     let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
-    let misfits: Vec<f64> = (0..STEPS).map(|index| misfit_at(step * index as f64)).collect();
+    let misfits: Vec<f64> = (0..TURNS).map(|index| misfit_at(step * index as f64)).collect();
     let is_least = |&index: &usize| {
-        let (before, after) = (misfits[(index + STEPS - 1) % STEPS], misfits[(index + 1) % STEPS]);
+        let (before, after) = (misfits[(index + TURNS - 1) % TURNS], misfits[(index + 1) % TURNS]);
         misfits[index].is_finite() && misfits[index] <= before && misfits[index] < after
     };
-    let others = (usize::from(!behind)..STEPS).filter(is_least);
+    let others = (usize::from(!behind)..TURNS).filter(is_least);
     let near = |index: usize| least_near(misfit_at, (misfits[index], step * index as f64), step);
     others.map(near).map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }

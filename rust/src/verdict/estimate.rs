@@ -1,4 +1,4 @@
-//! The result: the best pose, the others that fit, its covariance and overlap, and what to be warned of.
+//! The result: the best pose, the others that fit, its covariance and overlap, and the warnings.
 
 use nalgebra::{Matrix6, Vector3};
 

@@ -1,4 +1,4 @@
-//! What is known of a pose: how likely it is right, how well it is held, what to be warned of.
+//! What is known of a pose: how likely it is right, how well it is held, and the warnings.
 
 pub mod confidence;
 pub mod coverage;

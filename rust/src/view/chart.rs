@@ -4,6 +4,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::view::bearing_rings::{Bearing, BearingRings, turn_onto_z};
 
@@ -55,13 +56,9 @@ impl Chart {
             let centroid = Vector3::new(moments.get(1, 0), moments.get(0, 1), moments.get(0, 0));
             let centroid = centroid.normalize();
             let turn = turn_onto_z(&centroid);
-            let moved = rings.mapped(|p| {
-                let turned = turn * Vector3::new(p.x, p.y, 1.0);
-                let near = turned.z > 0.0
-                    && turned.z * turned.z
-                        > CENTROID_AXIS_MIN_COSINE * CENTROID_AXIS_MIN_COSINE * turned.norm_squared();
-                near.then(|| Vector2::new(turned.x, turned.y) / turned.z)
-            });
+            let moved = rings.rings().iter().map(|ring| vectorized(Turned { ring, turn: &turn }));
+            let moved: Option<Vec<_>> = moved.collect();
+            let moved = moved.map(PlaneRings::of_simple);
             let Some(moved) = moved else { break };
             best = (Self { rotation: turn * chart.rotation, scale: 1.0 }, moved);
             if centroid.xy().norm() < CENTRED {
@@ -79,6 +76,41 @@ impl Chart {
     /// Chart coordinates of a point whose coordinates are along the chart's axes already.
     pub fn project_turned(&self, p: &Vector3<f64>) -> Option<Vector2<f64>> {
         project_turned(p).map(|flat| flat * self.scale)
+    }
+}
+
+/// A ring of a chart at scale 1 in the chart of turned axes; `None` where it reaches too far from these.
+struct Turned<'a> {
+    ring: &'a [Vector2<f64>],
+    turn: &'a Rotation3<f64>,
+}
+
+impl NullaryFnOnce for Turned<'_> {
+    type Output = Option<Vec<Vector2<f64>>>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let turn = self.turn.matrix();
+        let row = |k: usize| (Lanes::splat(turn[(k, 0)]), Lanes::splat(turn[(k, 1)]), Lanes::splat(turn[(k, 2)]));
+        let rows = (row(0), row(1), row(2));
+        let least = Lanes::splat(CENTROID_AXIS_MIN_COSINE * CENTROID_AXIS_MIN_COSINE);
+        let mut moved = vec![Vector2::zeros(); self.ring.len().next_multiple_of(LANES)];
+        for (moved, group) in moved.as_chunks_mut().0.iter_mut().zip(self.ring.chunks(LANES)) {
+            let vertex = |k: usize| if k < group.len() { group[k] } else { group[0] };
+            let [a, b, c, d] = [vertex(0), vertex(1), vertex(2), vertex(3)];
+            let (u, v) = (Lanes([a.x, b.x, c.x, d.x]), Lanes([a.y, b.y, c.y, d.y]));
+            let along = |(p, q, r): (Lanes, Lanes, Lanes)| p * u + q * v + r;
+            let (x, y, z) = (along(rows.0), along(rows.1), along(rows.2));
+            let (square, limit) = (z * z, least * (x * x + y * y + z * z));
+            if !(0..LANES).all(|k| z.0[k] > 0.0 && square.0[k] > limit.0[k]) {
+                return None;
+            }
+            let (u, v) = (x / z, y / z);
+            let vertex = |k: usize| Vector2::new(u.0[k], v.0[k]);
+            *moved = [vertex(0), vertex(1), vertex(2), vertex(3)];
+        }
+        moved.truncate(self.ring.len());
+        Some(moved)
     }
 }
 

@@ -19,6 +19,8 @@ pub struct DepthStep {
     pub near: Vector3<f64>,
     /// Bearing of its neighbour on the far side.
     pub far: Vector3<f64>,
+    /// Distance of the sample on the near side, metres.
+    pub distance: f64,
 }
 
 /// A sample: its bearing and inverse distance, which is linear over the image of a plane.
@@ -43,7 +45,11 @@ pub fn depth_steps(points: &[Vector3<f64>], cell: f64, gap: f64, share: f64) -> 
         let far = ends_of(&samples, near, &buckets.neighbours(&samples, near), share);
         far.into_iter().flatten().map(move |far| (near, far))
     });
-    ends.map(|(near, far)| DepthStep { near: samples[near].bearing, far: samples[far].bearing }).collect()
+    ends.map(|(near, far)| step(&samples[near], &samples[far])).collect()
+}
+
+fn step(near: &Sample, far: &Sample) -> DepthStep {
+    DepthStep { near: near.bearing, far: far.bearing, distance: near.inverse.recip() }
 }
 
 /// The neighbours of a sample before which its surface ends.

@@ -39,9 +39,8 @@ pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
 
 /// For each ring the rings that contain it; the rings have to be simple and apart.
 pub(super) fn parents(rings: &[CleanRing]) -> Vec<Vec<usize>> {
-    let boxes: Vec<_> = rings.iter().map(|ring| super::bounding_box(ring.vertices.iter().copied())).collect();
     let holds = |outer: usize, inner: usize| {
-        let ((outer_low, outer_high), (low, high)) = (boxes[outer], boxes[inner]);
+        let ((outer_low, outer_high), (low, high)) = (rings[outer].bounds, rings[inner].bounds);
         let within_box = (0..2).all(|k| outer_low[k] <= low[k] && high[k] <= outer_high[k]);
         outer != inner && within_box && contains_ring(&rings[outer], &rings[inner].vertices)
     };

@@ -1,0 +1,161 @@
+"""Errors of poses before and after the rest of the scene refines them, on real scenes with ground truth.
+
+The poses are those of the scenes' regions as a scan knows them, the camera within 1 m of the scanner: of single frames,
+and of frames of one rig, two and four at once (`benchmarks/real_scenes.py` has them by other ways). `--drawn` adds
+poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of every frame with a photo and a cloud.
+
+A line each: errors of rotation and of the camera's centre, in brackets over their standard deviation in that direction,
+before and after; the logarithm of the odds for the edges, the largest about turned poses; and seconds. Then a
+table of medians and worst cases by kind. Where there are no scenes this says so and ends.
+
+    python -m benchmarks.refinement [--data ../shared/data] [--rigs 8] [--drawn]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import regionpose as rp
+from numpy.typing import NDArray
+from regionpose.outline import SparseSamplingWarning
+from regionpose.witness import Photo
+from regionpose.witness.refinement import moved
+
+from benchmarks.real_scenes import (
+    DEFAULT_DATA,
+    LIDARS,
+    NATURAL,
+    RIG,
+    Errors,
+    RealScene,
+    errors_of,
+    joined,
+    scene_of,
+    written,
+)
+from benchmarks.witness import frames
+
+Array = NDArray[np.float64]
+
+DRAWN = np.array([*np.radians([0.6] * 3), 0.12, 0.12, 0.12])
+"""Deviations of drawn poses: those of poses by two natural regions."""
+
+DRAWS = 3
+PRIOR = "near"
+
+
+class Start(NamedTuple):
+    """A pose to refine, and what is true: kind, name, frames, pose, covariance, truth."""
+
+    kind: str
+    name: str
+    scene: list[rp.SceneFrame]
+    pose: rp.Pose
+    covariance: Array
+    truth: rp.Pose
+
+
+class Row(NamedTuple):
+    """Errors before and after a refinement."""
+
+    kind: str
+    before: Errors
+    after: Errors
+    refined: bool
+
+
+def estimated(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame], most: int) -> Iterator[Start]:
+    """Single frames, and of each rig so many of two and of four at random."""
+    for scene in scenes:
+        yield from _estimated([scene], seen)
+    for kind in (NATURAL, RIG):
+        rig = [scene for scene in scenes if scene.kind == kind]
+        for count in (2, 4):
+            choices = list(combinations(rig, count))
+            for number in sorted(np.random.default_rng(0).permutation(len(choices))[:most]):
+                yield from _estimated(choices[number], seen)
+
+
+def _estimated(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Start]:
+    """The estimate of frames, unless they have none."""
+    whole = joined(scenes, "+".join(scene.name for scene in scenes)) if len(scenes) > 1 else scenes[0]
+    try:
+        found = rp.estimate_pose(whole.camera, whole.images, whole.worlds["samples"], prior=whole.priors[PRIOR])
+    except rp.PoseError:
+        return
+    parts = [rp.SceneFrame(seen[s.name].image, seen[s.name].points, s.camera, s.images) for s in scenes]
+    kind = f"{whole.kind}, {len(scenes)}"
+    yield Start(kind, "+".join(s.name[-6:] for s in scenes), parts, found.pose, found.covariance, whole.truth)
+
+
+def drawn(seen: dict[str, rp.SceneFrame], truths: dict[str, rp.Pose]) -> Iterator[Start]:
+    """Poses drawn about the true one."""
+    for name, frame in seen.items():
+        for seed in range(DRAWS):
+            pose = moved(truths[name], DRAWN * np.random.default_rng(seed).normal(size=6))
+            yield Start(f"{name.split('/')[0]}, drawn", name, [frame], pose, np.diag(DRAWN**2), truths[name])
+
+
+def row_of(start: Start) -> Row:
+    """The refinement of a start, printed."""
+    begun = time.perf_counter()
+    found = rp.refine_with_scene(start.pose, start.covariance, start.scene)
+    seconds = time.perf_counter() - begun
+    before = errors_of(start.pose, start.covariance, start.truth)
+    after = errors_of(found.pose, found.covariance, start.truth)
+    print(
+        f"{start.kind:18} {start.name:30} {written(before)} -> {written(after)}"
+        f"  {'refined' if found.refined else 'left':8} {found.log_odds:6.1f} {found.chance:6.1f}  {seconds:4.1f} s",
+        flush=True,
+    )
+    return Row(start.kind, before, after, found.refined)
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """Lines of a Markdown table, by kind: medians and worst cases before and after, and how many got worse."""
+    yield "| frames | number | refined | deg before | deg after | worst | worst after | m before | m after | worse |"
+    yield "|" + "---|" * 10
+    for kind in dict.fromkeys(row.kind for row in rows):
+        held = [row for row in rows if row.kind == kind]
+        turns = np.array([[row.before.rotation, row.after.rotation] for row in held])
+        centres = np.array([[row.before.centre, row.after.centre] for row in held])
+        cells = [*np.median(turns, axis=0), *turns.max(axis=0), *np.median(centres, axis=0)]
+        worse = int((turns[:, 1] > turns[:, 0] + 0.1).sum())
+        refined = sum(row.refined for row in held)
+        yield f"| {kind} | {len(held)} | {refined} | {' | '.join(f'{cell:.2f}' for cell in cells)} | {worse} |"
+
+
+def main() -> None:
+    """Print a line for each start, then the table."""
+    warnings.simplefilter("ignore", SparseSamplingWarning)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--rigs", type=int, default=8, help="rigs of two and of four frames")
+    parser.add_argument("--drawn", action="store_true", help="also poses drawn about the true ones")
+    given = parser.parse_args()
+    held = list(frames(given.data))
+    if not held:
+        print(f"no frames in {given.data}: nothing to measure")
+        return
+    seen = {frame.name: rp.SceneFrame(Photo.of(frame.image), frame.points, frame.camera) for frame in held}
+    folders = sorted(path.parent.resolve() for path in given.data.glob("*/*/regions.json"))
+    folders = [path for path in folders if path.parent.name in LIDARS]
+    with tempfile.TemporaryDirectory() as temporary:
+        scenes = [scene_of(folder, Path(temporary)) for folder in folders]
+    starts = [*estimated(scenes, seen, given.rigs)]
+    if given.drawn:
+        starts += drawn(seen, {frame.name: frame.pose for frame in held})
+    rows = [row_of(start) for start in starts]
+    print("", *table(rows), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""`regionpose export`: a pose in the files of another tool."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from regionpose.cli.options import CAMERA_HELP, CameraModel, CameraName, Force
+from regionpose.outputs import text_writer, write_files
+
+if TYPE_CHECKING:
+    from regionpose.cameras import Camera
+
+
+class FormatName(StrEnum):
+    """The formats."""
+
+    tf2 = "tf2"
+    urdf = "urdf"
+    autoware = "autoware"
+    opencv = "opencv"
+    colmap = "colmap"
+    nerfstudio = "nerfstudio"
+    kalibr = "kalibr"
+    nuscenes = "nuscenes"
+    meshlab = "meshlab"
+
+
+FORMAT_HELP = "tf2, urdf, autoware, opencv, colmap, nerfstudio, kalibr, nuscenes or meshlab."
+
+
+def export(
+    pose: Annotated[Path, typer.Argument(help="result.json, or another file that holds a pose.")],
+    name: Annotated[FormatName, typer.Option("--format", help=FORMAT_HELP, show_default=False, metavar="NAME")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the files; printed without it.", show_default=False)
+    ] = None,
+    camera: Annotated[Path | None, typer.Option("--camera", help=CAMERA_HELP, show_default=False)] = None,
+    camera_name: CameraName = None,
+    camera_model: CameraModel = None,
+    image: Annotated[str | None, typer.Option("--image", help="The photo's name.", show_default=False)] = None,
+    world_frame: Annotated[str, typer.Option("--world-frame", help="Name of the cloud's frame.")] = "lidar",
+    camera_frame: Annotated[str, typer.Option("--camera-frame", help="Name of the camera's frame.")] = "camera",
+    body: Annotated[
+        bool, typer.Option("--body", help="ROS: camera frame x forward, y left, z up, not the optical one.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Write a pose as other tools read it.
+
+    Camera and photo are result.json's unless they are given. ROS' frames are the optical one (x right, y down, z
+    forward) unless --body; Autoware's are body frames always.
+
+    \b
+    Examples:
+      regionpose export result/result.json --format tf2 --world-frame velodyne --camera-frame camera_optical
+      regionpose export result/result.json --format colmap --out sparse
+      regionpose export pose.txt --format opencv --camera camera_info.yaml
+    """
+    from regionpose.cli.poses import read_pose
+    from regionpose.exporting import ExportedView, exported
+
+    held = _held(pose)
+    view = ExportedView(
+        read_pose(pose),
+        _camera(held, camera, camera_name, camera_model),
+        image or held.get("image"),
+        _frame("--world-frame", world_frame),
+        _frame("--camera-frame", camera_frame),
+        body or name is FormatName.autoware,
+    )
+    files = exported(view, name.value)
+    if out is None:
+        typer.echo("".join(f"# {file}\n{text}" if len(files) > 1 else text for file, text in files.items()), nl=False)
+    else:
+        written = write_files(out, {file: text_writer(text) for file, text in files.items()}, force=force)
+        typer.echo(f"written: {', '.join(str(path) for path in written)}")
+
+
+def _held(path: Path) -> dict[str, Any]:
+    """What a result.json holds; nothing for another file."""
+    from regionpose.reading import read_json
+
+    held = read_json(path) if path.suffix.lower() == ".json" else {}
+    return held if isinstance(held, dict) else {}
+
+
+def _camera(held: dict[str, Any], path: Path | None, name: str | None, model: str | None) -> Camera | None:
+    """The camera that is given, or the result's."""
+    from regionpose.calibration import load_camera
+    from regionpose.exporting.view import camera_of_values
+
+    if path is not None:
+        return load_camera(path, name, model=model)
+    values = held.get("camera")
+    return camera_of_values(values) if isinstance(values, dict) else None
+
+
+def _frame(option: str, name: str) -> str:
+    """A frame's name, which stands in commands and in XML; ValueError for one with other signs."""
+    if not name or not all(letter.isalnum() or letter in "_/-." for letter in name):
+        raise ValueError(f"{option}: found {name!r}; needed letters, digits, _, /, - and . alone")
+    return name

@@ -1,0 +1,69 @@
+"""`regionpose pick`: regions clicked in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from regionpose.cli.options import CAMERA_HELP, SegmenterName
+
+if TYPE_CHECKING:
+    from regionpose.pick.session import Session
+
+
+def pick(
+    scene: Annotated[Path, typer.Argument(help="Scene file to read, and to save to.")] = Path("scene.yaml"),
+    image: Annotated[Path | None, typer.Option("--image", help="Photo of a new scene.", show_default=False)] = None,
+    camera: Annotated[Path | None, typer.Option("--camera", help=f"{CAMERA_HELP}", show_default=False)] = None,
+    cloud: Annotated[Path | None, typer.Option("--cloud", help="Cloud of a new scene.", show_default=False)] = None,
+    demo: Annotated[bool, typer.Option("--demo", help="A new scene of the demo's photo and cloud.")] = False,
+    segmenter: SegmenterName = None,
+    port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+) -> None:
+    """Pick regions in photo and cloud by clicks; the pose follows while they are picked.
+
+    Opens a page in the browser, served by this computer for this computer alone. Save writes SCENE and its masks, and
+    `regionpose estimate SCENE` then gives the same pose. Ctrl-C ends it.
+
+    \b
+    Examples:
+      regionpose pick --demo
+      regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply
+      regionpose pick scene.yaml
+      regionpose pick scene.yaml --segmenter my_sam:predictor
+    """
+    from regionpose.pick.desk import Desk
+    from regionpose.pick.server import serve
+    from regionpose.segmentation.segmenters import load_segmenter
+
+    session = _session(scene, {"--image": image, "--camera": camera, "--cloud": cloud}, demo)
+    if segmenter is not None:
+        session.segmenter = load_segmenter(segmenter)
+    serve(Desk(session), port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+
+
+def _session(scene: Path, files: dict[str, Path | None], demo: bool) -> Session:
+    """The session of a scene file, or of the files of a new one."""
+    from regionpose.pick.session import Session
+
+    given = [*(name for name, path in files.items() if path is not None), *(["--demo"] if demo else [])]
+    if given and scene.exists():
+        raise FileExistsError(f"{scene}: the file exists; needed no {given[0]} to open it, or the name of a new one")
+    if demo:
+        from regionpose.demo.scene import folder
+
+        held = folder()
+        paths = {"image": held / "image.jpg", "camera": held / "camera_info.yaml", "cloud": held / "cloud.ply"}
+        return Session.create(scene, **paths, sensor_origin=[0, 0, 0])
+    if not given:
+        if not scene.exists():
+            raise FileNotFoundError(f"{scene}: no such file; needed a scene file, or --image, --camera and --cloud")
+        return Session.open(scene)
+    paths = {name.removeprefix("--"): path for name, path in files.items() if path is not None}
+    if len(paths) < len(files):
+        missing = next(name for name, path in files.items() if path is None)
+        raise ValueError(f"{missing}: found nothing; needed --image, --camera and --cloud for a new scene")
+    return Session.create(scene, **paths)

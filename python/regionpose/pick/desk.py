@@ -1,0 +1,329 @@
+"""A session as several pages look at it: edits one after the other, the pose and the pictures in the background."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from regionpose.clouds import Cloud
+from regionpose.fusion import coloured_cloud
+from regionpose.pick.outcome import Outcome, rounded
+from regionpose.pick.parts import Picked
+from regionpose.pick.range_view import RangeView, depth_and_intensity, greys
+from regionpose.pick.session import Session
+from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+DEBOUNCE_S = 0.35
+"""Seconds without an edit after which the pose is estimated: a pause, not the time between two clicks."""
+
+LARGEST_SIDE = 4096
+"""Pixels of the longer side of the photo as it is sent."""
+
+PALETTE = ("#ff9f1c", "#29b6f6", "#9ccc3c", "#ff5d8f", "#b388ff", "#ffd60a", "#00d9b0", "#ff7043", "#5c8dff", "#d4e157")
+"""Colours of the regions, told apart on photos and on the depth colours; the eleventh begins again."""
+
+MEMBER_SHARE = 0.65
+"""How much of a region's colour its points take in the cloud."""
+
+UNSEEN_LIGHT = 0.35
+"""Light that is left of points that the camera doesn't see, beside those with the photo's colours."""
+
+COLOURINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Colour", "photo": "Photo"}
+
+
+@dataclass(frozen=True)
+class Served:
+    """A file that the page asks for."""
+
+    content: bytes
+    media: str
+
+
+class Desk:
+    """A session and what its pages show of it. Every method may be called from any thread."""
+
+    def __init__(self, session: Session) -> None:
+        """Make the pictures of photo and cloud, and wait for edits.
+
+        `cloud`: the points that either picture of the cloud shows.
+        """
+        self.session = session
+        self.revision = self.pictured = 0
+        self.outcome = Outcome()
+        self.colouring = "depth"
+        self.files: dict[str, Served] = {}
+        self._lock = threading.RLock()
+        self._wake = threading.Event()
+        self._ended = False
+        self._layered: dict[int, Any] = {}
+        scanner = session.scan.scanner
+        self.place = np.zeros(3) if scanner is None else scanner
+        self.range_view = RangeView.of(session.cloud, self.place, _up(session))
+        sample, pictured = sample_indices(len(session.cloud)), self.range_view.indices
+        self._shown, places = _places(len(session.cloud), sample, pictured[pictured >= 0])
+        self._sample = places[sample]
+        self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
+        self.cloud = _part(session.cloud, self._shown)
+        self.middle = np.median(self.cloud.points[self._sample], axis=0)
+        self._rays: RayIndex | None = None
+        self._colours: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
+        self._serve_still()
+        self._serve_cloud()
+        self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
+        self._worker.start()
+        if session.pairs:
+            self._wake.set()
+
+    def close(self) -> None:
+        """End the background work."""
+        self._ended = True
+        self._wake.set()
+
+    @property
+    def colourings(self) -> dict[str, str]:
+        """The ways to colour the cloud that there are now, and what the page calls them."""
+        cloud = self.cloud
+        there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colours is not None}
+        there["photo"] = self.outcome.state == "ready" or "photo" in self._colours
+        return {key: title for key, title in COLOURINGS.items() if there[key]}
+
+    def edit(self, action: Callable[[Session], object]) -> None:
+        """Change the session; errors as of the session, which is unchanged then."""
+        with self._lock:
+            before = self.session.sketch
+            action(self.session)
+            if self.session.sketch is not before:
+                self._edited(before.regions)
+
+    def _edited(self, before: tuple[Picked, ...]) -> None:
+        # First of all: no page may show the pose of other pairs as that of these.
+        if _pairs(before) != _pairs(self.session.regions):
+            self.outcome = replace(self.outcome, state="busy") if self.session.pairs else Outcome()
+            self._wake.set()
+        self.revision += 1
+        if _worlds(before) != _worlds(self.session.regions):
+            self._serve_cloud()
+
+    def save(self) -> list[Path]:
+        """Save the session; errors and paths as of `Session.save`."""
+        with self._lock:
+            written = self.session.save()
+            self.revision += 1
+            return written
+
+    def pixel_in_range(self, x: float, y: float) -> Array:
+        """The point (3,) of the world that a pixel of the range image shows; ValueError where it shows none."""
+        index = self.range_view.point_at(x, y)
+        if index is None:
+            raise ValueError("no point of the cloud is there; click on a surface")
+        return self._world(index)
+
+    def point_on_ray(self, origin: Array, direction: Array) -> Array:
+        """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""
+        with self._lock:
+            if self._rays is None:
+                self._rays = RayIndex.of(self.session.cloud.points)
+        return self._world(self._rays.nearest(origin + self.middle, direction))
+
+    def _world(self, index: int) -> Array:
+        return np.asarray(self.session.cloud.points[index] + self.session.cloud.origin)
+
+    def colour_by(self, colouring: str) -> None:
+        """Colour the cloud in one of the ways of `colourings`."""
+        with self._lock:
+            if colouring in self.colourings and colouring != self.colouring:
+                self.colouring = colouring
+                self._serve_cloud()
+                self.revision += 1
+
+    def photo_shapes(self) -> list[dict[str, Any]]:
+        """The regions' outlines in the photo, for the page."""
+        return [_photo_shape(picked, self.session.sketch.selected) for picked in self.session.regions if picked.image]
+
+    def projected_shapes(self) -> list[dict[str, Any]]:
+        """The outlines that the pose projects into the photo, for the page."""
+        held = {picked.key for picked in self.session.regions}
+        return [
+            {"color": colour_of(key), "lines": lines} for key, lines in self.outcome.projected.items() if key in held
+        ]
+
+    def range_shapes(self) -> list[dict[str, Any]]:
+        """The regions' outlines in the range image, for the page."""
+        return [self._world_shape(picked, self._range_line) for picked in self.session.regions if picked.world]
+
+    def solid_shapes(self) -> list[dict[str, Any]]:
+        """The regions' outlines in 3D, about the middle of the shown points, for the page."""
+        return [self._world_shape(picked, self._solid_line) for picked in self.session.regions if picked.world]
+
+    def _world_shape(self, picked: Picked, line: Callable[[Array], list[list[float]]]) -> dict[str, Any]:
+        assert picked.world is not None
+        rings = picked.world.chosen.side.region.rings
+        selected = picked.key == self.session.sketch.selected
+        lines = [line(ring) for ring in rings]
+        return {"key": picked.key, "name": picked.name, "color": colour_of(picked.key), "selected": selected} | {
+            "lines": lines
+        }
+
+    def _range_line(self, ring: Array) -> list[list[float]]:
+        return rounded(self.range_view.pixels(_split(np.concatenate([ring, ring[:1]]))))
+
+    def _solid_line(self, ring: Array) -> list[list[float]]:
+        return rounded(np.concatenate([ring, ring[:1]]) - self.middle)
+
+    def _serve_still(self) -> None:
+        """What never changes: the photo and the places of the shown points."""
+        photo = Image.fromarray(self.session.image)
+        photo.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
+        self.files["photo.jpg"] = Served(_encoded(photo, "JPEG"), "image/jpeg")
+        points = self.cloud.points[self._sample]
+        self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
+
+    def _serve_cloud(self) -> None:
+        """The range image and the colours of the shown points, with the regions' own points in their colours."""
+        colours = self._marked(self._colours_of(self.colouring))
+        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._pictured))
+        self.pictured += 1
+        self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
+        self.files["colours.bin"] = Served(colours[self._sample].tobytes(), "application/octet-stream")
+
+    def _marked(self, colours: Bytes) -> Bytes:
+        marked = colours.copy()
+        for picked in self.session.regions:
+            if picked.world is not None and picked.world.chosen.side.indices is not None:
+                indices = _places_in(self._shown, picked.world.chosen.side.indices)
+                own = np.array([int(colour_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
+                marked[indices] = np.round(MEMBER_SHARE * own + (1.0 - MEMBER_SHARE) * marked[indices])
+        return marked
+
+    def _colours_of(self, colouring: str) -> Bytes:
+        cloud = self.cloud
+        if colouring == "photo":
+            return self._photo_colours()
+        if colouring not in self._colours:
+            own = colouring == "own" and cloud.colours is not None
+            shades = cloud.colours if own else np.repeat(np.round(255.0 * greys(cloud))[:, None], 3, axis=1)
+            self._colours[colouring] = np.asarray(shades, dtype=np.uint8)
+        return self._colours[colouring]
+
+    def _photo_colours(self) -> Bytes:
+        """The photo's colours on the points that the camera sees by the last pose, the others dark."""
+        run = self.outcome.run
+        if run is None:
+            return self._colours_of("depth")
+        cloud, visible = coloured_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+        dark = np.round(UNSEEN_LIGHT * self._colours_of("depth")).astype(np.uint8)
+        return dark if cloud.colours is None else np.where(visible[:, None], cloud.colours, dark).astype(np.uint8)
+
+    def _work(self) -> None:
+        """Estimate whenever the pairs have changed and no edit came for a moment."""
+        while not self._ended:
+            self._wake.wait()
+            self._wake.clear()
+            while not self._ended and self._wake.wait(DEBOUNCE_S):
+                self._wake.clear()
+            if not self._ended:
+                self._estimate()
+
+    def _estimate(self) -> None:
+        with self._lock:
+            session = copy(self.session)
+        if not session.pairs:
+            return
+        start = time.perf_counter()
+        try:
+            run = session.estimate()
+            outcome = Outcome.of(run, [picked.key for picked in session.pairs], time.perf_counter() - start)
+        except ValueError as error:
+            outcome = Outcome("failed", str(error))
+        except Exception as error:
+            # The page would wait for ever for a worker that is gone.
+            outcome = Outcome("failed", f"{type(error).__name__}: {error}")
+        with self._lock:
+            if _pairs(session.regions) == _pairs(self.session.regions):
+                self.outcome = outcome
+                self.revision += 1
+                if self.colouring == "photo":
+                    self._serve_cloud()
+
+
+def colour_of(key: int) -> str:
+    """The colour of a region, as the page writes it."""
+    return PALETTE[key % len(PALETTE)]
+
+
+def _places(count: int, *chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Indices, ascending, of the chosen ones of so many points, and the place of each point among them, -1 for none."""
+    marked = np.zeros(count, dtype=np.bool_)
+    for indices in chosen:
+        marked[indices] = True
+    held = np.flatnonzero(marked)
+    places = np.full(count, -1, dtype=np.int32)
+    places[held] = np.arange(len(held), dtype=np.int32)
+    return held, places
+
+
+def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
+    """The points of a cloud with these indices."""
+    return Cloud(
+        cloud.points[indices],
+        colours=None if cloud.colours is None else cloud.colours[indices],
+        intensity=None if cloud.intensity is None else cloud.intensity[indices],
+        origin=cloud.origin,
+    )
+
+
+def _places_in(held: NDArray[np.int64], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where those wanted that are among the held, both ascending, stand there."""
+    places = np.minimum(np.searchsorted(held, wanted), len(held) - 1)
+    return np.asarray(places[held[places] == wanted])
+
+
+def _up(session: Session) -> Array | None:
+    """The world's upward direction where the scene says it."""
+    given = session.base.get("prior", {}).get("up")
+    return None if given is None else np.asarray(given, dtype=np.float64)
+
+
+def _worlds(regions: tuple[Picked, ...]) -> list[tuple[int, object]]:
+    return [(picked.key, picked.world and picked.world.chosen) for picked in regions if picked.world]
+
+
+def _pairs(regions: tuple[Picked, ...]) -> list[tuple[int, object, object]]:
+    return [
+        (picked.key, picked.image.chosen, picked.world.chosen) for picked in regions if picked.image and picked.world
+    ]
+
+
+def _photo_shape(picked: Picked, selected: int | None) -> dict[str, Any]:
+    assert picked.image is not None
+    part = picked.image.chosen
+    rings = part.rings if part.is_polygon else [rounded(ring) for ring in part.region.rings]
+    shape = {"key": picked.key, "name": picked.name, "color": colour_of(picked.key), "rings": rings}
+    hidden = part.hidden if part.is_polygon else []
+    return shape | {"selected": picked.key == selected, "polygon": part.is_polygon, "hidden": hidden}
+
+
+def _split(line: Array) -> Array:
+    """A line (n, 3) with points in between, so that it bends where the picture bends it."""
+    parts = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None, None]
+    between = line[:-1] + parts * (line[1:] - line[:-1])
+    return np.concatenate([between.transpose(1, 0, 2).reshape(-1, 3), line[-1:]])
+
+
+def _encoded(picture: Image.Image, form: str) -> bytes:
+    held = io.BytesIO()
+    picture.save(held, format=form, quality=90)
+    return held.getvalue()

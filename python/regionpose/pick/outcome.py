@@ -1,0 +1,46 @@
+"""What the page says of the pose that the regions give so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.drawing import projected_lines
+from regionpose.scene import SceneEstimate
+from regionpose.scene.verdict import Verdict, verdict
+
+Lines = list[list[list[float]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """The last estimate, or why there is none.
+
+    `state`: "empty" without a pair, "busy", "ready" or "failed". `message`: what went wrong. `run`: the estimate.
+    `projected`: by the regions' keys, outlines in the photo as lines of pixels. `errors`: overlap errors by key.
+    """
+
+    state: str = "empty"
+    message: str = ""
+    run: SceneEstimate | None = None
+    judged: Verdict | None = None
+    projected: dict[int, Lines] = field(default_factory=dict)
+    errors: dict[int, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @classmethod
+    def of(cls, run: SceneEstimate, keys: list[int], seconds: float) -> Outcome:
+        """The outcome of an estimate of the pairs with these keys."""
+        sides, pose = run.sides, run.local_pose
+        lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
+        projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
+        errors = dict(zip(keys, run.estimate.region_overlap_errors.tolist(), strict=True))
+        return cls("ready", "", run, verdict(run), projected, errors, seconds)
+
+
+def rounded(line: NDArray[np.float64]) -> list[list[float]]:
+    """A line (n, 2) or (n, 3) as lists, to a hundredth of a pixel or to a millimetre."""
+    digits = 2 if line.shape[1] == 2 else 3
+    return [[round(float(value), digits) for value in point] for point in line]

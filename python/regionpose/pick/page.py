@@ -1,0 +1,368 @@
+"""The page itself: NiceGUI elements that show a desk and pass on what is done to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from nicegui import run, ui
+from nicegui.events import KeyEventArguments
+
+from regionpose.pick.desk import Desk, colour_of
+from regionpose.pick.elements import CloudView, PictureView
+from regionpose.pick.parts import Picked
+from regionpose.pick.session import Session
+from regionpose.pick.texts import EMPTY_LIST, HELP, cloud_hint, outcome_html, photo_hint
+
+REFRESH_S = 0.12
+"""Seconds between looks at whether the desk has changed: other pages and the estimate do so on their own."""
+
+STRIP_SHARE = 0.45
+"""Share of the view's height that the range image takes at least: that of a lidar is a long strip."""
+
+MASK_TO_POLYGON_PX = 1.0
+"""Pixels that a polygon made of a mask may differ from its contour."""
+
+STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
+MODES = {"click": "Click", "polygon": "Polygon", "hide": "Hidden edges"}
+
+
+class Page:
+    """One open page. Its own: tool, view and what it has shown; everything else is the desk's."""
+
+    def __init__(self, desk: Desk) -> None:
+        """Build the page."""
+        self.desk, self.shown, self.mode = desk, -1, "click"
+        ui.add_css(STYLE)
+        ui.page_title(f"{desk.session.path.name} · regionpose pick")
+        with ui.element("div").classes("rp"):
+            self._bar()
+            self._photo()
+            self._cloud()
+            self._list()
+            self._pose()
+        ui.keyboard(on_key=self._key)
+        ui.timer(REFRESH_S, self._refresh)
+
+    @property
+    def session(self) -> Session:
+        """The desk's session."""
+        return self.desk.session
+
+    @property
+    def selected(self) -> Picked | None:
+        """The region that is worked on."""
+        key = self.session.sketch.selected
+        return None if key is None else self.session.sketch.region(key)
+
+    def _bar(self) -> None:
+        with ui.element("div").classes("rp-bar"):
+            ui.html('<span class="rp-brand">regionpose</span>', sanitize=False)
+            self.file = ui.html("", sanitize=False).classes("rp-file")
+            ui.element("div").classes("rp-grow")
+            self.undo = _button("undo", "Undo (Ctrl Z)", lambda: self._edit(Session.undo))
+            self.redo = _button("redo", "Redo (Ctrl Y)", lambda: self._edit(Session.redo))
+            with ui.dialog() as help_page, ui.card().style("max-width:720px;padding:20px 26px"):
+                ui.html(HELP, sanitize=False)
+            _button("help_outline", "Help", help_page.open)
+            self.save = ui.button("Save", icon="save", on_click=self._save).props("unelevated dense no-caps")
+            self.save.tooltip("Save the scene file and its masks (Ctrl S)").mark("save")
+
+    def _photo(self) -> None:
+        height, width = self.session.image.shape[:2]
+        with ui.element("div").classes("rp-card"):
+            with ui.element("div").classes("rp-head"):
+                ui.html('<span class="rp-title">Photo</span>', sanitize=False)
+                self.modes = _toggle(MODES, "click", self._choose_mode)
+                ui.element("div").classes("rp-grow")
+                self.outlines = _switch("Projected", "Show the outlines that the pose projects (O)", self._show_photo)
+                self.loupe = _switch("Loupe", "Show a loupe beside the pointer", self._show_photo)
+            with ui.element("div").classes("rp-view"):
+                self.photo = PictureView((width, height))
+                self.photo.on("pick", lambda e: self._click_photo(e.args))
+                self.photo.on("polygon", lambda e: self._drawn(e.args))
+                self.photo.on("rings", lambda e: self._moved(e.args))
+            self.photo_hint = ui.html("", sanitize=False).classes("rp-hint")
+
+    def _cloud(self) -> None:
+        desk = self.desk
+        reach = float(np.percentile(np.linalg.norm(desk.cloud.points - desk.middle, axis=1), 90))
+        up, ahead = desk.range_view.axes.up, desk.range_view.axes.ahead
+        eye = -1.3 * reach * ahead + 0.9 * reach * up
+        with ui.element("div").classes("rp-card"):
+            with ui.element("div").classes("rp-head"):
+                ui.html('<span class="rp-title">Cloud</span>', sanitize=False)
+                self.tabs = _toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
+                ui.element("div").classes("rp-grow")
+                self.colouring = _toggle(desk.colourings, desk.colouring, self._colour)
+            with ui.element("div").classes("rp-view"):
+                self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
+                self.range.on("pick", lambda e: self._click_range(e.args))
+                self.solid = CloudView(eye=eye.tolist(), zenith=up.tolist(), reach=reach)
+                self.solid.on("pick", lambda e: self._click_solid(e.args))
+                self.solid.set_visibility(False)
+            self.cloud_hint = ui.html("", sanitize=False).classes("rp-hint")
+
+    def _list(self) -> None:
+        with ui.element("div").classes("rp-card"):
+            with ui.element("div").classes("rp-head"):
+                ui.html('<span class="rp-title">Regions</span>', sanitize=False)
+                self.count = ui.html("", sanitize=False).classes("rp-file")
+                ui.element("div").classes("rp-grow")
+                self.new = ui.button("New region", icon="add", on_click=self._new).props("flat dense no-caps")
+                self.new.tooltip("The next click begins a new region (N)")
+            with ui.element("div").classes("rp-scroll"):
+                self.rows = ui.element("div")
+
+    def _pose(self) -> None:
+        with ui.element("div").classes("rp-card"):
+            with ui.element("div").classes("rp-head"):
+                ui.html('<span class="rp-title">Pose</span>', sanitize=False)
+            with ui.element("div").classes("rp-scroll"):
+                self.verdict = ui.html("", sanitize=False).classes("rp-pose").mark("verdict")
+
+    def _refresh(self) -> None:
+        """Show what has changed since the last look."""
+        stamp = self.desk.revision
+        if stamp == self.shown:
+            return
+        self.shown = stamp
+        session = self.session
+        edited = " · not saved" if session.is_changed else ""
+        self.file.set_content(f"<b>{escape(session.path.name)}</b>{edited}")
+        self.undo.set_enabled(session.can_undo)
+        self.redo.set_enabled(session.can_redo)
+        self.save.set_enabled(session.is_changed)
+        self.colouring.set_options(self.desk.colourings, value=self.desk.colouring)
+        self._show_photo()
+        self._show_cloud()
+        self._show_rows()
+        self.verdict.set_content(outcome_html(self.desk.outcome))
+
+    def _show_photo(self) -> None:
+        projected = self.desk.projected_shapes()
+        self.photo.show(src="files/photo.jpg", shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
+        self.photo.show(show_projected=self.outlines.value, loupe=self.loupe.value)
+        self.range.show(loupe=self.loupe.value)
+        self.photo_hint.set_content(photo_hint(self.selected, self.mode))
+
+    def _show_cloud(self) -> None:
+        stamp = f"?{self.desk.pictured}"
+        self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes())
+        self.solid.show(colours=f"files/colours.bin{stamp}", shapes=self.desk.solid_shapes())
+        self.cloud_hint.set_content(cloud_hint(self.selected))
+
+    def _show_rows(self) -> None:
+        regions = self.session.regions
+        pairs = len(self.session.pairs)
+        self.count.set_content(f"{pairs} of {len(regions)} paired" if regions else "")
+        self.rows.clear()
+        with self.rows:
+            if not regions:
+                ui.html(EMPTY_LIST, sanitize=False)
+                return
+            with ui.element("div").classes("rp-row rp-rows-head"):
+                for title in ("", "Name", "Photo", "Cloud", "Overlap error", ""):
+                    ui.label(title).classes("rp-number" if title == "Overlap error" else "")
+            for picked in regions:
+                self._row(picked)
+
+    def _row(self, picked: Picked) -> None:
+        key = picked.key
+        row = ui.element("div").classes("rp-row" + (" rp-on" if key == self.session.sketch.selected else ""))
+        row.on("click", lambda: self._edit(lambda session: session.select(key)))
+        with row:
+            ui.element("div").classes("rp-dot").style(f"background:{colour_of(key)}")
+            name = ui.input(value=picked.name).props("dense borderless").classes("rp-name")
+            name.on("change", lambda: self._edit(lambda session: session.rename(key, name.value)))
+            name.on("click.stop")
+            self._photo_side(picked)
+            self._cloud_side(picked)
+            error = self.desk.outcome.errors.get(key)
+            ui.label("" if error is None or not picked.is_paired else f"{100.0 * error:.1f} %").classes("rp-number")
+            with ui.element("div").classes("rp-tools"):
+                self._tools(picked)
+
+    def _photo_side(self, picked: Picked) -> None:
+        with ui.element("div").classes("rp-side"):
+            if picked.image is None:
+                ui.label("click it in the photo").classes("rp-none")
+                return
+            part = picked.image.chosen
+            with ui.element("div").classes("rp-stops"):
+                ui.label("polygon" if part.is_polygon else "mask")
+                self._stops(picked.key, "image", len(picked.image), picked.image.index)
+            ui.label(f"{part.region.area:,.0f} px").classes("rp-soft")
+
+    def _cloud_side(self, picked: Picked) -> None:
+        with ui.element("div").classes("rp-side"):
+            if picked.world is None:
+                ui.label("click it in the cloud").classes("rp-none")
+                return
+            side = picked.world.chosen.side
+            with ui.element("div").classes("rp-stops"):
+                count = "outline" if side.indices is None else f"{len(side.indices):,} points"
+                ui.label(count)
+                self._stops(picked.key, "world", len(picked.world), picked.world.index)
+            ui.label(picked.world.chosen.label or f"{side.region.area:.2f} m²").classes("rp-soft")
+
+    def _stops(self, key: int, side: str, count: int, index: int) -> None:
+        if count > 1:
+            slider = ui.slider(min=0, max=count - 1, value=index).props("snap markers dense")
+            slider.on("change", lambda e: self._choose(key, side, int(e.args)), js_handler="(v) => emit(v)")
+            slider.on("click.stop").tooltip("from small to large")
+
+    def _tools(self, picked: Picked) -> None:
+        key = picked.key
+        if picked.image is not None and not picked.image.chosen.is_polygon:
+            _button(
+                "polyline",
+                "Make the mask a polygon, to move its vertices",
+                lambda: self._edit(lambda session: session.as_polygon(key, MASK_TO_POLYGON_PX)),
+                stop=True,
+            )
+        if picked.is_paired:
+            _button(
+                "link_off",
+                "Unpair: two regions of one",
+                lambda: self._edit(lambda session: session.unpair(key)),
+                stop=True,
+            )
+        else:
+            self._pair_menu(picked)
+        _button("delete_outline", "Remove (Delete)", lambda: self._edit(lambda session: session.remove(key)), stop=True)
+
+    def _pair_menu(self, picked: Picked) -> None:
+        others = [o for o in self.session.regions if not o.is_paired and (o.image is None) != (picked.image is None)]
+        if not others:
+            return
+        with _button("link", "Pair with …", None, stop=True), ui.menu():
+            for other in others:
+                ui.menu_item(other.name, lambda key=other.key: self._edit(lambda s: s.pair(picked.key, key)))
+
+    async def _click_photo(self, args: dict[str, Any]) -> None:
+        again, pixel = bool(args.get("again")), _numbers(args, "x", "y")
+        await self._grow(self.photo, "growing the mask …", lambda s: s.click_photo(pixel, again=again))
+
+    async def _click_range(self, args: dict[str, Any]) -> None:
+        again, pixel = bool(args.get("again")), _numbers(args, "x", "y")
+        await self._grow(
+            self.range, "growing the plane …", lambda s: s.click_cloud(self.desk.pixel_in_range(*pixel), again=again)
+        )
+
+    async def _click_solid(self, args: dict[str, Any]) -> None:
+        again = bool(args.get("again"))
+        origin, ahead = (np.array(args[name], dtype=np.float64) for name in ("origin", "direction"))
+        await self._grow(
+            self.solid,
+            "growing the plane …",
+            lambda s: s.click_cloud(self.desk.point_on_ray(origin, ahead), again=again),
+        )
+
+    async def _drawn(self, args: dict[str, Any]) -> None:
+        await self._edit(lambda session: session.draw_polygon(args["ring"]))
+        self.modes.set_value("click")
+
+    async def _moved(self, args: dict[str, Any]) -> None:
+        await self._edit(lambda session: session.edit_polygon(int(args["key"]), args["rings"], args["hidden"]))
+
+    async def _choose(self, key: int, side: str, index: int) -> None:
+        view = self.photo if side == "image" else self.range
+        await self._grow(view, "growing …", lambda session: session.choose(key, side, index))
+
+    async def _grow(self, view: PictureView | CloudView, saying: str, action: Callable[[Session], object]) -> None:
+        view.show(busy=saying)
+        await self._edit(action)
+        view.show(busy="")
+
+    async def _edit(self, action: Callable[[Session], object]) -> None:
+        """Do something to the session away from the page's own thread, and say what went wrong."""
+        try:
+            await run.io_bound(self.desk.edit, action)
+        except (ValueError, TypeError, KeyError) as error:
+            _complain(str(error))
+            self.shown = -1
+        self._refresh()
+
+    async def _save(self) -> None:
+        try:
+            written = await run.io_bound(self.desk.save)
+            count = len(written or []) - 1
+            masks = f" and {count} mask{'s' if count != 1 else ''}" if count else ""
+            ui.notify(f"Saved {self.session.path.name}{masks}", type="positive", position="top")
+        except (ValueError, OSError) as error:
+            _complain(str(error))
+        self._refresh()
+
+    async def _new(self) -> None:
+        await self._edit(lambda session: session.select(None))
+
+    def _choose_mode(self) -> None:
+        self.mode = str(self.modes.value)
+        self._show_photo()
+
+    def _choose_tab(self) -> None:
+        self.solid.set_visibility(self.tabs.value == "solid")
+        self.range.set_visibility(self.tabs.value == "range")
+
+    async def _colour(self) -> None:
+        if self.colouring.value != self.desk.colouring:
+            await run.io_bound(self.desk.colour_by, str(self.colouring.value))
+            self._refresh()
+
+    async def _key(self, event: KeyEventArguments) -> None:
+        if not event.action.keydown:
+            return
+        key = str(event.key.name).lower()
+        if event.modifiers.ctrl or event.modifiers.meta:
+            await self._command("y" if key == "z" and event.modifiers.shift else key)
+        elif key in ("c", "p", "h"):
+            self.modes.set_value({"c": "click", "p": "polygon", "h": "hide"}[key])
+        elif key == "o":
+            self.outlines.set_value(not self.outlines.value)
+        elif key == "n":
+            await self._new()
+        elif self.selected is not None:
+            await self._key_of_region(self.selected, key)
+
+    async def _command(self, key: str) -> None:
+        if key == "s":
+            await self._save()
+        elif key in ("z", "y"):
+            await self._edit(Session.undo if key == "z" else Session.redo)
+
+    async def _key_of_region(self, selected: Picked, key: str) -> None:
+        if key == "delete":
+            await self._edit(lambda session: session.remove(selected.key))
+        elif key in ("1", "2", "3") and selected.image is not None and len(selected.image) >= int(key):
+            await self._choose(selected.key, "image", int(key) - 1)
+
+
+def _button(icon: str, title: str, action: Callable[[], Any] | None, *, stop: bool = False) -> ui.button:
+    """A small button with an icon; `stop`: a click on it is not one on what is around it."""
+    button = ui.button(icon=icon).props("flat dense round size=sm color=grey-8").tooltip(title)
+    if action is not None:
+        button.on("click.stop" if stop else "click", action)
+    elif stop:
+        button.on("click.stop")
+    return button
+
+
+def _toggle(options: dict[str, str], value: str, action: Callable[[], Any]) -> ui.toggle:
+    toggle = ui.toggle(options, value=value, on_change=action)
+    return toggle.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
+
+
+def _switch(title: str, hint: str, action: Callable[[], Any]) -> ui.switch:
+    return ui.switch(title, value=True, on_change=action).props("dense size=xs").tooltip(hint)
+
+
+def _numbers(args: dict[str, Any], *names: str) -> tuple[float, ...]:
+    return tuple(float(args[name]) for name in names)
+
+
+def _complain(message: str) -> None:
+    ui.notify(message, type="negative", position="top", multi_line=True, timeout=7000, close_button="OK")

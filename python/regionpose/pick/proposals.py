@@ -1,0 +1,121 @@
+"""What one click proposes: masks in the photo and patches of the cloud, small ones first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from regionpose.pick.parts import Choices, ImagePart, WorldPart
+from regionpose.scene import Scene
+from regionpose.scene.sensors import Picture
+from regionpose.scene.sides import Scan, world_side
+from regionpose.segmentation.cloud import grow_plane
+from regionpose.segmentation.image import grow_image_region, stable_tolerances
+from regionpose.segmentation.segmenters import Segmenter, segmented
+
+Array = NDArray[np.float64]
+
+MOST_MASKS = 3
+"""Masks that a click proposes: as many as a glance takes in."""
+
+SHADES = (1 / 16, 1 / 8, 1 / 4)
+"""Tolerances of the intensity that are tried, over the cloud's range of intensities; from noise to plain contrast."""
+
+RANGE_PERCENTILES = (2.0, 98.0)
+"""The range of intensities leaves reflectors out."""
+
+LEAST_PURITY = 0.9
+"""Share of like points among the neighbours of a patch's points, on the same plane, from which its intensity marks a
+region of its own, as of a sign on a wall. Of the demo's six regions it is 0.93 to 1.0; a face whose intensity only
+varies has less."""
+
+NEIGHBOURS = 8
+"""Nearest points on the plane that are asked, and across which a patch is connected: those around a point."""
+
+NEAREST_AND_SELF = NEIGHBOURS + 1
+
+
+def mask_choices(image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
+    """Masks around a pixel (x, y), in order of size; the one that `grow_image_region` would choose is taken.
+
+    ValueError for a seed outside the image, or one around which nothing grows.
+    """
+    place = (float(seed[0]), float(seed[1]))
+    tolerances = stable_tolerances(image, place, most=MOST_MASKS)
+    best = min(range(len(tolerances)), key=lambda index: abs(tolerances[index][1] - 1.0))
+    makers = tuple(partial(_mask, image, place, tolerance) for tolerance, _ in tolerances)
+    choices = Choices(makers, best)
+    _ = choices.chosen
+    return choices
+
+
+def segmenter_choices(segmenter: Segmenter, image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
+    """Masks that a segmenter finds around a pixel (x, y), in order of size; the one that it puts first is taken."""
+    masks = segmented(segmenter, image, [seed], [1])
+    order = np.argsort([float(mask.sum()) for mask in masks], kind="stable").tolist()
+    makers = tuple(partial(ImagePart.of_shares, masks[index], "segmenter") for index in order)
+    return Choices(makers, order.index(0))
+
+
+def _mask(image: Picture, seed: tuple[float, float], tolerance: float) -> ImagePart:
+    """The mask grown with a tolerance."""
+    shares = grow_image_region(image, seed, tolerance=tolerance, coverage=True)
+    return ImagePart.of_shares(shares, f"colours within {tolerance:.3g}")
+
+
+def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], seed: Array) -> Choices[WorldPart]:
+    """Patches of the cloud around a point (3,) of the world, in order of size.
+
+    Where the intensity marks a region of its own around the seed, that one is taken, else the whole plane. `scene_with`
+    makes a scene of one region whose world side is given. ValueError where no plane is.
+    """
+    place = {"seed": [float(value) for value in seed]}
+    whole: Choices[WorldPart] = Choices((partial(_patch, scan, scene_with, place, "the whole plane"),))
+    shade = _shade(scan, seed)
+    if shade is not None:
+        marked = partial(_patch, scan, scene_with, {**place, "intensity_tolerance": shade}, "points of like intensity")
+        choices: Choices[WorldPart] = Choices((marked, *whole.makers))
+        with suppress(ValueError):
+            _ = choices.chosen
+            return choices
+    _ = whole.chosen
+    return whole
+
+
+def _patch(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], written: dict[str, Any], label: str) -> WorldPart:
+    return WorldPart(written, world_side(scene_with(written), 0, scan), label)
+
+
+def _shade(scan: Scan, seed: Array) -> float | None:
+    """The tolerance of the intensity that marks a region of its own on the seed's plane; None where none does."""
+    cloud = scan.cloud
+    if cloud is None or cloud.intensity is None:
+        return None
+    indices = grow_plane(cloud.points, seed - scan.origin)
+    low, high = np.percentile(cloud.intensity, RANGE_PERCENTILES)
+    places, levels = cloud.points[indices], cloud.intensity[indices]
+    neighbours = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
+    start = int(np.argmin(np.sum((places - (seed - scan.origin)) ** 2, axis=1)))
+    found = [(_purity(levels, neighbours, start, share * (high - low)), share) for share in SHADES]
+    purity, share = max(found)
+    return float(f"{share * (high - low):.4g}") if purity >= LEAST_PURITY else None
+
+
+def _purity(levels: Array, neighbours: NDArray[np.intp], start: int, tolerance: float) -> float:
+    """Share of like points among the neighbours of those connected with the start; 0 where all are like it."""
+    alike = np.abs(levels - np.median(levels[neighbours[start]])) <= tolerance
+    alike[start] = True
+    rows, columns = np.repeat(np.arange(len(levels)), neighbours.shape[1]), neighbours.ravel()
+    linked = alike[rows] & alike[columns]
+    graph = coo_array((linked[linked], (rows[linked], columns[linked])), shape=(len(levels),) * 2)
+    labels = connected_components(graph, directed=False)[1]
+    members = labels == labels[start]
+    return 0.0 if members.all() else float(members[neighbours[members]].mean())

@@ -1,0 +1,256 @@
+"""The cloud as seen from one place: a picture of directions whose pixels know the points that they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from regionpose.clouds import Cloud
+from regionpose.drawing import depth_colours
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Floats = NDArray[np.float32]
+Cells = NDArray[np.int32]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+MOST_COLUMNS, MOST_ROWS = 4096, 2048
+"""Pixels of the picture at the most: a browser's textures hold them, and a pixel is 0.09 degrees of a full turn."""
+
+PIXELS_PER_SPACING = 1.5
+"""Pixels between neighbouring points along the picture's sides: enough to click on each of them."""
+
+NEAR_POLE = 60.0
+"""Degrees above or below the horizon from which directions crowd at a pole of the picture; a convention."""
+
+STRAYS = 0.1
+"""Percent of the points above and below the picture that it leaves out."""
+
+MARGIN_DEG = 0.5
+"""Degrees of empty border, so that outlines at the edge are seen."""
+
+GAP_SLACK = 1.5
+"""Gaps up to this many times the usual one between scan lines are filled."""
+
+BLOCK = 1 << 20
+"""Points worked on at a time, so that a large cloud's temporaries stay small beside it."""
+
+BACKGROUND = (22, 26, 33)
+
+SHADING = 60.0
+"""Strength with which a pixel darkens for how much nearer its neighbours are, on a logarithmic scale: a step of 1 %
+takes a third of the light (after Boucheny 2009, eye-dome lighting)."""
+
+LARGEST_STEP = 0.02
+"""Step of the logarithm of the distance beyond which a neighbour takes no more light: an edge is an edge."""
+
+SHADED_LEAST = 0.35
+"""Light that is left in the deepest shade."""
+
+
+class Axes(NamedTuple):
+    """Rows: the picture's middle, its left, and up, unit vectors in the world."""
+
+    ahead: Array
+    left: Array
+    up: Array
+
+    @property
+    def matrix(self) -> Array:
+        """World directions to these axes (3, 3)."""
+        return np.stack(self)
+
+
+@dataclass(frozen=True, eq=False)
+class RangeView:
+    """A picture of the directions from `place` (3,), about the cloud's local origin, to its points.
+
+    `axes`: what its columns and rows are counted along. `start`: azimuth of the left border and elevation of the upper
+    one, degrees, azimuth growing to the left. `step`: degrees of a pixel. `indices` (h, w): the point that each pixel
+    shows, -1 for none.
+    """
+
+    place: Array
+    axes: Axes
+    start: tuple[float, float]
+    step: float
+    indices: Indices
+
+    @classmethod
+    def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
+        """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
+        axes = _axes(cloud.points, place, up)
+        azimuth, elevation, ranges = _directions(cloud.points, place, axes)
+        cut = _widest_gap(azimuth)
+        azimuth = (cut - azimuth) % 360.0
+        top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
+        across, down = float(azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
+        step = _step(across, down, len(cloud))
+        shape = (int(np.ceil(down / step)), int(np.ceil(across / step)))
+        columns = ((azimuth + MARGIN_DEG) / step).astype(np.int32)
+        rows = np.floor((top + MARGIN_DEG - elevation) / step).astype(np.int32)
+        nearest = _nearest(columns, rows, ranges, shape)
+        return cls(place, axes, (cut + MARGIN_DEG, float(top) + MARGIN_DEG), step, _filled(nearest))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+        return self.indices.shape[1], self.indices.shape[0]
+
+    def point_at(self, x: float, y: float) -> int | None:
+        """Index of the point that the pixel at (x, y) shows, an integer being a pixel's centre; None where it is empty.
+
+        Clicks beside a point by a pixel or two find it.
+        """
+        column, row = round(x), round(y)
+        top, left = max(row - 2, 0), max(column - 2, 0)
+        around = self.indices[top : max(row + 3, 0), left : max(column + 3, 0)]
+        rows, columns = np.nonzero(around >= 0)
+        if not len(rows):
+            return None
+        nearest = np.argmin((rows + top - row) ** 2 + (columns + left - column) ** 2)
+        return int(around[rows[nearest], columns[nearest]])
+
+    def pixels(self, points: Array) -> Array:
+        """Pixels (n, 2) of points (n, 3) about the cloud's local origin."""
+        angles, _ = _angles(points, self.place, self.axes)
+        azimuth = (self.start[0] - angles[:, 0]) % 360.0
+        # What lies just left of the border is not a turn to the right of it.
+        width = self.size[0] * self.step
+        azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
+        return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
+
+    def picture(self, points: Array, colours: Bytes, shown: Cells) -> Bytes:
+        """The picture (h, w, 3) of points (n, 3) in colours (n, 3), edges of depth shaded.
+
+        `shown` (h, w): which of these points each pixel shows, -1 for none.
+        """
+        held = shown >= 0
+        own = shown[held]
+        drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
+        drawn[:] = BACKGROUND
+        ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
+        ranges[held] = np.linalg.norm(points[own] - self.place, axis=1)
+        drawn[held] = np.round(colours[own] * _light(ranges)[held, None]).astype(np.uint8)
+        return drawn
+
+
+def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
+    """Colours (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
+    ranges = np.linalg.norm(cloud.points - place, axis=1)
+    near, far = np.percentile(ranges, [1.0, 99.0])
+    table = depth_colours()
+    share = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)
+    colours = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
+    if cloud.intensity is None:
+        return np.asarray(colours, dtype=np.uint8)
+    shaded: Bytes = np.round(colours * (0.55 + 0.45 * greys(cloud))[:, None]).astype(np.uint8)
+    return shaded
+
+
+def greys(cloud: Cloud) -> Array:
+    """The intensity (n,) of a cloud's points in [0, 1], by rank: scanners have scales of their own."""
+    if cloud.intensity is None:
+        return np.ones(len(cloud))
+    levels, inverse = np.unique(cloud.intensity, return_inverse=True)
+    if len(levels) == 1:
+        return np.ones(len(cloud))
+    counts = np.bincount(inverse.ravel())
+    rank = (np.cumsum(counts) - 0.5 * counts) / len(cloud)
+    return np.asarray(rank[inverse.ravel()])
+
+
+def _light(ranges: Floats) -> Floats:
+    """The light (h, w) that the nearer neighbours leave to pixels of these distances, infinite ones being empty."""
+    height = np.log(np.maximum(ranges, np.float32(1e-9)))
+    padded = np.pad(height, 2, constant_values=np.inf)
+    steps = np.zeros_like(height)
+    rows, columns = height.shape
+    for down, right in ((0, 2), (0, -2), (2, 0), (-2, 0)):
+        other = padded[2 + down : 2 + down + rows, 2 + right : 2 + right + columns]
+        both = np.isfinite(other) & np.isfinite(height)
+        steps[both] += np.clip(height[both] - other[both], 0.0, LARGEST_STEP)
+    return np.maximum(np.exp(-SHADING * steps / 4.0), np.float32(SHADED_LEAST))
+
+
+def _axes(points: Array, place: Array, up: Array | None) -> Axes:
+    """Axes whose poles the points keep clear of: up as given, else along z, else along -y as of a camera's frame."""
+    step = max(1, len(points) // 20_000)
+    directions = points[::step] - place
+    directions = directions / np.maximum(np.linalg.norm(directions, axis=1), 1e-12)[:, None]
+    crowded = np.mean(np.abs(directions[:, 2]) > np.sin(np.radians(NEAR_POLE))) > 0.5
+    upward = np.array([0.0, -1.0, 0.0] if crowded else [0.0, 0.0, 1.0]) if up is None else up / np.linalg.norm(up)
+    ahead = np.array([0.0, 0.0, 1.0]) if abs(upward[1]) > 0.9 else np.array([1.0, 0.0, 0.0])
+    ahead = ahead - upward * (ahead @ upward)
+    ahead = ahead / np.linalg.norm(ahead)
+    return Axes(ahead, np.cross(upward, ahead), upward)
+
+
+def _angles(points: Array, place: Array, axes: Axes) -> tuple[Array, Array]:
+    """Azimuth and elevation (n, 2), degrees, of points from a place, and their distances (n,)."""
+    seen = (points - place) @ axes.matrix.T
+    flat = np.hypot(seen[:, 0], seen[:, 1])
+    angles = np.stack([np.arctan2(seen[:, 1], seen[:, 0]), np.arctan2(seen[:, 2], flat)], axis=1)
+    return np.degrees(angles), np.hypot(flat, seen[:, 2])
+
+
+def _directions(points: Array, place: Array, axes: Axes) -> tuple[Floats, Floats, Floats]:
+    """Azimuth and elevation (n,), degrees, and distances (n,) of points from a place, worked out a block at a time."""
+    held = np.empty((3, len(points)), dtype=np.float32)
+    for start in range(0, len(points), BLOCK):
+        block = slice(start, start + BLOCK)
+        angles, held[2, block] = _angles(points[block], place, axes)
+        held[:2, block] = angles.T
+    return held[0], held[1], held[2]
+
+
+def _widest_gap(azimuth: Floats) -> float:
+    """The azimuth, degrees, right of which the picture begins: the left end of the widest gap, or behind."""
+    held = np.flatnonzero(np.bincount(np.floor(azimuth % 360.0).astype(np.int64) % 360, minlength=360))
+    if not len(held) or len(held) == 360:
+        return 180.0
+    gaps = np.diff(np.append(held, held[0] + 360))
+    widest = int(np.argmax(gaps))
+    return float(held[widest] + 1) if gaps[widest] > 5 else 180.0
+
+
+def _step(across: float, down: float, count: int) -> float:
+    """Degrees of a pixel for so many points on so large a picture."""
+    spacing = np.sqrt(across * down / max(count, 1))
+    return float(max(spacing / PIXELS_PER_SPACING, across / MOST_COLUMNS, down / MOST_ROWS))
+
+
+def _nearest(columns: Cells, rows: Cells, ranges: Floats, shape: tuple[int, int]) -> Indices:
+    """The nearest point of each pixel (h, w), -1 for none."""
+    nearest, least = np.full(shape, -1, dtype=np.int64).ravel(), np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
+    for start in range(0, len(ranges), BLOCK):
+        block = slice(start, start + BLOCK)
+        down, right, far = rows[block], columns[block], ranges[block]
+        inside = np.flatnonzero((down >= 0) & (down < shape[0]) & (right >= 0) & (right < shape[1]))
+        inside = inside[np.argsort(-far[inside], kind="stable")]
+        cells = down[inside].astype(np.int64) * shape[1] + right[inside]
+        # Of several points of a cell the last one is written, which is the nearest of them.
+        closer = far[inside] < least[cells]
+        nearest[cells[closer]], least[cells[closer]] = start + inside[closer], far[inside[closer]]
+    return nearest.reshape(shape)
+
+
+def _filled(nearest: Indices) -> Indices:
+    """The picture with the gaps between scan lines closed by the points beside them."""
+    empty = nearest < 0
+    if empty.all():
+        return nearest
+    distance, (rows, columns) = distance_transform_edt(empty, return_indices=True)
+    return np.where(distance <= 0.5 * GAP_SLACK * _gap(~empty) + 1.0, nearest[rows, columns], -1)
+
+
+def _gap(held: Mask) -> float:
+    """The usual distance, pixels, from a held pixel to the next one below it."""
+    rows, columns = np.nonzero(held.T)[::-1]
+    steps = np.diff(rows)[np.diff(columns) == 0]
+    return float(np.percentile(steps, 75)) if len(steps) else 1.0

@@ -1,0 +1,58 @@
+"""The scene that is being picked as plain values: what its file says, and what one region says alone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from regionpose.pick.parts import ImagePart, Picked
+from regionpose.scene import Scene
+from regionpose.scene.document import Document
+from regionpose.scene.models import SceneModel
+
+HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"
+
+
+def scene_of(path: Path, values: dict[str, Any]) -> Scene:
+    """The scene that a file with these values would hold; pydantic's ValidationError where it would hold none."""
+    return Scene(Document(path, values, {}), SceneModel.model_validate(values))
+
+
+def region_values(picked: Picked, path: Path) -> dict[str, Any]:
+    """What the scene file at `path` says of a region with the sides that it has."""
+    values: dict[str, Any] = {"name": picked.name}
+    if picked.image is not None:
+        values["image"] = image_values(picked.image.chosen, path)
+    if picked.world is not None:
+        values["world"] = dict(picked.world.chosen.written)
+    return values
+
+
+def image_values(part: ImagePart, path: Path) -> dict[str, Any]:
+    """What the scene file at `path` says of a side in the photo."""
+    return {"mask": mask_name(part, path), **part.written} if part.picked else dict(part.written)
+
+
+def mask_name(part: ImagePart, path: Path) -> str:
+    """The name of the file of a picked mask, beside the scene file."""
+    digest = hashlib.sha256(part.levels.tobytes()).hexdigest()[:12]
+    return f"{path.stem}-mask-{digest}.png"
+
+
+def region_lists(regions: Sequence[Picked], path: Path) -> dict[str, Any]:
+    """The scene file's lists of regions: the pairs, and those of either side alone where there are any."""
+    lists: dict[str, Any] = {"regions": [region_values(picked, path) for picked in regions if picked.is_paired]}
+    for key, side in (("image_regions", "image"), ("world_regions", "world")):
+        alone = [picked for picked in regions if not picked.is_paired and getattr(picked, side) is not None]
+        if alone:
+            lists[key] = [region_values(picked, path) for picked in alone]
+    return lists
+
+
+def scene_text(values: dict[str, Any]) -> str:
+    """The values as the text of a scene file."""
+    return HEADING + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)

@@ -1,0 +1,57 @@
+"""The picking page on this computer: bound to 127.0.0.1, behind the guard, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import socket
+import webbrowser
+from collections.abc import Callable
+from threading import Timer
+
+from regionpose.clouds.errors import load_extra
+from regionpose.pick.desk import Desk
+from regionpose.pick.guard import MOST_BYTES, Guard
+
+OPENING_S = 1.0
+"""Seconds until the browser is opened, by when the server listens."""
+
+
+def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
+    """Serve a desk's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
+
+    MissingExtraError without NiceGUI; OSError for a port that is taken.
+    """
+    load_extra("nicegui", "pick", "the picking page")
+    from fastapi import FastAPI, Response
+    from nicegui import ui
+
+    from regionpose.pick.page import Page
+
+    def file(name: str) -> Response:
+        held = desk.files.get(name)
+        if held is None:
+            return Response("no such file\n", status_code=404, media_type="text/plain")
+        return Response(held.content, media_type=held.media, headers={"cache-control": "no-store"})
+
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
+    ui.run_with(app, root=lambda: Page(desk), title="regionpose pick", dark=False, show_welcome_message=False)
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+        listening.bind(("127.0.0.1", port))
+        guard = Guard(app, listening.getsockname()[1])
+        say(guard.address)
+        if browser:
+            Timer(OPENING_S, webbrowser.open, [guard.address]).start()
+        try:
+            _run(guard, listening)
+        finally:
+            desk.close()
+
+
+def _run(guard: Guard, listening: socket.socket) -> None:
+    """Serve until Ctrl-C."""
+    import uvicorn
+
+    config = uvicorn.Config(
+        guard, log_level="warning", ws_max_size=MOST_BYTES, server_header=False, timeout_graceful_shutdown=1
+    )
+    uvicorn.Server(config).run(sockets=[listening])

@@ -1,0 +1,358 @@
+"""The state of a picking session: regions, their pairs, undo, and the scene file they are read from and saved to."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
+from regionpose.outputs import Writer, claimed, text_writer
+from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
+from regionpose.pick.proposals import mask_choices, plane_choices, segmenter_choices
+from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
+from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
+from regionpose.scene.estimate import checked
+from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
+from regionpose.scene.sides import Scan, image_side, scene_origin, world_side
+from regionpose.segmentation.segmenters import Segmenter
+
+Array = NDArray[np.float64]
+
+MOST_UNDO = 200
+"""Steps that can be undone; each holds references to its regions, not copies."""
+
+STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
+"""A side in the photo, of a scene that is made to look at its region's other side."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """What undo brings back: the list of regions and which of them is worked on."""
+
+    regions: tuple[Picked, ...] = ()
+    selected: int | None = None
+
+    def region(self, key: int) -> Picked:
+        """The region of a key; ValueError where it is gone, as after another page removed it."""
+        found = next((picked for picked in self.regions if picked.key == key), None)
+        if found is None:
+            raise ValueError("found no such region; it was removed in the meantime")
+        return found
+
+    def with_region(self, region: Picked) -> Sketch:
+        """The sketch with this region in the place of the one of its key, or at the end."""
+        held = any(picked.key == region.key for picked in self.regions)
+        kept = tuple(region if picked.key == region.key else picked for picked in self.regions)
+        return Sketch(kept if held else (*kept, region), region.key)
+
+    def without(self, *keys: int) -> Sketch:
+        """The sketch without some regions."""
+        kept = tuple(picked for picked in self.regions if picked.key not in keys)
+        return Sketch(kept, None if self.selected in keys else self.selected)
+
+
+@dataclass(eq=False)
+class Session:
+    """Regions picked in the photo and the cloud of a scene.
+
+    `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. `segmenter`: what clicks in
+    the photo ask; they grow by colour where it is None. Edits are ValueErrors that say what is needed, and change
+    nothing then. Not safe for several threads at once.
+    """
+
+    path: Path
+    base: dict[str, Any]
+    camera: Camera
+    image: Picture
+    cloud: Cloud
+    scan: Scan
+    segmenter: Segmenter | None = None
+    sketch: Sketch = field(default_factory=Sketch)
+    _past: list[Sketch] = field(default_factory=list)
+    _future: list[Sketch] = field(default_factory=list)
+    _saved: Sketch = field(default_factory=Sketch)
+    _next: int = 0
+
+    @classmethod
+    def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
+        """A session without regions, to be saved at `path`; errors as of reading a scene's files."""
+        folder = path.resolve().parent
+        files = {"camera": camera, "image": image, "cloud": cloud}
+        base = {key: _relative(file, folder) for key, file in files.items()}
+        return cls._with_sensors(path, {**base, **extra})
+
+    @classmethod
+    def open(cls, path: Path) -> Session:
+        """The session of a scene file, with its regions; errors as of `load_scene` and of its files."""
+        scene = load_scene(path)
+        values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
+        lists = {key: values.pop(key, []) for key in ("regions", "image_regions", "world_regions")}
+        if scene.model.cloud is None:
+            raise scene.error((), "found no cloud; needed the key cloud, to pick in")
+        session = cls._with_sensors(path, values)
+        for key, held in lists.items():
+            for index, written in enumerate(held if isinstance(held, list) else []):
+                session._read(scene, key, index, written)
+        session._saved = session.sketch = replace(session.sketch, selected=None)
+        return session
+
+    @classmethod
+    def _with_sensors(cls, path: Path, base: dict[str, Any]) -> Session:
+        scene = scene_of(path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
+        image = scene_image(scene)
+        camera, cloud = fitted_camera(scene, scene_camera(scene), image), scene_cloud(scene)
+        if cloud is None:
+            raise SceneError(f"{path}: found no cloud; needed one to pick in")
+        scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
+        return cls(path, base, camera, image, cloud, scan)
+
+    def _read(self, scene: Scene, key: str, index: int, written: dict[str, Any]) -> None:
+        """Add a region that the scene file holds."""
+        held: dict[str, Any] = {"key": self._next, "name": written["name"]}
+        if "image" in written:
+            held["image"] = only(self._image_part(written["image"]))
+        if "world" in written:
+            held["world"] = only(self._world_part(written["world"]))
+        self._next += 1
+        self.sketch = self.sketch.with_region(Picked(**held))
+
+    def _image_part(self, written: dict[str, Any]) -> ImagePart:
+        scene = self._scene([_alone(written, {"seed": [0.0, 0.0, 0.0]})])
+        return ImagePart(written, image_side(scene, 0, self.image))
+
+    def _world_part(self, written: dict[str, Any], label: str = "") -> WorldPart:
+        return WorldPart(written, world_side(self._scene_with(written), 0, self.scan), label)
+
+    def _scene_with(self, world: dict[str, Any]) -> Scene:
+        """A scene of one region with this side in the cloud."""
+        return self._scene([_alone(STAND_IN, world)])
+
+    def _scene(self, regions: list[dict[str, Any]]) -> Scene:
+        return scene_of(self.path, {**self.base, "regions": regions})
+
+    @property
+    def regions(self) -> tuple[Picked, ...]:
+        """The regions, in the order of the list."""
+        return self.sketch.regions
+
+    @property
+    def pairs(self) -> tuple[Picked, ...]:
+        """The regions with both sides."""
+        return tuple(picked for picked in self.regions if picked.is_paired)
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step that was taken back can be taken again."""
+        return bool(self._future)
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether there is something to save."""
+        return self.sketch.regions != self._saved.regions
+
+    def select(self, key: int | None) -> None:
+        """Work on a region, or on none, so that the next click begins a new one."""
+        self.sketch = replace(self.sketch, selected=None if key is None else self.sketch.region(key).key)
+
+    def click_photo(self, pixel: Sequence[float], *, again: bool = False) -> None:
+        """Grow a mask at a pixel (x, y) for the selected region, or for a new one where that has a mask already.
+
+        `again`: the selected region's mask is replaced.
+        """
+        ask = mask_choices if self.segmenter is None else partial(segmenter_choices, self.segmenter)
+        self._give("image", ask(self.image, pixel), again)
+
+    def draw_polygon(self, ring: Sequence[Sequence[float]], *, again: bool = False) -> None:
+        """Give the selected region, or a new one, a polygon of pixels (n, 2)."""
+        written = {"polygon": [[round(float(value), 2) for value in vertex] for vertex in ring]}
+        self._give("image", only(self._image_part(written)), again)
+
+    def click_cloud(self, place: Sequence[float] | Array, *, again: bool = False) -> None:
+        """Grow the plane around a point (3,) of the world for the selected region, or for a new one, as above."""
+        choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
+        self._give("world", choices, again)
+
+    def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
+        selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)
+        if selected is None or (getattr(selected, side) is not None and not again):
+            selected = Picked(self._next, self._free_name())
+            self._next += 1
+        self._change(self.sketch.with_region(selected.with_side(side, choices)))
+
+    def _free_name(self) -> str:
+        names = {picked.name for picked in self.regions}
+        return next(name for number in range(1, len(names) + 2) if (name := f"region {number}") not in names)
+
+    def choose(self, key: int, side: str, index: int) -> None:
+        """Take another proposal of a region's side, "image" or "world"."""
+        region = self.sketch.region(key)
+        choices: Choices[Any] | None = getattr(region, side)
+        if choices is None:
+            raise ValueError(f"{region.name} has no side in the {'photo' if side == 'image' else 'cloud'} yet")
+        other = choices.at(index)
+        if other.index != choices.index:
+            _ = other.chosen
+            self._change(self.sketch.with_region(region.with_side(side, other)))
+
+    def rename(self, key: int, name: str) -> None:
+        """Name a region; ValueError for a name that another has, or that a scene file can't hold."""
+        region, cleaned = self.sketch.region(key), name.strip()
+        if cleaned == region.name:
+            return
+        if any(picked.name == cleaned for picked in self.regions):
+            raise ValueError(f"found {cleaned!r} twice; needed names that differ")
+        self._checked_name(cleaned)
+        self._change(self.sketch.with_region(replace(region, name=cleaned)))
+
+    def _checked_name(self, name: str) -> None:
+        try:
+            self._scene([_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]}) | {"name": name}])
+        except ValueError as error:
+            raise ValueError("needed a name of 1 to 200 characters on one line") from error
+
+    def remove(self, key: int, side: str | None = None) -> None:
+        """Remove a region, or one side of it."""
+        region = self.sketch.region(key)
+        left = None if side is None else region.with_side(side, None)
+        if left is None or (left.image is None and left.world is None):
+            self._change(self.sketch.without(key))
+        else:
+            self._change(self.sketch.with_region(left))
+
+    def unpair(self, key: int) -> None:
+        """Make two regions of one, the photo's side and the cloud's."""
+        region = self.sketch.region(key)
+        if not region.is_paired:
+            raise ValueError(f"{region.name} is not a pair; needed both sides")
+        other = Picked(self._next, self._free_name(), None, region.world)
+        self._next += 1
+        sketch = self.sketch.with_region(other).with_region(replace(region, world=None))
+        self._change(sketch)
+
+    def pair(self, first: int, second: int) -> None:
+        """Make one region of two that have one side each, in the photo and in the cloud; it keeps the first's name."""
+        one, two = self.sketch.region(first), self.sketch.region(second)
+        image, world = one.image or two.image, one.world or two.world
+        if one.is_paired or two.is_paired or image is None or world is None:
+            raise ValueError(f"{one.name} and {two.name}: needed one side in the photo and one in the cloud")
+        self._change(self.sketch.without(second).with_region(replace(one, image=image, world=world)))
+
+    def edit_polygon(
+        self, key: int, rings: Sequence[Sequence[Sequence[float]]], hidden: Sequence[Sequence[int]]
+    ) -> None:
+        """Give a region's polygon other vertices and hidden edges, each for its rings."""
+        region = self.sketch.region(key)
+        written: dict[str, Any] = {"polygon": [[[round(float(v), 2) for v in vertex] for vertex in r] for r in rings]}
+        if any(hidden):
+            written["hidden_edges"] = [sorted(int(edge) for edge in edges) for edges in hidden]
+        self._change(self.sketch.with_region(replace(region, image=only(self._image_part(_flattened(written))))))
+
+    def as_polygon(self, key: int, tolerance: float) -> None:
+        """Make a region's mask a polygon of few vertices, none of its contour farther off than `tolerance` pixels."""
+        import shapely
+
+        region = self.sketch.region(key)
+        if region.image is None:
+            raise ValueError(f"{region.name} has no side in the photo yet")
+        rings = [shapely.LinearRing(ring).simplify(tolerance) for ring in region.image.chosen.region.rings]
+        corners = [[list(vertex) for vertex in ring.coords[:-1]] for ring in rings if len(ring.coords) > 3]
+        self.edit_polygon(key, corners, [])
+
+    def _change(self, sketch: Sketch) -> None:
+        self._past = [*self._past[-MOST_UNDO + 1 :], self.sketch]
+        self._future, self.sketch = [], sketch
+
+    def undo(self) -> None:
+        """Take the last step back; nothing where there is none."""
+        if self._past:
+            self._future.append(self.sketch)
+            self.sketch = self._past.pop()
+
+    def redo(self) -> None:
+        """Take a step again that was taken back; nothing where there is none."""
+        if self._future:
+            self._past.append(self.sketch)
+            self.sketch = self._future.pop()
+
+    def values(self) -> dict[str, Any]:
+        """The scene file as plain values."""
+        return {**self.base, **region_lists(self.regions, self.path)}
+
+    def sides(self) -> SceneSides:
+        """Sensors and both sides of the pairs; ValueError without any."""
+        pairs = self.pairs
+        if not pairs:
+            raise ValueError("found no pair; needed a region with a side in the photo and one in the cloud")
+        scene = scene_of(self.path, self.values())
+        image_regions = tuple(_chosen(picked.image).region for picked in pairs)
+        world_sides = tuple(_chosen(picked.world).side for picked in pairs)
+        scanner = sensor_origin(scene, self.cloud)
+        return checked(
+            SceneSides(
+                scene, self.camera, self.image, self.cloud, self.scan.origin, scanner, image_regions, world_sides
+            )
+        )
+
+    def estimate(self) -> SceneEstimate:
+        """The pose by the pairs, as `regionpose estimate` on the saved file gives it; PoseError where there is none."""
+        return estimate_sides(self.sides())
+
+    def save(self) -> list[Path]:
+        """Write the scene file and its masks, whole or not at all, and return their paths.
+
+        A mask has a name of its own for what it holds, so that none is replaced; the scene file goes last.
+        """
+        values = self.values()
+        if not self.pairs:
+            raise ValueError("found no pair; needed a region with a side in the photo and one in the cloud to save")
+        scene_of(self.path, values)
+        writers: dict[str, Writer] = {}
+        for picked in self.regions:
+            if picked.image is not None and picked.image.chosen.picked:
+                part = picked.image.chosen
+                writers[mask_name(part, self.path)] = partial(_write_mask, part.levels)
+        writers[self.path.name] = text_writer(scene_text(values))
+        with claimed(self.path.parent, list(writers), force=True) as claim:
+            written = claim.write(writers)
+        self._saved = self.sketch
+        return written
+
+
+def _chosen(choices: Choices[Any] | None) -> Any:
+    """The proposal that is taken, of a side that is known to be there."""
+    assert choices is not None
+    return choices.chosen
+
+
+def _alone(image: dict[str, Any], world: dict[str, Any]) -> dict[str, Any]:
+    """The values of the one region of a scene."""
+    return {"name": "region", "image": image, "world": world}
+
+
+def _flattened(written: dict[str, Any]) -> dict[str, Any]:
+    """A polygon of a single ring as that ring, as people write it."""
+    if len(written["polygon"]) > 1:
+        return written
+    return {key: value[0] for key, value in written.items()}
+
+
+def _write_mask(levels: Levels, path: Path) -> None:
+    Image.fromarray(levels).save(path, format="PNG")
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), folder)).as_posix()

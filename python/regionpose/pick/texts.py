@@ -1,0 +1,87 @@
+"""The page's texts that are made of what was found: HTML with everything from outside escaped."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from regionpose.pick.outcome import Outcome
+from regionpose.pick.parts import Picked
+
+HEADINGS = {"trusted": "Trusted", "check": "Check before use", "doubtful": "Do not trust yet"}
+
+EMPTY_LIST = (
+    '<div class="rp-empty">No regions yet. A region is a flat face that photo and cloud both show: a door, a sign, a'
+    " wall, a board.<ol><li><b>Click on it in the photo.</b> Its mask is proposed; the slider takes a smaller or a"
+    " larger one.</li><li><b>Click on it in the cloud.</b> Its plane is grown.</li><li><b>Go on with the next one.</b>"
+    " The pose appears with the first pair; three or four on different planes make it sure.</li></ol></div>"
+)
+
+EMPTY_POSE = (
+    '<div class="rp-empty">The pose appears here as soon as one region has both sides, and again after every change.'
+    "</div>"
+)
+
+HELP = (Path(__file__).parent / "help.html").read_text(encoding="utf-8")
+
+
+def outcome_html(outcome: Outcome) -> str:
+    """The verdict, the pose's numbers and its warnings."""
+    if outcome.state == "failed":
+        advice = "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause."
+        return f'<div class="rp-verdict rp-failed"><b>No pose</b>{escape(outcome.message)} <span>{advice}</span></div>'
+    if outcome.run is None or outcome.judged is None:
+        waiting = '<div class="rp-empty"><span class="rp-spin"></span>Estimating the pose …</div>'
+        return waiting if outcome.state == "busy" else EMPTY_POSE
+    judged, estimate = outcome.judged, outcome.run.estimate
+    heading = HEADINGS[judged.level]
+    busy = outcome.state == "busy"
+    spin = '<span class="rp-spin"></span>' if busy else ""
+    said = f'<div class="rp-verdict rp-{judged.level}"><b>{spin}{heading}</b>{escape(judged.headline)}</div>'
+    remarks = "".join(
+        f'<div class="rp-warn">{escape(_sentence(what))}<em>{escape(advice)}</em></div>'
+        for what, advice in judged.remarks
+    )
+    facts = [
+        # No pose is certain.
+        (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
+        (f"{np.max(estimate.rotation_sigma_deg):.3f}°", "rotation, 1 sigma"),
+        (f"{1000.0 * np.max(estimate.translation_sigma):.0f} mm", "place, 1 sigma"),
+        (f"{100.0 * estimate.overlap_error:.1f} %", "overlap error"),
+    ]
+    told = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
+    rows = "\n".join("  ".join(f"{value:10.5f}" for value in row) for row in estimate.pose.matrix[:3])
+    matrix = (
+        f'<div class="rp-title" style="margin-bottom:4px">camera_from_world</div><pre class="rp-matrix">{rows}</pre>'
+    )
+    return f'<div class="{"rp-busy" if busy else ""}">{said}<div class="rp-facts">{told}</div>{remarks}{matrix}</div>'
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
+
+
+def photo_hint(selected: Picked | None, mode: str) -> str:
+    """What the next click in the photo does."""
+    if mode == "polygon":
+        ends = "the first one again or Enter closes it, Backspace takes one back, Esc all"
+        return f"<b>Polygon:</b> click the corners; {ends}."
+    if mode == "hide":
+        editable = selected is not None and selected.image is not None and selected.image.chosen.is_polygon
+        if editable:
+            return "<b>Hidden edges:</b> click an edge that is not the face's own; click it again to take that back."
+        return "<b>Hidden edges:</b> select a region whose side in the photo is a polygon first."
+    return f"<b>Click</b> on a flat face {_whose(selected, 'image')}. Wheel zooms, drag shifts, Shift-click replaces."
+
+
+def cloud_hint(selected: Picked | None) -> str:
+    """What the next click in the cloud does."""
+    return f"<b>Click</b> on the same face in the cloud {_whose(selected, 'world')}."
+
+
+def _whose(selected: Picked | None, side: str) -> str:
+    if selected is None or getattr(selected, side) is not None:
+        return "to begin the next region"
+    return f"for <b>{escape(selected.name)}</b>"

@@ -1,0 +1,127 @@
+"""How likely the edges of a photo make a pose, under the depth steps of the cloud (docs/math.md, eq. 18.6 to 18.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.spatial.transform import Rotation
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.image_region import ImageRegion
+from regionpose.pose import Pose
+from regionpose.witness.photo import Photo, Pictures
+from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, depth_steps, far_turns, seen_steps
+
+Array = NDArray[np.float64]
+
+SHOWN, POWER = 0.5, 4.0
+"""The share of depth steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
+between a rank that tells nothing and one that tells all."""
+
+AROUND_PX = 41
+"""Width of the window within which ranks are made comparable: that of the widest reach of `Photo.strength`."""
+
+SMALL_DEG, SMALL_COUNT = 0.6, 5
+"""Turns about each turned pose over which evidence varies, and how many: some pixels of any photo."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFrame:
+    """A photo (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], the camera that took it, and the world points
+    (n, 3), metres, of a scan from the same time.
+
+    `regions`: those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+    """
+
+    image: ArrayLike | Photo
+    points: ArrayLike
+    camera: Camera
+    regions: Sequence[ImageRegion] = ()
+
+
+class Evidence:
+    """The evidence of one frame about poses near one: its steps in the world, and the photo by how far it is spread."""
+
+    def __init__(self, frame: SceneFrame, pose: Pose) -> None:
+        """The depth steps that the camera would see at a pose; ValueError for points or an image of another shape."""
+        self._camera, self._pose = frame.camera, pose
+        self._photo = frame.image if isinstance(frame.image, Photo) else Photo.of(frame.image)
+        self._known = beside(frame.regions)
+        self._pictures: dict[float, Pictures] = {}
+        local = (checked_points(frame.points) - pose.camera_center) @ pose.rotation.as_matrix().T
+        self._all = depth_steps(local, frame.camera, self._photo)
+        self.turn(Rotation.identity())
+
+    def turn(self, rotation: Rotation) -> Pose:
+        """Look at the steps that the camera sees turned from the given pose, about its axes; that pose."""
+        pose = Pose(rotation * self._pose.rotation, rotation.apply(self._pose.translation))
+        steps = self._all.turned(rotation)
+        seen = seen_steps(self._photo, self._camera, steps, self._known)
+        middle = steps.near[seen.numbers] + steps.far[seen.numbers]
+        middle *= (steps.distances[seen.numbers] / np.linalg.norm(middle, axis=1))[:, None]
+        self._steps, self._directions = middle @ pose.rotation.as_matrix() + pose.camera_center, seen.directions
+        self.move_to(pose)
+        return pose
+
+    def move_to(self, pose: Pose) -> None:
+        """Take a pose as the one of increments; the steps stay those that they are."""
+        local = (self._steps - pose.camera_center) @ pose.rotation.as_matrix().T
+        start = self._camera.project(local)
+        ends = [
+            self._camera.project(local + DIFFERENCE * (np.cross(axis, local) if turn else axis))
+            for turn in (True, False)
+            for axis in np.eye(3)
+        ]
+        moved = np.stack([(end - start) / (DIFFERENCE * self._photo.reduction) for end in ends], axis=2)
+        self._pixels = np.nan_to_num(self._photo.places(start), nan=-1e6)
+        self._moved = np.nan_to_num(moved.reshape(len(local), 12))
+
+    @property
+    def count(self) -> int:
+        """How many steps are looked at."""
+        return len(self._steps)
+
+    def at(self, increments: Array, spread_px: float) -> tuple[Array, Array]:
+        """Logarithms (t,) of the likelihood ratio at left increments (t, 6), rad and metres, and their derivatives
+        (t, 6), of steps as if they were independent.
+        """
+        pictures = self._spread(spread_px)
+        return _core.edge_evidence(pictures, self._pixels, self._moved, self._directions, increments)
+
+    def share(self, spread_px: float) -> float:
+        """What a step counts, 0 to 1, so that the likelihood ratio of all of them is 1 on the mean where chance rules.
+
+        That is a lognormal's at poses turned by far more than a pose may be off; neighbouring steps tell the same.
+        """
+        if not self.count:
+            return 0.0
+        turns = (far_turns()[:, None] + _small_turns()).reshape(-1, 3)
+        sums, _ = self.at(np.hstack([turns, np.zeros_like(turns)]), spread_px)
+        return float(np.clip(-2.0 * sums.mean() / max(float(sums.var(ddof=1)), 1e-12), 0.0, 1.0))
+
+    def _spread(self, spread_px: float) -> Pictures:
+        if spread_px not in self._pictures:
+            self._pictures[spread_px] = _log_ratios(self._photo, spread_px)
+        return self._pictures[spread_px]
+
+
+def _log_ratios(photo: Photo, spread_px: float) -> Pictures:
+    """Logarithms (k, h, w) of how much likelier the photo is with the image of a step in a pixel than with none."""
+    spread = []
+    for ranks in photo.ranks:
+        density = np.float32(POWER) * ranks ** np.float32(POWER - 1.0)
+        mean = uniform_filter(density, AROUND_PX)
+        spread.append(gaussian_filter(density, spread_px, truncate=3.0) / np.maximum(mean, np.float32(1e-3)))
+    return np.log1p(np.float32(SHOWN) * (np.stack(spread) - np.float32(1.0)))
+
+
+@cache
+def _small_turns() -> Array:
+    """Rotation vectors (t, 3), rad."""
+    return np.random.default_rng(SEED).normal(scale=np.radians(SMALL_DEG), size=(SMALL_COUNT, 3))

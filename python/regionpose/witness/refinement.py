@@ -1,0 +1,240 @@
+"""A pose refined by the edges of the rest of the scene, what the regions say being its prior (docs/math.md, section
+18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+from scipy.special import logsumexp
+
+from regionpose import _core
+from regionpose.pose import Pose
+from regionpose.ring_arrays import real_array
+from regionpose.witness.evidence import Evidence, SceneFrame
+from regionpose.witness.steps import SEED, far_turns
+
+Array = NDArray[np.float64]
+
+DECISIVE = float(np.log(9.0))
+"""Logarithm of the odds for the edges from which on they are heard: 90 %, as a trusted pose needs."""
+
+COMPARED = 9
+"""Turned poses at all of which chance may not do as well: as many as those odds are."""
+
+FREEDOM = 4.0
+"""Degrees of freedom of Student's distribution of the given pose's error: its covariance is known but roughly."""
+
+PRIOR_CURVATURE = (FREEDOM + 6.0) / FREEDOM
+"""Curvature of that distribution's log density at its centre."""
+
+SPREADS_PX = (8.0, 4.0, 2.0)
+"""How far edges are spread, coarse to fine: from what a pose may be off to what depth steps of a scan are."""
+
+SAME = 0.05
+"""Increments nearer to one another, in the prior's deviations, are one: far less than peaks are apart."""
+
+DRAWS, LED = 500, 4
+"""Poses drawn from the prior, and how many of the best are led to a maximum: some for each of 6 dimensions."""
+
+PRIOR_STEP = 1e-6
+"""Least deviation that the prior is taken to have, rad and metres: below what any calibration knows."""
+
+LEAST_CURVATURE = 0.2
+"""Curvature of the log posterior in units of the prior's: no direction is known much worse than beforehand."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneRefinement:
+    """A pose refined by the rest of the scene, if that says enough.
+
+    `pose`, `covariance` (6, 6) of its left increment, rad and metres: the refined ones if `refined`, else the given
+    ones. `before`: the given pose. `log_odds`: logarithm of the odds that edges lie where a pose about the given one
+    puts the steps, rather than by chance; `chance`: the largest about poses that are turned by 3 to 8 degrees, NaN
+    where none was tried. `steps` (k,): how many depth steps of each frame were looked at.
+    """
+
+    pose: Pose
+    covariance: Array
+    before: Pose
+    log_odds: float
+    chance: float
+    refined: bool
+    steps: tuple[int, ...]
+
+    @property
+    def turned_deg(self) -> float:
+        """The angle between both poses, degrees."""
+        return float(np.degrees((self.pose.rotation * self.before.rotation.inv()).magnitude()))
+
+    @property
+    def moved_m(self) -> float:
+        """The distance between both camera centres, metres."""
+        return float(np.linalg.norm(self.pose.camera_center - self.before.camera_center))
+
+
+def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
+    """The pose near a given one at which the depth steps of the frames' points lie on the edges of their photos.
+
+    `pose` and `covariance` (6, 6) are those of an estimate of the regions, or of a rig's; all frames of the `scene`
+    share the pose. The edges' likelihood and the given pose's distribution are maximised together. The refined pose is
+    taken if the edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about
+    each of 9 turned poses (docs/math.md, eq. 18.6 to 18.9). ValueError for other shapes.
+    """
+    root, frames = _root(covariance), [Evidence(frame, pose) for frame in scene]
+    shares = [frame.share(SPREADS_PX[-1]) for frame in frames]
+    peaks = _Posterior(pose, root, frames, shares).peaks()
+    log_odds, chance = _log_odds(peaks), float("nan")
+    steps = tuple(frame.count for frame in frames)
+    if log_odds > DECISIVE:
+        chance = max(_about_turned(turn, pose, root, frames, shares) for turn in far_turns()[:COMPARED])
+    if not log_odds > max(DECISIVE, chance):
+        return SceneRefinement(pose, np.asarray(covariance, dtype=np.float64), pose, log_odds, chance, False, steps)
+    best = max(peaks, key=lambda peak: peak.mass)
+    return SceneRefinement(best.pose, _spread_of(peaks, best), pose, log_odds, chance, True, steps)
+
+
+class _Peak(NamedTuple):
+    """A maximum of the posterior: its pose, covariance (6, 6) of the left increment, and the logarithm of the mass
+    about it, over that of the prior.
+    """
+
+    pose: Pose
+    covariance: Array
+    mass: float
+
+
+class _Posterior:
+    """The log density of poses, as increments in units of the prior's deviations (`root`, its Cholesky factor)."""
+
+    def __init__(self, prior: Pose, root: Array, frames: Sequence[Evidence], shares: Sequence[float]) -> None:
+        self._frames, self._shares = frames, shares
+        self._prior, self._root, self._base = prior, root, np.zeros(6)
+
+    def peaks(self) -> list[_Peak]:
+        """The maxima that the best of some poses drawn from the prior lead to."""
+        rng = np.random.default_rng(SEED)
+        scales = np.sqrt(rng.chisquare(FREEDOM, (DRAWS, 1)) / FREEDOM)
+        draws = np.vstack([np.zeros(6), rng.normal(size=(DRAWS, 6)) / scales])
+        costs, _ = self._costs(draws, SPREADS_PX[0])
+        starts = [self._led(draws[number], SPREADS_PX[0]) for number in np.argsort(costs)[:LED]]
+        return self._distinct([self._peak(moved(self._prior, self._root @ start)) for start in starts])
+
+    def _distinct(self, peaks: Sequence[_Peak]) -> list[_Peak]:
+        """Those that none before is the same as."""
+        kept: dict[int, Array] = {}
+        for number, peak in enumerate(peaks):
+            place = self.units(peak.pose)
+            if all(np.linalg.norm(place - other) > SAME for other in kept.values()):
+                kept[number] = place
+        return [peaks[number] for number in kept]
+
+    def _peak(self, pose: Pose) -> _Peak:
+        """The maximum that a pose leads to, coarse to fine."""
+        for spread in SPREADS_PX[1:]:
+            self._move_to(pose)
+            pose = moved(pose, self._root @ self._led(np.zeros(6), spread))
+        self._move_to(pose)
+        height = -float(self._costs(np.zeros((1, 6)), SPREADS_PX[-1])[0][0])
+        curvatures, axes = self._curvatures()
+        half = self._root @ axes / np.sqrt(curvatures)
+        mass = height - 0.5 * float(np.log(curvatures / PRIOR_CURVATURE).sum())
+        return _Peak(pose, half @ half.T, mass)
+
+    def _move_to(self, pose: Pose) -> None:
+        for frame in self._frames:
+            frame.move_to(pose)
+        self._base = self.units(pose)
+
+    def units(self, pose: Pose) -> Array:
+        """The increment (6,) from the prior's pose in units of its deviations."""
+        return np.asarray(np.linalg.solve(self._root, increment_between(self._prior, pose)), dtype=np.float64)
+
+    def _costs(self, units: Array, spread_px: float) -> tuple[Array, Array]:
+        """Negative log densities (t,) of increments (t, 6) in units of the prior's deviations, and their slopes."""
+        at = self._base + units
+        squares = (at * at).sum(axis=1)
+        costs = 0.5 * (FREEDOM + 6.0) * np.log1p(squares / FREEDOM)
+        slopes = (FREEDOM + 6.0) * at / (FREEDOM + squares)[:, None]
+        for frame, share in zip(self._frames, self._shares, strict=True):
+            values, by_increment = frame.at(units @ self._root.T, spread_px)
+            costs -= share * values
+            slopes -= share * by_increment @ self._root
+        return costs, slopes
+
+    def _led(self, units: Array, spread_px: float) -> Array:
+        """The increment (6,) at the maximum near one."""
+
+        def cost(at: Array) -> tuple[float, Array]:
+            costs, slopes = self._costs(at[None], spread_px)
+            return float(costs[0]), slopes[0]
+
+        return np.asarray(minimize(cost, units, jac=True, method="BFGS").x)
+
+    def _curvatures(self) -> tuple[Array, Array]:
+        """Curvatures (6,) of the log density at the pose of increments, and their axes, in the prior's units."""
+        step = 0.1
+        units = step * np.vstack([np.eye(6), -np.eye(6)])
+        _, slopes = self._costs(units, SPREADS_PX[-1])
+        matrix = (slopes[:6] - slopes[6:]) / (2.0 * step)
+        values, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        return np.maximum(values, LEAST_CURVATURE), axes
+
+
+def _about_turned(turn: Array, pose: Pose, root: Array, frames: Sequence[Evidence], shares: Sequence[float]) -> float:
+    """The log odds about a pose turned by a rotation vector, without peaks that belong to the pose itself."""
+    for frame in frames:
+        turned = frame.turn(Rotation.from_rotvec(turn))
+    posterior = _Posterior(turned, root, frames, shares)
+    own = _Posterior(pose, root, (), ())
+    others = [
+        peak
+        for peak in posterior.peaks()
+        if np.linalg.norm(posterior.units(peak.pose)) < np.linalg.norm(own.units(peak.pose))
+    ]
+    return _log_odds(others)
+
+
+def _log_odds(peaks: Sequence[_Peak]) -> float:
+    return float(logsumexp([peak.mass for peak in peaks])) if peaks else -np.inf
+
+
+def _spread_of(peaks: Sequence[_Peak], best: _Peak) -> Array:
+    """The covariance (6, 6) about the best of peaks, each of which counts by its mass."""
+    masses = np.array([peak.mass for peak in peaks])
+    shares = np.exp(masses - logsumexp(masses))
+    ways = [increment_between(best.pose, peak.pose) for peak in peaks]
+    return np.asarray(
+        sum(
+            share * (peak.covariance + np.outer(way, way)) for share, peak, way in zip(shares, peaks, ways, strict=True)
+        )
+    )
+
+
+def _root(covariance: ArrayLike) -> Array:
+    """The Cholesky factor of a covariance; ValueError for what is none."""
+    given = real_array(covariance, "covariance", "(6, 6)").astype(np.float64)
+    if given.shape != (6, 6) or not np.isfinite(given).all():
+        raise ValueError(f"covariance has shape {given.shape}; needed (6, 6), finite")
+    try:
+        return np.asarray(np.linalg.cholesky(0.5 * (given + given.T) + PRIOR_STEP**2 * np.eye(6)), dtype=np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("covariance has negative eigenvalues; needed a covariance") from error
+
+
+def moved(pose: Pose, increment: Array) -> Pose:
+    """The pose after a left increment (6,): a rotation vector, rad, then a translation, metres."""
+    rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
+    return Pose.from_parts(rotation, translation)
+
+
+def increment_between(start: Pose, end: Pose) -> Array:
+    """The left increment (6,) from one pose to another."""
+    turn = end.rotation * start.rotation.inv()
+    return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])

@@ -1,0 +1,36 @@
+"""A photo of cards before a wall and its points: edges all over, none of them a region's."""
+
+from __future__ import annotations
+
+import numpy as np
+import regionpose as rp
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+CAMERA = rp.PinholeCamera(500.0, 500.0, 319.5, 239.5, width=640, height=480)
+POSE = rp.Pose(Rotation.from_rotvec([0.1, -0.2, 0.3]), np.array([0.3, -0.1, 0.2]))
+
+
+def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
+    """A photo of cards before a wall, each of a shade of its own, and points of every third pixel, in the world."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(640.0), np.arange(480.0))
+    rays = np.stack([(x - 319.5) / 500.0, (y - 239.5) / 500.0, np.ones_like(x)], axis=-1)
+    depth, shade = np.full(x.shape, 8.0), np.full(x.shape, 120.0)
+    for _ in range(14):
+        centre, half, near = rng.uniform([-0.6, -0.45], [0.6, 0.45]), rng.uniform(0.04, 0.12, 2), rng.uniform(2.0, 5.0)
+        card = (np.abs(rays[..., :2] - centre) < half).all(axis=-1) & (near < depth)
+        depth[card], shade[card] = near, rng.uniform(0.0, 255.0)
+    photo = np.clip(shade + rng.normal(0.0, 2.0, x.shape), 0.0, 255.0).astype(np.uint8)
+    # Range noise and uneven rays, as a scan has: neighbours that are equally far would be chosen by rounding.
+    rays = rays + rng.normal(0.0, 2e-4, rays.shape)
+    points = (rays * depth[..., None])[::3, ::3].reshape(-1, 3)
+    return photo, POSE.inverse().transform(points)
+
+
+def turned(degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> rp.Pose:
+    """The pose, the camera turned about one of its axes in its place."""
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.asarray(axis))
+    return rp.Pose(turn * POSE.rotation, turn.apply(POSE.translation))

@@ -1,0 +1,205 @@
+"""The picking page in a real browser: from launch to a trusted pose by clicks, saved and estimated again."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from regionpose.clouds import read_cloud
+from regionpose.demo.scene import folder
+from regionpose.pick.guard import MOST_BYTES
+from regionpose.pick.range_view import RangeView
+from regionpose.scene.bundle import read_truth, truth_errors
+
+playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+pytest.importorskip("nicegui", reason="needs the extra pick")
+httpx = pytest.importorskip("httpx", reason="needs the package httpx")
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")
+
+SIZE = (1280, 960)
+WAIT_MS = 120_000
+DOOR = ((463, 498), (4.629, 5.132, 0.972))
+BOARD = ((159, 501), (2.676, 6.081, 0.842))
+CHALKBOARD = ((850, 769), (4.190, 2.048, -0.997))
+MOST_CLICKS = 10
+
+SHOTS = os.environ.get("REGIONPOSE_SHOTS")
+"""A folder for pictures of the page at each step, where somebody wants to look at them."""
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[str]:
+    """The address of a page on the demo's photo and cloud that saves to `tmp_path`."""
+    command = [sys.executable, "-m", "regionpose", "pick", "--demo", "--no-browser"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        found = re.search(r"http://\S+", process.stdout.readline())
+        assert found is not None
+        yield found.group()
+        process.terminate()
+
+
+class Hand:
+    """A page and the clicks on it."""
+
+    def __init__(self, page: Any) -> None:
+        self.page, self.clicks = page, 0
+        cloud = read_cloud(folder() / "cloud.ply")
+        self.range = RangeView.of(cloud, np.zeros(3))
+
+    def photo(self, pixel: tuple[float, float]) -> None:
+        self._click(0, pixel, SIZE)
+
+    def cloud(self, place: tuple[float, float, float]) -> None:
+        x, y = self.range.pixels(np.array([place]))[0].tolist()
+        self._click(1, (x, y), self.range.size)
+
+    def _click(self, view: int, pixel: tuple[float, float], size: tuple[int, int]) -> None:
+        self.clicks += 1
+        box = self.page.locator(".pv-stage").nth(view).bounding_box()
+        across, down = ((at + 0.5) / length for at, length in zip(pixel, size, strict=True))
+        self.page.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
+
+    def wait(self, script: str) -> None:
+        self.page.wait_for_function(script, timeout=WAIT_MS)
+
+    def wait_for_rows(self, count: int) -> None:
+        self.wait(f"document.querySelectorAll('.rp-row').length == {count + 1}")
+
+    def wait_for_points(self, row: int) -> None:
+        self.wait(f"document.querySelectorAll('.rp-row')[{row}].innerText.includes('points')")
+
+    def wait_for_pose(self) -> None:
+        self.wait("document.querySelector('.rp-verdict') && !document.querySelector('.rp-spin')")
+
+    def shot(self, name: str) -> None:
+        if SHOTS is not None:
+            self.page.mouse.move(2, 2)
+            self.page.wait_for_timeout(600)
+            self.page.screenshot(path=f"{SHOTS}/{name}.png")
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    """A browser without a screen."""
+    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with playwright.sync_playwright() as player:
+        chromium = player.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield chromium
+        chromium.close()
+
+
+def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
+    """An open page, and what it asked of other places than its server or complained of."""
+    page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
+    odd: list[str] = []
+    page.on(
+        "request", lambda r: None if r.url.startswith((address.split("?")[0], "data:", "blob:")) else odd.append(r.url)
+    )
+    page.on("pageerror", lambda error: odd.append(str(error)))
+    page.goto(address)
+    page.wait_for_selector(".pv img", timeout=WAIT_MS)
+    page.wait_for_timeout(1500)
+    return page, odd
+
+
+def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
+    server: str, browser: Any, tmp_path: Path
+) -> None:
+    page, odd = opened(browser, server)
+    hand = Hand(page)
+    hand.shot("1-empty")
+    for row, (pixel, place) in enumerate((DOOR, BOARD, CHALKBOARD), start=1):
+        hand.photo(pixel)
+        hand.wait_for_rows(row)
+        hand.cloud(place)
+        hand.wait_for_points(row)
+        hand.wait_for_pose()
+        hand.shot(f"{row + 1}-pair")
+    assert "Trusted" in page.locator(".rp-verdict").inner_text()
+    assert hand.clicks <= MOST_CLICKS
+    page.keyboard.press("Control+s")
+    page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    hand.shot("5-saved")
+    shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
+    matrix = estimated(tmp_path)
+    np.testing.assert_allclose(matrix[:3], shown, atol=6e-6)
+    assert odd == []
+
+
+def estimated(folder_of_scene: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The pose (4, 4) that `regionpose estimate` gives of the saved scene, which is near the true one."""
+    command = [sys.executable, "-m", "regionpose", "estimate", "scene.yaml", "--quiet", "--json"]
+    ended = subprocess.run(command, cwd=folder_of_scene, capture_output=True, text=True, check=True)
+    result = json.loads(ended.stdout)
+    matrix = np.array(result["camera_from_world"]["matrix"])
+    from regionpose import Pose
+
+    assert truth_errors(Pose.from_matrix(matrix), read_truth(folder() / "truth.json"))["rotation_deg"] < 1.0
+    return matrix
+
+
+def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> None:
+    first, odd = opened(browser, server)
+    second = first.context.new_page()
+    second.goto(server)
+    second.wait_for_selector(".pv img", timeout=WAIT_MS)
+    one, other = Hand(first), Hand(second)
+    polygon(one, [(200, 200), (320, 200), (320, 330), (200, 330)])
+    one.wait_for_rows(1)
+    other.wait_for_rows(1)
+    one.shot("6-polygon")
+    other.page.keyboard.press("Control+z")
+    one.wait("document.querySelectorAll('.rp-row').length == 0")
+    first.keyboard.press("Control+y")
+    other.wait_for_rows(1)
+    assert odd == []
+
+
+def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: Any) -> None:
+    page, odd = opened(browser, server)
+    hand = Hand(page)
+    page.get_by_role("button", name="3D").click()
+    page.wait_for_timeout(3000)
+    box = page.locator(".cv").bounding_box()
+    page.mouse.click(box["x"] + 0.85 * box["width"], box["y"] + 0.45 * box["height"])
+    hand.wait_for_rows(1)
+    hand.wait_for_points(1)
+    hand.shot("7-solid")
+    assert odd == []
+
+
+def polygon(hand: Hand, corners: list[tuple[float, float]]) -> None:
+    """Draw a polygon with the keyboard's help."""
+    hand.page.keyboard.press("p")
+    hand.wait("document.querySelector('.pv-polygon')")
+    for corner in corners:
+        hand.photo(corner)
+    hand.page.keyboard.press("Enter")
+
+
+def test_the_server_answers_nobody_else(server: str) -> None:
+    home, port = server.split("/?")[0], server.split(":")[2].split("/")[0]
+    assert httpx.get(home + "/files/photo.jpg").status_code == 403
+    assert httpx.get(server, headers={"host": f"evil.example:{port}"}).status_code == 421
+    assert httpx.get(server, headers={"origin": "https://evil.example"}).status_code == 403
+    with httpx.Client(base_url=home) as client:
+        assert client.get(server).status_code == 303
+        assert client.get("/files/photo.jpg").headers["content-type"] == "image/jpeg"
+        assert client.get("/files/scene.yaml").status_code == 404
+        assert client.get("/files/%2e%2e/%2e%2e/etc/passwd").status_code == 404
+        assert client.post("/_nicegui_ws/socket.io/", content=b"x" * (2 * MOST_BYTES)).status_code == 413
+        assert client.get("/files/photo.jpg").status_code == 200

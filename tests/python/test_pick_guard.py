@@ -1,0 +1,142 @@
+"""The picking page's server attacked: whatever doesn't come from its own page is refused."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any
+
+import pytest
+
+httpx = pytest.importorskip("httpx")
+
+from regionpose.pick.guard import MOST_BYTES, Guard  # noqa: E402
+
+PORT, TOKEN = 8123, "right-token"
+HOME = f"http://127.0.0.1:{PORT}"
+COOKIE = {"cookie": f"regionpose_{PORT}={TOKEN}"}
+
+
+class Behind:
+    """An application that says what reached it."""
+
+    def __init__(self) -> None:
+        self.reached: list[str] = []
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        size = 0
+        while True:
+            message = await receive()
+            if message["type"] == "http.disconnect":
+                return
+            size += len(message.get("body", b""))
+            if not message.get("more_body"):
+                break
+        self.reached.append(scope["path"])
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": str(size).encode()})
+
+
+def answer(
+    path: str, headers: dict[str, str] | None = None, method: str = "GET", content: Any = None
+) -> tuple[Any, Behind]:
+    """The guard's answer, and what is behind it."""
+    behind = Behind()
+
+    async def asked() -> Any:
+        transport = httpx.ASGITransport(Guard(behind, PORT, TOKEN), raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
+            return await client.request(method, path, headers=headers or {}, content=content)
+
+    return asyncio.run(asked()), behind
+
+
+def test_the_page_s_address_gives_a_cookie_and_leaves_the_address() -> None:
+    found, behind = answer(f"/?token={TOKEN}")
+    assert found.status_code == 303
+    assert found.headers["location"] == "/"
+    assert "HttpOnly" in found.headers["set-cookie"]
+    assert "SameSite=Strict" in found.headers["set-cookie"]
+    assert behind.reached == []
+
+
+def test_the_cookie_opens_the_page_which_may_load_nothing_from_elsewhere() -> None:
+    found, behind = answer("/", COOKIE)
+    assert found.status_code == 200
+    assert behind.reached == ["/"]
+    assert "default-src 'self'" in found.headers["content-security-policy"]
+    assert "frame-ancestors 'none'" in found.headers["content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 403),
+        ("/?token=wrong", {}, 403),
+        ("/files/photo.jpg", {"cookie": f"regionpose_{PORT}=wrong"}, 403),
+        ("/files/photo.jpg?token=" + TOKEN, {}, 403),
+        ("/", COOKIE | {"host": f"evil.example:{PORT}"}, 421),
+        ("/", COOKIE | {"host": "127.0.0.1:9999"}, 421),
+        ("/", COOKIE | {"origin": "https://evil.example"}, 403),
+        ("/", COOKIE | {"origin": "null"}, 403),
+        ("/_nicegui_ws/socket.io/", COOKIE | {"origin": "http://127.0.0.1:9999"}, 403),
+        ("/etc/passwd", COOKIE, 404),
+        ("/files/..%2f..%2fetc%2fpasswd", COOKIE, 404),
+        ("/files/%2e%2e/%2e%2e/etc/passwd", COOKIE, 404),
+        ("/files/..\\..\\secret", COOKIE, 404),
+        ("/_nicegui/3.0/static//etc/passwd", COOKIE, 404),
+    ],
+)
+def test_others_are_refused(path: str, headers: dict[str, str], status: int) -> None:
+    found, behind = answer(path, headers)
+    assert found.status_code == status
+    assert behind.reached == []
+
+
+def test_files_are_read_only() -> None:
+    assert answer("/files/photo.jpg", COOKIE, "POST", b"x")[0].status_code == 404
+    assert answer("/files/photo.jpg", COOKIE, "DELETE")[0].status_code == 404
+
+
+def test_a_body_that_says_it_is_a_gigabyte_is_refused_unread() -> None:
+    headers = COOKIE | {"content-length": str(1 << 30)}
+    assert answer("/_nicegui_ws/socket.io/", headers, "POST", b"x")[0].status_code == 413
+
+
+@pytest.mark.parametrize("length", ["", "much", "-1", "9" * 40])
+def test_a_size_that_is_none_is_refused(length: str) -> None:
+    headers = COOKIE | {"content-length": length}
+    assert answer("/_nicegui_ws/socket.io/", headers, "POST", b"x")[0].status_code == 413
+
+
+def test_a_cookie_that_is_none_is_no_token() -> None:
+    assert answer("/", {"cookie": 'a\x01b="; =;;'})[0].status_code == 403
+
+
+def test_a_body_that_grows_without_saying_so_is_cut_off() -> None:
+    async def endless() -> AsyncIterator[bytes]:
+        for _ in range(64):
+            yield b"x" * (MOST_BYTES // 16)
+
+    with pytest.raises(AssertionError):
+        # httpx misses the answer of an application whose client is said to be gone.
+        answer("/_nicegui_ws/socket.io/", COOKIE, "POST", endless())
+
+
+def test_a_socket_without_an_origin_or_with_another_one_is_closed() -> None:
+    async def closed(headers: list[tuple[bytes, bytes]]) -> list[Any]:
+        sent: list[Any] = []
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        async def receive() -> Any:
+            return {"type": "websocket.connect"}
+
+        scope = {"type": "websocket", "path": "/_nicegui_ws/socket.io/", "raw_path": b"/", "query_string": b""}
+        await Guard(Behind(), PORT, TOKEN)({**scope, "headers": headers}, receive, send)
+        return sent
+
+    host, cookie = (b"host", f"127.0.0.1:{PORT}".encode()), (b"cookie", COOKIE["cookie"].encode())
+    for headers in ([host, cookie], [host, cookie, (b"origin", b"https://evil.example")]):
+        assert asyncio.run(closed(headers))[0]["type"] == "websocket.close"

@@ -1,0 +1,239 @@
+"""Picking without a browser: regions, pairs, undo, and the scene file."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from regionpose.demo.scene import folder
+from regionpose.pick.desk import Desk
+from regionpose.pick.session import Session
+from regionpose.scene import estimate_scene, load_scene
+from regionpose.scene.bundle import read_truth, truth_errors
+
+DOOR = ([463.0, 498.0], [4.629, 5.132, 0.972])
+BOARD = ([159.0, 501.0], [2.676, 6.081, 0.842])
+CHALKBOARD = ([850.0, 769.0], [4.190, 2.048, -0.997])
+SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    """A session of the demo's photo and cloud without regions."""
+    files = folder()
+    return Session.create(
+        tmp_path / "scene.yaml",
+        image=files / "image.jpg",
+        camera=files / "camera_info.yaml",
+        cloud=files / "cloud.ply",
+        sensor_origin=[0, 0, 0],
+    )
+
+
+def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(session: Session) -> None:
+    for pixel, place in (DOOR, BOARD, CHALKBOARD):
+        session.click_photo(pixel)
+        session.click_cloud(place)
+    assert [picked.is_paired for picked in session.regions] == [True, True, True]
+    run = session.estimate()
+    errors = truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))
+    assert errors["rotation_deg"] < 0.3
+    assert errors["camera_center_m"] < 0.05
+    written = session.save()
+    assert written[-1] == session.path
+    assert not session.is_changed
+    np.testing.assert_array_equal(
+        estimate_scene(load_scene(session.path)).estimate.pose.matrix, run.estimate.pose.matrix
+    )
+    again = Session.open(session.path)
+    assert not again.is_changed
+    np.testing.assert_array_equal(again.estimate().estimate.pose.matrix, run.estimate.pose.matrix)
+
+
+def test_a_click_on_a_sign_takes_its_intensity_and_proposes_the_wall_beside_it(session: Session) -> None:
+    session.click_cloud(BOARD[1])
+    world = session.regions[0].world
+    assert world is not None
+    assert len(world) == 2
+    sizes = [
+        len(part.side.indices) for part in (world.at(0).chosen, world.at(1).chosen) if part.side.indices is not None
+    ]
+    assert sizes[0] < 0.2 * sizes[1]
+    session.choose(0, "world", 1)
+    assert session.regions[0].world is not None
+    assert session.regions[0].world.chosen.written == {"seed": BOARD[1]}
+
+
+def test_masks_are_proposed_in_order_of_size(session: Session) -> None:
+    session.click_photo(DOOR[0])
+    image = session.regions[0].image
+    assert image is not None
+    areas = [image.at(index).chosen.region.area for index in range(len(image))]
+    assert areas == sorted(areas)
+    assert len(areas) > 1
+
+
+def test_clicks_fill_the_selected_region_and_then_begin_another(session: Session) -> None:
+    session.draw_polygon(SQUARE)
+    session.draw_polygon((np.array(SQUARE) + 200.0).tolist())
+    assert [picked.name for picked in session.regions] == ["region 1", "region 2"]
+    session.draw_polygon((np.array(SQUARE) + 50.0).tolist(), again=True)
+    assert len(session.regions) == 2
+    session.select(None)
+    session.click_cloud(CHALKBOARD[1])
+    assert len(session.regions) == 3
+    session.select(0)
+    session.click_cloud(CHALKBOARD[1])
+    assert session.regions[0].is_paired
+
+
+def test_undo_takes_steps_back_and_redo_takes_them_again(session: Session) -> None:
+    session.draw_polygon(SQUARE)
+    session.rename(0, "door")
+    session.edit_polygon(0, [[*SQUARE[:3], [90.0, 160.0]]], [[1]])
+    states = session.regions
+    session.remove(0)
+    session.undo()
+    assert session.regions == states
+    for _ in range(5):
+        session.undo()
+    assert session.regions == ()
+    assert not session.can_undo
+    for _ in range(3):
+        session.redo()
+    assert session.regions == states
+    session.undo()
+    session.rename(0, "gate")
+    assert not session.can_redo
+
+
+def test_pairs_are_made_and_taken_apart(session: Session) -> None:
+    session.draw_polygon(SQUARE)
+    session.select(None)
+    session.click_cloud(CHALKBOARD[1])
+    session.pair(0, 1)
+    assert len(session.regions) == 1
+    assert session.regions[0].is_paired
+    session.unpair(0)
+    assert [picked.is_paired for picked in session.regions] == [False, False]
+    with pytest.raises(ValueError, match="not a pair"):
+        session.unpair(0)
+    with pytest.raises(ValueError, match="one side in the photo"):
+        session.pair(0, 0)
+
+
+def test_a_mask_becomes_a_polygon_whose_edges_can_be_hidden(session: Session, tmp_path: Path) -> None:
+    session.click_photo(DOOR[0])
+    before = session.regions[0].image
+    assert before is not None
+    session.as_polygon(0, 1.0)
+    after = session.regions[0].image
+    assert after is not None
+    assert after.chosen.is_polygon
+    assert after.chosen.region.area == pytest.approx(before.chosen.region.area, rel=0.02)
+    session.edit_polygon(0, after.chosen.rings, [[0, 2], *[[] for _ in after.chosen.rings[1:]]])
+    session.click_cloud(DOOR[1])
+    session.save()
+    read = Session.open(tmp_path / "scene.yaml").regions[0].image
+    assert read is not None
+    assert read.chosen.hidden[0] == [0, 2]
+
+
+@pytest.mark.parametrize("name", ["", "  ", "a\nb", "x" * 300])
+def test_a_name_that_a_scene_file_cannot_hold_is_refused(session: Session, name: str) -> None:
+    session.draw_polygon(SQUARE)
+    with pytest.raises(ValueError, match="needed a name"):
+        session.rename(0, name)
+
+
+def test_what_goes_wrong_changes_nothing(session: Session) -> None:
+    session.draw_polygon(SQUARE)
+    before = session.sketch
+    with pytest.raises(ValueError, match="outside"):
+        session.click_photo([5000.0, 10.0])
+    with pytest.raises(ValueError, match="nearest point"):
+        session.click_cloud([500.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match=r"cross|intersect"):
+        session.draw_polygon([SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3]])
+    with pytest.raises(ValueError, match="no such region"):
+        session.remove(17)
+    with pytest.raises(ValueError, match="no pair"):
+        session.estimate()
+    assert session.sketch is before
+
+
+def test_nothing_is_saved_of_an_empty_list(session: Session) -> None:
+    with pytest.raises(ValueError, match="no pair"):
+        session.save()
+    assert not session.path.exists()
+
+
+def test_what_a_scene_file_says_besides_its_regions_is_kept(session: Session, tmp_path: Path) -> None:
+    session.base["prior"] = {"up": [0, 0, 1]}
+    session.draw_polygon(SQUARE)
+    session.click_cloud(CHALKBOARD[1])
+    session.save()
+    assert load_scene(tmp_path / "scene.yaml").model.prior.up == [0, 0, 1]
+    read = Session.open(tmp_path / "scene.yaml")
+    read.rename(0, "board")
+    read.save()
+    assert load_scene(tmp_path / "scene.yaml").model.regions[0].name == "board"
+    assert load_scene(tmp_path / "scene.yaml").model.prior.up == [0, 0, 1]
+
+
+def test_a_save_that_fails_leaves_the_old_files(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    session.draw_polygon(SQUARE)
+    session.click_cloud(CHALKBOARD[1])
+    session.save()
+    old = session.path.read_text(encoding="utf-8")
+    session.click_photo(DOOR[0], again=True)
+
+    def broken(levels: object, path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("regionpose.pick.session._write_mask", broken)
+    with pytest.raises(OSError, match="space"):
+        session.save()
+    assert session.path.read_text(encoding="utf-8") == old
+    assert {path.name for path in session.path.parent.iterdir()} == {"scene.yaml"}
+    assert session.is_changed
+
+
+def test_two_pages_edit_one_after_the_other_and_nothing_is_lost(session: Session) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    desk = Desk(session)
+    try:
+        squares = [(np.array(SQUARE) + 4.0 * number).tolist() for number in range(24)]
+        with ThreadPoolExecutor(8) as pages:
+            list(pages.map(lambda square: desk.edit(lambda held: held.draw_polygon(square)), squares))
+        assert len(session.regions) == 24
+        assert len({picked.name for picked in session.regions}) == 24
+        assert len(desk.photo_shapes()) == 24
+    finally:
+        desk.close()
+
+
+def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+
+    def broken(held: Session) -> None:
+        tried.append(len(tried))
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(Session, "pairs", property(lambda held: (held,)))
+    monkeypatch.setattr(Session, "estimate", broken)
+    desk = Desk(session)
+    try:
+        for number in (1, 2):
+            until = time.monotonic() + 60.0
+            while (len(tried) < number or desk.outcome.state != "failed") and time.monotonic() < until:
+                time.sleep(0.01)
+            assert desk.outcome.message == "RuntimeError: broken" and len(tried) == number
+            desk._wake.set()
+    finally:
+        desk.close()

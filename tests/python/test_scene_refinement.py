@@ -1,0 +1,85 @@
+"""Scene files whose pose is refined by the edges of the rest of photo and cloud."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+import yaml
+from card_scenes import CAMERA, POSE, cards
+from numpy.typing import NDArray
+from PIL import Image
+from regionpose.clouds import Cloud, write_ply
+from regionpose.scene import Stages, estimate_scene, load_scene
+from regionpose.scene.bundle import bundle
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import overlap_errors
+from scene_files import write_scene
+
+ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
+"""Where the world lies: far away, as maps have it."""
+
+SHAPE = np.array(
+    [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.2, 0.5, 0.2], [0.5, 0.5, 0.2], [0.5, 1.2, 0.48], [0.0, 1.2, 0.48]]
+)
+
+
+def rough_scene(folder: Path, refine: str, *, other_photo: bool = False) -> Path:
+    """A scene of cards with two regions whose polygons in the photo are some pixels off."""
+    rng = np.random.default_rng(4)
+    photo, points = cards(3)
+    if other_photo:
+        photo, _ = cards(9)
+    write_ply(folder / "cloud.ply", Cloud(points + ORIGIN), overwrite=True)
+    regions = []
+    for name, place in (("left", [-1.6, -0.8, 5.5]), ("right", [0.6, -0.2, 5.0])):
+        world = POSE.inverse().transform(SHAPE + place)
+        seen = CAMERA.project(POSE.transform(world)) + rng.normal(0.0, 1.5, (len(SHAPE), 2))
+        regions.append(
+            {"name": name, "image": {"polygon": seen.tolist()}, "world": {"polygon": (world + ORIGIN).tolist()}}
+        )
+    camera = {"model": "pinhole", "fx": 500.0, "fy": 500.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
+    values: dict[str, Any] = {"camera": camera, "image": "photo.png", "cloud": "cloud.ply", "regions": regions}
+    values["solver"] = {"refine": refine}
+    Image.fromarray(np.repeat(photo[..., None], 3, axis=2)).save(folder / "photo.png")
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(values), encoding="utf-8")
+    return path
+
+
+def errors(pose: rp.Pose) -> NDArray[np.float64]:
+    """Degrees and metres from the true pose."""
+    turn = np.degrees((pose.rotation * POSE.rotation.inv()).magnitude())
+    return np.array([turn, np.linalg.norm(pose.camera_center - ORIGIN - POSE.camera_center)])
+
+
+def test_the_rest_of_the_scene_refines_a_rough_pose(tmp_path: Path) -> None:
+    rough = estimate_scene(load_scene(rough_scene(tmp_path, "contour")))
+    run = estimate_scene(load_scene(rough_scene(tmp_path, "scene")))
+    assert rough.refinement is None and run.refinement is not None and run.refinement.refined
+    assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
+    assert run.refinement.before.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
+    whole, each = overlap_errors(run.sides, run.local_pose)
+    assert run.estimate.overlap_error == whole and (run.estimate.region_overlap_errors == each).all()
+    result = json.loads(json.dumps(bundle(run, Stages()).result))
+    said = result["scene_refinement"]
+    assert said["refined"] and said["turned_deg"] == pytest.approx(run.refinement.turned_deg)
+    assert result["solver"]["refine"] == "scene"
+
+
+def test_another_photo_does_not(tmp_path: Path) -> None:
+    rough = estimate_scene(load_scene(rough_scene(tmp_path, "contour", other_photo=True)))
+    run = estimate_scene(load_scene(rough_scene(tmp_path, "scene", other_photo=True)))
+    assert run.refinement is not None and not run.refinement.refined
+    np.testing.assert_array_equal(run.estimate.pose.matrix, rough.estimate.pose.matrix)
+
+
+def test_there_is_no_rest_without_a_cloud(tmp_path: Path) -> None:
+    path = write_scene(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8") + "solver:\n  refine: scene\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"scene.yaml:\d+: solver.refine: found scene, but no cloud; needed the key"):
+        load_scene(path)
