@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use random::Random;
+use regionpose::effort::counted;
 
 /// What is wrong with a result, if anything; `Ok(true)` where the input was taken, `Ok(false)` where it was refused.
 pub type Outcome = Result<bool, String>;
@@ -62,9 +63,11 @@ struct Given {
 struct Tally {
     runs: usize,
     taken: usize,
-    /// Seconds of those that were taken: what is refused is told at a glance.
+    /// Seconds of those that were taken, and the work that they counted: what is refused is told at a glance.
     times: Vec<f64>,
+    works: Vec<f64>,
     slowest: (f64, u64),
+    most: (f64, u64),
     /// By kind: how often, and the first with its seed.
     finds: BTreeMap<String, (usize, u64, String)>,
 }
@@ -124,29 +127,45 @@ fn tally(&(_, run): &Target, given: &Given, seconds: f64) -> Tally {
         RUNNING.store(seed, Ordering::Relaxed);
         set_began(Some(Instant::now()));
         let before = processor_time();
-        let outcome = catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed))));
-        let time = processor_time() - before;
+        let (outcome, work) = counted(|| catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed)))));
+        let cost = Cost { seconds: processor_time() - before, work: work as f64 };
         set_began(None);
-        tally.add(seed, time, outcome.unwrap_or_else(|_| Err(last_panic())));
+        tally.add(seed, cost, outcome.unwrap_or_else(|_| Err(last_panic())));
     }
     tally
 }
 
+/// What a run took: processor time, and what it counted itself.
+struct Cost {
+    seconds: f64,
+    work: f64,
+}
+
 impl Tally {
-    fn add(&mut self, seed: u64, time: f64, outcome: Outcome) {
+    fn add(&mut self, seed: u64, Cost { seconds, work }: Cost, outcome: Outcome) {
         match outcome {
             Ok(true) => {
                 self.taken += 1;
-                self.times.push(time);
+                self.times.push(seconds);
+                self.works.push(work);
             }
             Ok(false) => {}
             Err(what) => self.finds.entry(kind_of(&what)).or_insert((0, seed, what)).0 += 1,
         }
         self.runs += 1;
-        if time > self.slowest.0 {
-            self.slowest = (time, seed);
-        }
+        self.slowest = later(self.slowest, (seconds, seed));
+        self.most = later(self.most, (work, seed));
     }
+}
+
+/// The greater of two, the first if they are equal.
+fn later(first: (f64, u64), second: (f64, u64)) -> (f64, u64) {
+    if second.0 > first.0 { second } else { first }
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// A message without its numbers, so that equal finds are counted together.
@@ -156,15 +175,17 @@ fn kind_of(message: &str) -> String {
 
 fn print(name: &str, mut tally: Tally) {
     let (count, taken) = (tally.runs, tally.taken);
-    tally.times.sort_by(f64::total_cmp);
-    let median = tally.times.get(taken / 2).copied().unwrap_or(0.0);
     let (slowest, seed) = tally.slowest;
     println!(
         "{name:9} {count:9} runs, {:3.0} % taken; median {:.3} ms, longest {:.1} ms (seed {seed})",
         100.0 * taken as f64 / count.max(1) as f64,
-        1e3 * median,
+        1e3 * median(&mut tally.times),
         1e3 * slowest
     );
+    let (most, seed) = tally.most;
+    if most > 0.0 {
+        println!("{:10} edges looked at: median {:.1e}, most {most:.1e} (seed {seed})", "", median(&mut tally.works));
+    }
     for (times, seed, what) in tally.finds.values() {
         println!("{times:10}  seed {seed}: {what}");
     }

@@ -125,6 +125,9 @@ def estimate_batch(
     view, and what is wrong with it for one that is refused.
     """
 
+def work_done() -> int:
+    """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
+
 @final
 class ObservedRegion:
     """A region as the camera sees it: rings of bearings (n, 3), its area in pixels, and its pixels to sum over.

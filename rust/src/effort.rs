@@ -47,7 +47,12 @@ pub fn spend(edges: usize) {
 
 /// Whether nothing further is to be looked for.
 pub fn is_spent() -> bool {
-    EFFORT.with(|effort| effort.left.get() == 0 || effort.stopped.get())
+    is_stopped() || EFFORT.with(|effort| effort.left.get() == 0)
+}
+
+/// Whether nobody waits for the answer any more, so that any answer will do.
+pub fn is_stopped() -> bool {
+    EFFORT.with(|effort| effort.stopped.get())
 }
 
 /// Work that may spend so much, or what is left of a bound around it, and whether it did spend it.
@@ -62,11 +67,23 @@ pub fn bounded<T>(most: u64, work: impl FnOnce() -> T) -> (T, bool) {
     (found, spent)
 }
 
+/// Work, and how much it counted.
+pub fn counted<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let before = done();
+    let found = work();
+    (found, done() - before)
+}
+
+/// What this thread has counted so far; less within a bound than around it.
+pub fn done() -> u64 {
+    u64::MAX - EFFORT.with(|effort| effort.left.get())
+}
+
 /// Work that ends early, with whatever it has by then, once `stop` says that nobody waits for it; `None` then.
 pub fn interruptible<T>(stop: Stop, work: impl FnOnce() -> T) -> Option<T> {
     let _waiting = Waiting::new(stop);
     let found = work();
-    EFFORT.with(|effort| !effort.stopped.get()).then_some(found)
+    (!is_stopped()).then_some(found)
 }
 
 impl Effort {
@@ -135,6 +152,15 @@ mod tests {
         assert_eq!(bounded(70, look), ((10, true), true));
         assert_eq!(bounded(1000, look), ((100, false), false));
         assert!(!is_spent());
+    }
+
+    #[test]
+    fn work_is_counted_within_bounds_and_around_them() {
+        let around = || {
+            spend(3);
+            bounded(100, || counted(|| spend(5)).1).0
+        };
+        assert_eq!(counted(around), (5, 8));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use regionpose::effort;
+use regionpose::equations::system::Weighting;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::mesh::MOST_TRIANGLES;
 use regionpose::mesh::even_mesh::even_mesh;
@@ -16,7 +17,7 @@ use regionpose::mesh::triangulation::{MeshOptions, triangulate};
 use regionpose::search::candidates::Options;
 use regionpose::verdict::estimate::overlap_errors;
 use regionpose::view::chart::Chart;
-use regionpose::{Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
+use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
 use support::random::Random;
 use support::scene::{Layout, Scene, regular, star};
 
@@ -166,6 +167,33 @@ fn a_search_that_nobody_waits_for_ends() {
     };
     assert!(effort::interruptible(stop, || problem.search(&Options::default())).is_none());
     assert!(gone.load(Ordering::Relaxed));
+}
+
+/// Each triangle is sampled at 28 points, and takes as long.
+#[test]
+fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
+    let scene = scene(1);
+    let work = |system: System, integration: Integration| {
+        let problem = scene.problem(system, integration);
+        effort::counted(|| problem.evaluate(&scene.pose, Weighting::Uniform)).1
+    };
+    let mesh = Integration::Mesh { size: Some(0.1) };
+    assert!(work(System::Sphere, mesh) > 9 * work(System::Plane, mesh));
+    assert!(work(System::Plane, mesh) > work(System::Plane, Integration::Boundary));
+}
+
+/// A stop that is heard at the first question.
+fn at_once() -> effort::Stop {
+    Arc::new(|| true)
+}
+
+#[test]
+fn a_mesh_that_nobody_waits_for_is_not_made() {
+    let region = PlaneRings::new(vec![star(&mut Random::new(66), 40, 1.0)]).unwrap();
+    let mut made = None;
+    let meshes = || (0..2).for_each(|_| made = Some(even_mesh(&region, 0.01)));
+    assert!(effort::interruptible(at_once(), meshes).is_none());
+    assert_eq!(made, Some(Err(Error::Stopped)));
 }
 
 /// Ordinary problems are far from the bound.

@@ -403,6 +403,12 @@ impl Sides {
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
+/// What this thread has counted so far of the work that bounds searches: edges that were looked at.
+#[pyfunction]
+pub fn work_done() -> u64 {
+    effort::done()
+}
+
 /// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
 /// view, and what is wrong with it for one that is refused.
 #[pyfunction]

@@ -25,6 +25,9 @@ const CROSSING: f64 = 4.0;
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
+/// What a piece counts as, in edges that are looked at: its cell's edges, its foot, and its density in the mixtures that follow.
+const EDGES_OF_PIECE: usize = 32;
+
 /// Pieces of all contours that a first look takes, and of each at least: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
@@ -181,9 +184,9 @@ impl Contour {
         Some(())
     }
 
-    /// Counts the vertices that a view projects and an edge for each piece.
+    /// Counts the vertices that a view projects, and the pieces that are read against it.
     fn count_work(&self, view: &View<'_>, step: usize) {
-        effort::spend(view.seen.count() + self.count(step));
+        effort::spend(view.seen.count() + EDGES_OF_PIECE * self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.

@@ -13,7 +13,7 @@ use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 #[cfg(feature = "mesh")]
 use crate::mesh::triangulation::{MeshOptions, triangulate};
-use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
+use crate::moments::mesh::{mesh_sphere_moments, quadrature_count, triangle_plane_moments};
 use crate::moments::plane::{RingMoments, VertexGroups};
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
@@ -169,11 +169,12 @@ impl Facet {
         }
     }
 
-    /// Vertices of its rings, or corners of its triangles.
-    pub fn vertex_count(&self) -> usize {
-        match &self.shape {
-            Shape::Rings(rings) => rings.iter().map(|ring| ring.vertices.len()).sum(),
-            Shape::Triangles { triangles, .. } => 3 * triangles.len(),
+    /// Places whose powers are summed in one evaluation: vertices of its rings, or what a mesh's triangles are sampled at.
+    pub fn place_count(&self, system: System) -> usize {
+        match (&self.shape, system) {
+            (Shape::Rings(rings), _) => rings.iter().map(|ring| ring.vertices.len()).sum(),
+            (Shape::Triangles { triangles, .. }, System::Plane) => 3 * triangles.len(),
+            (Shape::Triangles { triangles, .. }, System::Sphere) => quadrature_count(SUBDIVISION) * triangles.len(),
         }
     }
 

@@ -25,8 +25,11 @@ use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
 
-/// What the moments of an edge count as, in edges that are looked at: one for each moment.
+/// What the powers of a place count as, in edges that are looked at: one for each moment.
 const EDGES_OF_MOMENTS: usize = plane_count(MAX_ORDER);
+
+/// What a vertex counts as whose ring is turned into its chart and checked for crossings, in edges that are looked at.
+const EDGES_OF_VERTEX: usize = 500;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -68,8 +71,8 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel
-    /// sums asked for without pixels.
+    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, pixel sums asked for
+    /// without pixels, or that nobody waits for it any more.
     pub fn new(
         observed: &ObservedRegion,
         world: &WorldRegion,
@@ -77,6 +80,10 @@ impl RegionEquations {
         system: System,
         integration: Integration,
     ) -> Result<Self> {
+        if effort::is_stopped() {
+            return Err(Error::Stopped);
+        }
+        effort::spend(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
         let pixel = pixel_area.sqrt().recip();
@@ -178,7 +185,8 @@ impl RegionEquations {
     /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
     fn work(&self) -> usize {
         let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);
-        self.facets.iter().map(Facet::vertex_count).sum::<usize>() * (EDGES_OF_MOMENTS + beside)
+        let places: usize = self.facets.iter().map(|facet| facet.place_count(self.sides.system)).sum();
+        places * (EDGES_OF_MOMENTS + beside)
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.

@@ -27,10 +27,6 @@ const ROUGH: f64 = 32.0;
 /// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
 const FOUND: f64 = 0.2;
 
-/// What leading a start by a sample counts as, in edges that are looked at: 8 blurs of 2 rounds, each of 6 sweeps over 6 x 6
-/// entries.
-const EDGES_OF_SAMPLE: usize = 8 * 2 * 6 * 36;
-
 /// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
 const HOPELESS: f64 = 25.0;
 
@@ -80,8 +76,7 @@ impl Problem {
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
         let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
         let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= HOPELESS);
-        let count: usize = regions.iter().map(|region| region.count() / step).sum();
-        let leading = starts.take_while(|_| !effort::is_spent()).inspect(|_| effort::spend(EDGES_OF_SAMPLE * count));
+        let leading = starts.take_while(|_| !effort::is_spent());
         let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
         let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
