@@ -366,6 +366,10 @@ class Problem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
+    @property
+    def work(self) -> int:
+        """What one look at all of the problem counts as in `work_done`."""
+
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[float, NDArray[np.float64]]:
         """Overlap error of all regions together at a pose, and of each (k,)."""
 

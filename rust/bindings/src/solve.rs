@@ -265,6 +265,12 @@ impl Problem {
         detached(py, || sides.problem(system, integration))?.map(Self).map_err(value_error)
     }
 
+    /// What one look at all of the problem counts as in `work_done`.
+    #[getter]
+    fn work(&self) -> u64 {
+        self.0.work()
+    }
+
     /// The poses that may be the answer, and the equations to polish them by.
     #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
     fn search(&self, py: Python<'_>, start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Search> {

@@ -48,6 +48,11 @@ impl Boundary {
         Self { groups: vertices.chunks(LANES).map(group).collect(), next, rings }
     }
 
+    /// The number of vertices, and of edges.
+    pub(super) fn count(&self) -> usize {
+        self.next.len()
+    }
+
     /// How far each vertex lies before the plane of a chart at a pose, `rotation` being `chart_from_camera`.
     pub(super) fn depths(&self, rotation: &Rotation3<f64>, pose: &Pose) -> Vec<f64> {
         let row = rotation.matrix().row(2);
@@ -124,7 +129,7 @@ pub(super) struct Seen<'a> {
 impl Seen<'_> {
     /// The number of vertices, and of edges.
     pub(super) fn count(&self) -> usize {
-        self.vertices.len()
+        self.boundary.count()
     }
 
     /// Whether all vertices lie before the camera.

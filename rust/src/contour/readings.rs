@@ -108,6 +108,11 @@ impl Contour {
         self.few
     }
 
+    /// What reading all pieces counts as.
+    pub fn work(&self) -> usize {
+        self.boundary.count() + EDGES_OF_PIECE * pieces::count(&self.outline, self.size)
+    }
+
     /// Side, in pixels, of a square of the region's area.
     pub fn size(&self) -> f64 {
         self.size

@@ -183,7 +183,7 @@ impl RegionEquations {
     }
 
     /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
-    fn work(&self) -> usize {
+    pub fn work(&self) -> usize {
         let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);
         let places: usize = self.facets.iter().map(|facet| facet.place_count(self.sides.system)).sum();
         places * (EDGES_OF_MOMENTS + beside)

@@ -5,6 +5,7 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::propagation::Edge;
 use super::signed_field::SignedField;
+use super::telling::EDGES_OF_ROUND;
 use crate::effort;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -94,6 +95,11 @@ impl SampledRegion {
     /// Number of samples.
     pub fn count(&self) -> usize {
         self.samples.len()
+    }
+
+    /// What reading all samples and hearing them once counts as.
+    pub fn work(&self) -> usize {
+        self.count() * (EDGES_OF_READING + EDGES_OF_ROUND)
     }
 
     /// The sample of a number at a pose about the problem's origin.

@@ -50,7 +50,7 @@ const WIDER: f64 = 3.0;
 
 /// What a round of propagation counts as for each sample, in edges that are looked at: 6 sweeps over 8 x 8 entries of two
 /// kinds.
-const EDGES_OF_ROUND: usize = 6 * 64 * KINDS;
+pub(super) const EDGES_OF_ROUND: usize = 6 * 64 * KINDS;
 
 /// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
 const REACH: f64 = 6.0;

@@ -55,10 +55,6 @@ const MOST_LED: usize = 16;
 /// How many times as many pieces follow a refinement on few: a convention.
 const MORE_PIECES: usize = 5;
 
-/// Edges that a search looks at, at most, before it makes do with what it has found: fifteen times what ordinary problems
-/// stay below (`cargo test --test found`).
-pub(crate) const MOST_WORK: u64 = 300_000_000;
-
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 pub const SAME_PLACE: f64 = 1e-3;
 
@@ -150,7 +146,7 @@ pub(crate) enum Answers {
 impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     pub fn search(&self, options: &Options) -> Search {
-        let (search, exhausted) = effort::bounded(MOST_WORK, || self.searched(options));
+        let (search, exhausted) = effort::bounded(self.most_work(), || self.searched(options));
         Search { exhausted, ..search }
     }
 

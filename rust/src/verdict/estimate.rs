@@ -20,7 +20,7 @@ use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, MOST_WORK, Options, SAME_PLACE, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -111,7 +111,7 @@ impl Problem {
     pub fn estimate_with(&self, options: &Options) -> Option<Estimate> {
         let search = self.search(options);
         let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
-        let (minima, _) = effort::bounded(MOST_WORK, solved);
+        let (minima, _) = effort::bounded(self.most_work(), solved);
         search.judged(minima)
     }
 }
@@ -120,7 +120,7 @@ impl Search {
     /// The verdict, with the minima that any driver found from the candidates.
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let (answers, exhausted) = effort::bounded(MOST_WORK, || self.answers(minima));
+        let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
         let places = likely(&self.problem, answers, &self.options.prior);
         let best = places.first()?;
         let evidence = best.evidence(&self.problem);
