@@ -26,12 +26,13 @@ lint: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest regionpose._core
 
-# Mutated files through every reader and random inputs through the crate, for SECONDS together; files that are found are
-# kept in fuzz/found, inputs come again by their seed.
+# Mutated files through every reader and random inputs through the crate, for SECONDS together with the build, which shares
+# that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
 fuzz: $(STAMP)
-	cargo build --quiet --profile fuzz -p regionpose-fuzz
-	$(BIN)/python fuzz/readers.py --seconds $$(($(SECONDS) / 2)) --seed $(SEED) --keep fuzz/found
-	cargo run --quiet --profile fuzz -p regionpose-fuzz -- --seconds $$(($(SECONDS) / 2)) --seed $(SEED)
+	end=$$(($$(date +%s) + $(SECONDS))); \
+	cargo build --quiet --profile test -p regionpose-fuzz && \
+	$(BIN)/python fuzz/readers.py --seconds $$(((end - $$(date +%s)) / 2)) --seed $(SEED) --keep fuzz/found && \
+	cargo run --quiet --profile test -p regionpose-fuzz -- --seconds $$((end - $$(date +%s))) --seed $(SEED)
 
 # Very many estimates, files and commands in one process: memory and handles stay as they are.
 soak: $(STAMP)
