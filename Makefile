@@ -30,9 +30,9 @@ lint: $(STAMP)
 # that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
 fuzz: $(STAMP)
 	end=$$(($$(date +%s) + $(SECONDS))); \
-	cargo build --quiet --profile test -p regionpose-fuzz && \
+	cargo build --quiet --profile test --example fuzz && \
 	$(BIN)/python fuzz/readers.py --seconds $$(((end - $$(date +%s)) / 2)) --seed $(SEED) --keep fuzz/found && \
-	cargo run --quiet --profile test -p regionpose-fuzz -- --seconds $$((end - $$(date +%s))) --seed $(SEED)
+	cargo run --quiet --profile test --example fuzz -- --seconds $$((end - $$(date +%s))) --seed $(SEED)
 
 # Very many estimates, files and commands in one process: memory and handles stay as they are.
 soak: $(STAMP)

@@ -1,7 +1,7 @@
 //! Random inputs through the kernels of the crate and whole estimates, debug assertions and overflow checks on.
 //!
-//!     cargo run --profile test -p regionpose-fuzz -- --seconds 60
-//!     cargo run --profile test -p regionpose-fuzz -- --target estimate --runs 100000 --seed 3
+//!     cargo run --profile test --example fuzz -- --seconds 60
+//!     cargo run --profile test --example fuzz -- --target estimate --runs 100000 --seed 3
 //!
 //! A find is a panic, a result that breaks a law of the kernel, or a run that doesn't end within a minute. Each is shown with its seed, by which it comes again: `--target T --seed S --runs 1`.
 //! The exit code is 1 if there were any. Runs are timed by the thread's own processor time, on Linux.

@@ -124,7 +124,7 @@ class SceneEstimate:
 
     @property
     def errors_before(self) -> Array:
-        """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
+        """Each region's overlap error (k,) at the initial pose; NaN where there is none."""
         pose = self.local_initial
         return np.full(len(self.sides.names), np.nan) if pose is None else overlap_errors(self.sides, pose)[1]
 
@@ -233,7 +233,7 @@ def overlap_errors(sides: SceneSides, pose: Pose) -> tuple[float, Array]:
     """The overlap error of all regions and of each (k,) at a pose for points about the local origin, as `PoseEstimate`
     has them.
 
-    Fractions; NaN where a region can't be projected.
+    Fractions; 1 where nothing of a region is shown.
     """
     problem = _core.Problem(
         observed_regions(sides.camera, sides.image_regions, "boundary"),
