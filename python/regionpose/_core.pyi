@@ -34,6 +34,7 @@ __all__ = [
     "quad_solid_angles",
     "spherical_moments",
     "triangulate",
+    "work_done",
 ]
 __version__: Final[str]
 

@@ -19,8 +19,8 @@ use crate::samples::readings::SampledRegion;
 /// the quality of calibrations.
 const NOISE_FLOOR: f64 = 0.1;
 
-/// Times that a search may look at all of its problem before it makes do with what it has found: twenty times what masks take a
-/// fifth of which is hidden, and scenes of lidars, up to 1,100 looks (`_core.work_done`, `_core.Problem.work`).
+/// Times that a search may look at all of its problem before it makes do with what it has found: ten times what masks take a
+/// fifth of which is hidden, and scenes of lidars, up to 1,820 looks (`_core.work_done`, `_core.Problem.work`).
 pub const MOST_LOOKS: u64 = 20_000;
 
 /// Regions seen in one image and known in the world, ready to be solved.
