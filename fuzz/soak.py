@@ -63,7 +63,7 @@ def estimates() -> Callable[[int], object]:
         problem = problems[number % len(problems)]
         if number % 50 == 0:
             return rp.estimate_poses([problem], threads=2)
-        return rp.estimate_pose(*problem, driver="native" if number % 2 else "scipy")
+        return rp.estimate_pose(*problem, solver=rp.Solver(driver="native" if number % 2 else "scipy"))
 
     return run
 

@@ -36,7 +36,10 @@ def given(seed, planes=3):
 
 LONG = {
     "estimate_poses": "problems = [given(seed) for seed in range(3)] * 20000\nready()\nrp.estimate_poses(problems)",
-    "estimate_pose": "problem = given(1)\nready()\nwhile True: rp.estimate_pose(*problem, driver='native')",
+    "estimate_pose": (
+        "problem, native = given(1), rp.Solver(driver='native')\nready()\n"
+        "while True: rp.estimate_pose(*problem, solver=native)"
+    ),
     "estimate_rig": (
         "camera, images, worlds = given(1)\nready()\nwhile True: rp.estimate_rig(camera, [(images, worlds)] * 200)"
     ),

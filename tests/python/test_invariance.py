@@ -98,7 +98,7 @@ CHANGES = (permuted, turned_rings, moved, scaled, mirrored)
 def solved(given: Given) -> rp.PoseEstimate:
     images = [rp.ImageRegion.from_polygon(rings) for rings in given.image]
     worlds = [rp.WorldRegion.from_polygon(rings) for rings in given.world]
-    return rp.estimate_pose(given.camera, images, worlds, driver="native")
+    return rp.estimate_pose(given.camera, images, worlds, solver=rp.Solver(driver="native"))
 
 
 def codes(estimate: rp.PoseEstimate) -> list[str]:
@@ -107,7 +107,7 @@ def codes(estimate: rp.PoseEstimate) -> list[str]:
 
 def answers(given: Given, estimate: rp.PoseEstimate) -> Iterator[rp.Pose]:
     """All poses, led back to the original problem; poses of a symmetric shape come in any order."""
-    for pose in (estimate.pose, *estimate.alternatives):
+    for pose in (estimate.pose, *(other.pose for other in estimate.alternatives)):
         yield rp.Pose.from_parts(given.back(pose.matrix)[:3, :3], given.back(pose.matrix)[:3, 3])
 
 

@@ -144,10 +144,10 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
-    # Which samples lead the starts is not the same: the poses agree to a share of the best held axis's deviation.
-    sigma = float(np.sqrt(np.linalg.eigvalsh(alone.covariance[3:, 3:])[0]))
-    np.testing.assert_allclose(with_them.pose.translation, alone.pose.translation, atol=1e-3 * sigma)
-    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=1e-3)
+    # Beliefs settle to a tenth of a standard deviation, and not the same samples lead the starts.
+    apart = alone.pose.increment_to(with_them.pose)
+    assert apart @ np.linalg.solve(alone.covariance, apart) < 0.02**2
+    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=0.02)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:
@@ -185,7 +185,7 @@ def test_wrong_input_is_named() -> None:
         rp.WorldRegion.from_samples(points[members], [[0.0, 0.0, 9.0]])
 
 
-@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize("beams", [32, 64])
 def test_samples_give_a_better_pose_than_the_outline(beams: int) -> None:
     errors: dict[Scan, list[float]] = {"outline": [], "samples": []}
@@ -203,7 +203,7 @@ def test_batches_use_samples_too() -> None:
     condition = Condition(planes=3, templates="asymmetric", lidar_beams=32, range_noise_m=0.01, scan="samples")
     problem = draw_problem(perspective_setup(), condition, 0)
     sides = (problem.camera, problem.image_regions, problem.world_regions)
-    alone = rp.estimate_pose(*sides, driver="native")
+    alone = rp.estimate_pose(*sides, solver=rp.Solver(driver="native"))
     (together,) = rp.estimate_poses([sides])
     assert isinstance(together, rp.PoseEstimate)
     np.testing.assert_allclose(together.pose.translation, alone.pose.translation, atol=1e-12)
