@@ -108,13 +108,14 @@ def codes(estimate: rp.PoseEstimate) -> list[str]:
 def answers(given: Given, estimate: rp.PoseEstimate) -> Iterator[rp.Pose]:
     """All poses, led back to the original problem; poses of a symmetric shape come in any order."""
     for pose in (estimate.pose, *(other.pose for other in estimate.alternatives)):
-        yield rp.Pose.from_parts(given.back(pose.matrix)[:3, :3], given.back(pose.matrix)[:3, 3])
+        matrix = given.back(pose.matrix)
+        yield rp.Pose.from_parts(matrix[:3, :3], matrix[:3, 3])
 
 
 def apart(a: rp.Pose, b: rp.Pose) -> Array:
     """The left increment from one to the other, (6,), with the way of the camera in its axes."""
     turn = a.rotation * b.rotation.inv()
-    return np.concatenate([turn.as_rotvec(), a.translation - turn.apply(b.translation)])
+    return np.concatenate([turn.as_rotvec(), a.translation - turn.apply(np.array(b.translation))])
 
 
 @pytest.mark.parametrize("change", CHANGES)

@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::long_run;
 use super::fit::ContourFit;
 use super::readings::{Contour, Reading};
-use crate::equations::information::{Information, free};
+use crate::equations::information::{Information, free, honest};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
@@ -45,7 +45,7 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let alike = (inverse * runs).trace() / (inverse * single).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
     let independent = (held / correlation.max(alike).max(1.0)).max(PARAMETERS + 1.0);
-    information.covariance_with(&(single * correlation + runs)) * (independent / (independent - PARAMETERS))
+    honest(&(information.covariance_with(&(single * correlation + runs)) * (independent / (independent - PARAMETERS))))
 }
 
 fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usize>)> {
