@@ -362,7 +362,7 @@ fn samples_make_up_for_a_wrong_outline() {
         let worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
         let estimate = estimated(&scene, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
-        assert!(rotation < 6e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
+        assert!(rotation < 7e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
         let way = estimate.best.pose.increment_to(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
