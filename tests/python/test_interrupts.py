@@ -53,12 +53,21 @@ LONG = {
 """Work of minutes, once `ready()` is said."""
 
 
+def interruptible(command: list[str]) -> subprocess.Popen[str]:
+    """A process that hears Ctrl-C, which what a shell starts in the background does not."""
+
+    def hear() -> None:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear)
+
+
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_ends_long_work_within_a_second(name: str, tmp_path: Path) -> None:
     body = f"{PROBLEM}\ndef ready(): print('ready', flush=True)\n\n{LONG[name]}\n"
     script = tmp_path / "long.py"
     script.write_text(body)
-    process = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = interruptible([sys.executable, str(script)])
     try:
         assert process.stdout is not None and process.stdout.readline().strip() == "ready"
         time.sleep(0.7)
@@ -110,7 +119,7 @@ def test_batches_from_several_threads_are_the_same_to_the_last_bit() -> None:
 def test_a_study_ends_by_ctrl_c_within_a_second(tmp_path: Path) -> None:
     words = ["-m", "regionpose", "evaluate", "perspective", "--scenes", "5000", "--no-plots", "-j", "1"]
     command = [sys.executable, *words, "--out", str(tmp_path / "study.csv")]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = interruptible(command)
     try:
         end = time.monotonic() + START_S
         while not list(tmp_path.iterdir()) and time.monotonic() < end:
