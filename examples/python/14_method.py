@@ -20,16 +20,17 @@ pose = estimate.pose
 # **1. Contours.** The mask's contour runs where the coverage is one half, between pixel centers. The world side is an
 # outline on its plane.
 
-first = image_regions[0]
-left_px, top_px = first.rings[0].min(axis=0)
+board = demo.region("notice-board")
+contour = image_regions[demo.regions.index(board)].rings[0]
+corner = contour[contour.sum(axis=1).argmin()]
 figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-axes[0].imshow(demo.labels == demo.regions[0].label, cmap="gray")
-axes[0].plot(*np.vstack([first.rings[0], first.rings[0][:1]]).T, ".-", color="#40b0ff")
-axes[0].set(xlim=(left_px - 8, left_px + 30), ylim=(top_px + 30, top_px - 8), title="contour between pixel centers")
-world = demo.regions[0].rings[0]
-across = np.linalg.norm(world[:, :2] - world[0, :2], axis=1)
+axes[0].imshow(demo.labels == board.label, cmap="gray", alpha=0.6)
+axes[0].plot(*np.vstack([contour, contour[:1]]).T, ".-", color="#ff8c00")
+axes[0].set(xlim=corner[0] + [-6, 14], ylim=corner[1] + [14, -6], title="contour between pixel centers")
+world = board.rings[0]
+across = (world[:, :2] - world[0, :2]) @ np.array([-world[0, 1], world[0, 0]]) / np.hypot(*world[0, :2])
 axes[1].fill(across, world[:, 2], color="#ff8c00", alpha=0.6)
-axes[1].set(aspect="equal", title="outline on its plane, m")
+axes[1].set(aspect="equal", title="outline of the world region, m")
 plt.show()
 
 # %%
