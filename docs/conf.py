@@ -31,7 +31,11 @@ extensions = [
     "site_directives",
 ]
 templates_path = ["_templates"]
-exclude_patterns = ["sg_execution_times.rst", "_build", "gallery/**/*.ipynb", "gallery/**/*.zip", "gallery/**/*.json", "gallery/**/*.md5"]
+exclude_patterns = [
+    "sg_execution_times.rst",
+    "_build",
+    *(f"gallery/**/*.{ending}" for ending in ("ipynb", "zip", "json", "md5")),
+]
 suppress_warnings = ["config.cache"]
 nitpicky = True
 # Types of annotations that no page describes; links in the pages themselves are all checked.

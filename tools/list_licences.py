@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+import tomllib
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,9 @@ EXTRAS = ("clouds", "parquet", "pick", "plots", "distributed")
 
 HEAD = """# Licences of dependencies
 
-regionpose is licensed under MIT or Apache-2.0, at your choice. It is compiled together with the crates below. The Python
-packages are installed beside it and not distributed with it. `python tools/list_licences.py` writes this page from the metadata of
-`cargo metadata` and of the installed packages.
+regionpose is licensed under MIT or Apache-2.0, at your choice. It is compiled together with the crates below. The
+Python packages are installed beside it and not distributed with it. This page is written by `python tools/list_licences.py`
+from `cargo metadata` and the metadata of the installed packages.
 
 All of them are permissive: they ask that their licence texts are kept.
 """
@@ -43,16 +44,18 @@ def _cargo(*arguments: str) -> str:
 
 def packages() -> list[tuple[str, str, str]]:
     """Name, licence and what asks for it, of each Python package that the package and its extras require."""
-    import tomllib
-
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     rows = [_row(each, "always") for each in project["dependencies"]]
     for extra in EXTRAS:
         for each in project["optional-dependencies"][extra]:
-            names = re.search(r"regionpose\[(.*)\]", each)
-            parts = [part for name in names[1].split(",") for part in project["optional-dependencies"][name]] if names else [each]
-            rows += [_row(part, extra) for part in parts]
+            rows += [_row(part, extra) for part in _parts(project["optional-dependencies"], each)]
     return sorted(rows, key=lambda row: (row[2] != "always", row[2], row[0].lower()))
+
+
+def _parts(extras: dict[str, list[str]], requirement: str) -> list[str]:
+    """A requirement, or those of the package's own extras that it names."""
+    own = re.fullmatch(r"regionpose\[(.*)\]", requirement)
+    return [requirement] if own is None else [part for name in own[1].split(",") for part in extras[name]]
 
 
 def _row(requirement: str, asked_by: str) -> tuple[str, str, str]:

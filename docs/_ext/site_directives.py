@@ -29,9 +29,7 @@ def command_helps() -> dict[str, str]:
 
 
 def _help_of(command: click.Command, parent: click.Context | None, name: str) -> str:
-    context = click.Context(
-        command, info_name=name, parent=parent, max_content_width=WIDTH, terminal_width=WIDTH
-    )
+    context = click.Context(command, info_name=name, parent=parent, max_content_width=WIDTH, terminal_width=WIDTH)
     return command.get_help(context)
 
 

@@ -2,8 +2,8 @@
 A first pose
 ============
 
-The demo ships with a photo, a lidar cloud and six flat regions that both show. The masks of the regions in the photo and
-the lidar points on them are all that the pose needs: no point correspondences and no initial guess.
+The demo ships with a photo, a lidar cloud and six flat regions that both show. The masks of the regions in the
+photo and the lidar points on them are all that the pose needs: no point correspondences and no initial guess.
 """
 
 import matplotlib.pyplot as plt
@@ -21,8 +21,8 @@ estimate = rp.estimate_pose(demo.camera, image_regions, world_regions)
 print(estimate)
 
 # %%
-# The pose takes points of the cloud's frame to the camera's. Its covariance gives standard deviations along the camera's
-# axes, and the confidence is the probability that the rotation is within 5 degrees.
+# The pose takes points of the cloud's frame to the camera's. Its covariance gives standard deviations along the
+# camera's axes, and the confidence is the probability that the rotation is within 5 degrees.
 
 print("camera_from_world")
 print(np.round(estimate.pose.matrix, 4))

@@ -2,8 +2,9 @@
 Regions from one click a side
 =============================
 
-A region takes one pixel in the photo and one point in the cloud. ``grow_image_region`` finds the surface around the pixel,
-``grow_plane`` the plane around the point. Where a sign hangs flat on a wall, the intensity tells them apart.
+A region takes one pixel in the photo and one point in the cloud. ``grow_image_region`` finds the surface around
+the pixel, ``grow_plane`` the plane around the point. Where a sign hangs flat on a wall, the intensity tells them
+apart.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +25,8 @@ for region, mask, found in zip(chosen, masks, members, strict=True):
     print(f"{region.name}: {np.sum(mask):.0f} pixels, {len(found)} points")
 
 # %%
-# The picture shows what the clicks grew. Look at it before you estimate: a mask that leaks over its edge spoils the pose.
+# The picture shows what the clicks grew. Look at it before you estimate: a mask that leaks over its edge spoils
+# the pose.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 left.imshow(demo.image)
@@ -42,7 +44,8 @@ right.legend(markerscale=6)
 plt.show()
 
 # %%
-# Coverage masks hold the share of each pixel that the region covers, so that the contour is known to a tenth of a pixel.
+# Coverage masks hold the share of each pixel that the region covers, so that the contour is known to a tenth of a
+# pixel.
 
 image_regions = [rp.ImageRegion.from_mask(mask) for mask in masks]
 world_regions = [rp.WorldRegion.from_scan(demo.points, found, sensor_origin=[0, 0, 0]) for found in members]

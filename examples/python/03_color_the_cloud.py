@@ -26,7 +26,7 @@ print(f"{np.mean(visible):.0%} of {len(demo.points)} points are seen")
 seen = demo.points[visible]
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.5), sharex=True, sharey=True, layout="constrained")
 left.scatter(*seen[:, :2].T, c=seen[:, 2], s=0.3, cmap="viridis")
-left.set(title="by height", xlabel="x, m", ylabel="y, m", aspect="equal")
+left.set(title="by height", xlabel="x, m", ylabel="y, m", aspect="equal", xlim=(0, 8), ylim=(-1, 7.5))
 right.scatter(*seen[:, :2].T, c=colors[visible] / 255, s=0.3)
 right.set(title="by the photo", xlabel="x, m", aspect="equal")
 plt.show()

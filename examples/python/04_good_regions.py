@@ -2,8 +2,8 @@
 What makes a pose weak
 ======================
 
-How well a pose is known depends on where the regions lie. This example takes masks with the noise of a careful hand and
-looks at the standard deviations that ``estimate_pose`` states.
+How well a pose is known depends on where the regions lie. This example takes masks with the noise of a careful
+hand and looks at the standard deviations that ``estimate_pose`` states.
 """
 
 import matplotlib.pyplot as plt
@@ -34,8 +34,8 @@ def estimated(polygons):
 
 
 # %%
-# One plane that faces the camera tells its tilt badly: a small turn either way looks the same. Turn the camera, or choose
-# another face.
+# One plane that faces the camera tells its tilt badly: a small turn either way looks the same. Turn the camera, or
+# choose another face.
 
 angles = np.array([2, 5, 10, 20, 30, 45, 60])
 tilts = [estimated([placed([0, angle, 0], [0, 0, 5])]) for angle in angles]
@@ -46,11 +46,12 @@ axes.grid(alpha=0.3)
 plt.show()
 
 # %%
-# More regions help most where they lie in other planes and far apart.
+# More regions help most where they lie in other planes and far apart. Below each image: the largest rotation
+# sigma.
 
 layouts = {
-    "one": [placed([0, 30, 0], [0, 0, 5])],
-    "two side by side,\nsame plane": [placed([0, 30, 0], [-0.6, 0, 5]), placed([0, 30, 0], [0.6, 0, 4.3])],
+    "one\n": [placed([0, 30, 0], [0, 0, 5])],
+    "two side by side,\none plane": [placed([0, 30, 0], [-0.6, 0, 5]), placed([0, 30, 0], [0.6, 0, 4.3])],
     "two apart,\nother planes": [placed([0, 30, 0], [-1.8, 0, 5]), placed([0, -40, 0], [1.8, 0, 6])],
     "three apart,\nother planes": [
         placed([0, 30, 0], [-1.8, 0, 5]),
@@ -58,19 +59,13 @@ layouts = {
         placed([50, 0, 0], [0, 1.3, 5]),
     ],
 }
-found = {name: estimated(polygons) for name, polygons in layouts.items()}
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-for column, (name, polygons) in enumerate(layouts.items()):
+figure, panels = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
+for axes, (name, polygons) in zip(panels, layouts.items(), strict=True):
+    sigma = np.max(estimated(polygons).rotation_sigma_deg)
     for polygon in polygons:
-        corners = camera.project(polygon) / [camera.width, camera.height]
-        left.fill(column + 0.9 * corners[:, 0], -0.7 * corners[:, 1], alpha=0.7)
-    left.add_patch(plt.Rectangle((column, -0.7), 0.9, 0.7, fill=False, color="0.5"))
-    left.text(column + 0.45, -0.74, name, ha="center", va="top", fontsize=8)
-left.set(xlim=(-0.05, 4), ylim=(-1.0, 0.05), aspect="equal")
-left.set_axis_off()
-right.bar(range(len(found)), [np.max(each.rotation_sigma_deg) for each in found.values()], color="#0b5fa5")
-right.set_xticks(range(len(found)), ["one", "same plane", "two planes", "three planes"])
-right.set(ylabel="largest rotation sigma, deg", yscale="log")
+        axes.fill(*camera.project(polygon).T, alpha=0.8)
+    axes.set(xlim=(0, camera.width), ylim=(camera.height, 0), aspect="equal", xticks=[], yticks=[])
+    axes.set(title=name, xlabel=f"{sigma:.2f} deg")
 plt.show()
 
 # %%

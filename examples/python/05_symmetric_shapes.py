@@ -2,8 +2,9 @@
 Symmetric shapes and priors
 ===========================
 
-A rectangle looks the same after half a turn in its plane, so that several poses explain its image. The estimate returns
-them all: the best as ``pose``, the others in ``alternatives``, with the warning ``ambiguous``. Resolve it with a prior.
+A rectangle looks the same after half a turn in its plane, so that several poses explain its image. The estimate
+returns them all: the best as ``pose``, the others in ``alternatives``, with the warning ``ambiguous``. Resolve it
+with a prior.
 """
 
 import matplotlib.pyplot as plt
@@ -34,12 +35,11 @@ for pose in answers:
 left.set(xlim=(0, 1280), ylim=(960, 0), aspect="equal", title="all answers, projected")
 right.fill(door[[0, 1, 1, 0], 0], [-0.03, -0.03, 0.03, 0.03], color="0.3")
 for index, pose in enumerate(answers):
-    right.plot(*pose.camera_center[:2], "o")
-    right.annotate(
-        f"{index}: {pose.camera_center[2]:.1f} m up", pose.camera_center[:2], textcoords="offset points", xytext=(6, 4)
-    )
-right.set(xlabel="x, m", ylabel="y, m", aspect="equal", title="places of the camera, from above")
-right.margins(0.5)
+    x, y, z = pose.camera_center
+    right.plot(x, y, "o", label=f"answer {index}, {z:.1f} m up")
+right.set(xlim=(-4, 5), ylim=(-4, 4), aspect="equal", xlabel="x, m", ylabel="y, m")
+right.set_title("places of the camera, from above")
+right.legend(fontsize=8, loc="center right")
 plt.show()
 
 # %%

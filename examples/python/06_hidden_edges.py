@@ -2,7 +2,8 @@
 Something stands before the region
 ==================================
 
-Where a car hides a part of a wall, the mask ends at the car. That edge is not the wall's. Mark it, and it carries no weight.
+Where a car hides a part of a wall, the mask ends at the car. That edge is not the wall's. Mark it, and it carries
+no weight.
 """
 
 import matplotlib.pyplot as plt
@@ -38,7 +39,8 @@ for name, region in (("car's edge taken for the wall's", naive), ("car's edge ma
 # Hidden edges are drawn dotted. Of a polygon, ``hidden_edges=[...]`` names them by their numbers.
 
 figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
-axes.imshow(np.where(car[..., None], [0.55, 0.35, 0.3], np.where(wall[..., None], [0.85, 0.82, 0.75], [0.6, 0.75, 0.9])))
+sky, stone, paint = [0.6, 0.75, 0.9], [0.85, 0.82, 0.75], [0.55, 0.35, 0.3]
+axes.imshow(np.where(car[..., None], paint, np.where(wall[..., None], stone, sky)))
 for ring, hidden in zip(marked.rings, marked.hidden, strict=True):
     for start, stop, is_hidden in zip(ring, np.roll(ring, -1, axis=0), hidden, strict=True):
         axes.plot(*np.stack([start, stop]).T, ":" if is_hidden else "-", color="#ff8c00", linewidth=2)

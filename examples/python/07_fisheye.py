@@ -2,8 +2,8 @@
 A fisheye camera of 180 degrees
 ===============================
 
-The same functions take any central camera. A fisheye bends straight edges; regionpose follows them on the sphere of
-viewing directions. Regions near the rim count like those in the middle.
+The same functions take any central camera. A fisheye bends straight edges; regionpose follows them on the sphere
+of viewing directions. Regions near the rim count like those in the middle.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 One pose from many frames
 =========================
 
-A camera and a lidar on one vehicle keep their pose while they drive. ``estimate_rig`` estimates one pose from all frames,
-leaves each out in turn, and names frames that disagree with the others. It can refine the camera as well.
+A camera and a lidar on one vehicle keep their pose while they drive. ``estimate_rig`` estimates one pose from all
+frames, leaves each out in turn, and names frames that disagree with the others. It can refine the camera as well.
 """
 
 import matplotlib.pyplot as plt
@@ -38,8 +38,8 @@ for warning in rig.warnings:
     print(warning)
 
 # %%
-# The scan of frame 4 lies 30 cm from its place, as one does that was taken while the vehicle bounced. The picture shows, for each frame, how far its contours lie from where the other
-# frames put them.
+# The scan of frame 4 lies 30 cm from its place, as one does that was taken while the vehicle bounced. The picture
+# shows, for each frame, how far its contours lie from where the other frames put them.
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
 places = np.arange(len(frames))

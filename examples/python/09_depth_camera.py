@@ -2,8 +2,8 @@
 A depth camera
 ==============
 
-A depth image is a cloud. This example makes one of a room corner, finds its planes, and estimates where a second, color
-camera stands.
+A depth image is a cloud. This example makes one of a room corner, finds its planes, and estimates where a second,
+color camera stands.
 """
 
 import matplotlib.pyplot as plt

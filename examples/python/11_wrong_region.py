@@ -16,7 +16,7 @@ image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for regio
 outlines = [[np.array(ring) for ring in region.rings] for region in demo.regions]
 # One outline of the cloud is moved by half a metre, as a slip of the hand may do.
 wrong = 1
-outlines[wrong] = [ring + [0.0, 0.0, 0.5] for ring in outlines[wrong]]
+outlines[wrong] = [ring + np.array([0.0, 0.0, 0.5]) for ring in outlines[wrong]]
 world_regions = [rp.WorldRegion.from_polygon(rings) for rings in outlines]
 
 estimate = rp.estimate_pose(demo.camera, image_regions, world_regions)

@@ -2,8 +2,8 @@
 Thousands of problems
 =====================
 
-``estimate_poses`` solves many problems on all cores. A problem that is refused or has no pose returns a ``PoseError`` at its
-place, so that one bad row does not stop the rest.
+``estimate_poses`` solves many problems on all cores. A problem that is refused or has no pose returns a
+``PoseError`` at its place, so that one bad row does not stop the rest.
 """
 
 import time

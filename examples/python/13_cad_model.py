@@ -2,8 +2,8 @@
 Faces of a CAD model
 ====================
 
-The 3D side may be a model instead of a scan. Every flat face is a region: its outline as a polygon, or its triangles as a
-mesh. No scanner is involved, so that outlines are exact.
+The 3D side may be a model instead of a scan. Every flat face is a region: its outline as a polygon, or its
+triangles as a mesh. No scanner is involved, so that outlines are exact.
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,8 @@ import regionpose as rp
 front = [[0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.12], [0.3, 0, 0.2], [0, 0, 0.2]]
 side = [[0.4, 0, 0], [0.4, 0.3, 0], [0.4, 0.3, 0.12], [0.4, 0, 0.12]]
 top = [[0, 0, 0.2], [0.3, 0, 0.2], [0.3, 0.3, 0.2], [0, 0.3, 0.2]]
-faces = [np.array(face, dtype=float) for face in (front, side, top)]
+slant = [[0.3, 0, 0.2], [0.4, 0, 0.12], [0.4, 0.3, 0.12], [0.3, 0.3, 0.2]]
+faces = [np.array(face, dtype=float) for face in (front, side, top, slant)]
 # Each face is seen from outside of the block only.
 outside = [0.8, -0.8, 0.8]
 world_regions = [rp.WorldRegion.from_polygon(face).seen_from(outside) for face in faces]
@@ -27,7 +28,8 @@ rotation = np.stack([right, np.cross(forward, right), forward])
 camera_from_model = rp.Pose.from_parts(rotation, -rotation @ eye)
 
 generator = np.random.default_rng(2)
-polygons = [camera.project(camera_from_model @ face) + generator.normal(scale=0.4, size=(len(face), 2)) for face in faces]
+exact = [camera.project(camera_from_model @ face) for face in faces]
+polygons = [polygon + generator.normal(scale=0.4, size=polygon.shape) for polygon in exact]
 estimate = rp.estimate_pose(camera, [rp.ImageRegion.from_polygon(polygon) for polygon in polygons], world_regions)
 shift = 1000 * np.linalg.norm(estimate.pose.camera_center - camera_from_model.camera_center)
 print(estimate)

@@ -17,8 +17,8 @@ estimate = rp.estimate_pose(demo.camera, image_regions, world_regions)
 pose = estimate.pose
 
 # %%
-# **1. Contours.** The mask's contour runs where the coverage is one half, between pixel centers. The world side is an
-# outline on its plane.
+# **1. Contours.** The mask's contour runs where the coverage is one half, between pixel centers. The world side is
+# an outline on its plane.
 
 board = demo.region("notice-board")
 contour = image_regions[demo.regions.index(board)].rings[0]
@@ -34,25 +34,28 @@ axes[1].set(aspect="equal", title="outline of the world region, m")
 plt.show()
 
 # %%
-# **2. Moments.** At a pose, each world region predicts integrals over its image: area, center, spread. They are compared
-# with those of the observed region. Here the pose is moved along one axis; the true place is where the moments agree.
+# **2. Moments.** At a pose, each world region predicts integrals over its image: area, center, spread. They are
+# compared with those of the observed region. Here the pose is moved along one axis; the true place is where the
+# moments agree.
 
 steps = np.linspace(-0.3, 0.3, 41)
-curves = []
-for step in steps:
-    moved = rp.Pose(pose.rotation, pose.translation + [step, 0, 0])
-    predicted = [demo.camera.project(moved @ np.array(region.rings[0])) for region in demo.regions[:3]]
-    curves.append([ring.mean(axis=0)[0] - image.rings[0].mean(axis=0)[0] for ring, image in zip(predicted, image_regions)])
+shown = demo.regions[:3]
+areas = np.empty((len(steps), len(shown)))
+for row, step in enumerate(steps):
+    moved = rp.Pose(pose.rotation, pose.translation + np.array([0, 0, step]))
+    for column, region in enumerate(shown):
+        areas[row, column] = rp.ImageRegion.from_polygon(demo.camera.project(moved @ region.rings[0])).area
+observed = np.array([image.area for image in image_regions[:3]])
 figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
-axes.plot(1000 * steps, np.array(curves) - np.array(curves)[20], label=[region.name for region in demo.regions[:3]])
+axes.plot(1000 * steps, 100 * (areas / observed - 1), label=[region.name for region in shown])
 axes.axhline(0, color="0.6", linewidth=1)
-axes.set(xlabel="camera moved along its x axis, mm", ylabel="center of the region off by, px")
+axes.set(xlabel="camera moved along its optical axis, mm", ylabel="predicted over observed area, %")
 axes.legend()
 plt.show()
 
 # %%
-# **3. Search.** Closed-form poses of single regions are the starts; the best ones are refined. Those that project every
-# region onto its contour remain. The overlap error says how far a pose is from that.
+# **3. Search.** Closed-form poses of single regions are the starts; the best ones are refined. Those that project
+# every region onto its contour remain. The overlap error says how far a pose is from that.
 
 distances = np.linspace(0, 10, 21)
 turned = []
@@ -67,8 +70,8 @@ axes.legend(fontsize=8)
 plt.show()
 
 # %%
-# **4. Contour fit.** The best poses are led onto the parts of the contours that are clean. What remains gives the noise,
-# the covariance and the confidence.
+# **4. Contour fit.** The best poses are led onto the parts of the contours that are clean. What remains gives the
+# noise, the covariance and the confidence.
 
 print(f"boundary noise {estimate.boundary_noise_px:.2f} px")
 print(f"rotation sigma {np.round(estimate.rotation_sigma_deg, 4)} deg")

@@ -32,9 +32,11 @@ PHRASES = {
     r"\bsays yes\b|\bsays no\b": "agrees, disagrees",
 }
 
+FOR_DEVELOPERS = {"math.md", "measurements.md", "architecture.md"}
+
 PAGES = [
     *ROOT.glob("*.md"),
-    *(page for page in (ROOT / "docs").glob("**/*.md") if page.name not in {"math.md", "measurements.md", "architecture.md"}),
+    *(page for page in (ROOT / "docs").glob("**/*.md") if page.name not in FOR_DEVELOPERS),
 ]
 
 
@@ -46,7 +48,11 @@ def relative(path: Path) -> str:
 def found_phrases(text: str) -> list[str]:
     """Phrases to avoid in a text, with what to write instead."""
     joined = re.sub(r"\s+", " ", text)
-    return [f"{hit[0]!r}: {better}" for phrase, better in PHRASES.items() for hit in re.finditer(phrase, joined, re.IGNORECASE)]
+    return [
+        f"{hit[0]!r}: {better}"
+        for phrase, better in PHRASES.items()
+        for hit in re.finditer(phrase, joined, re.IGNORECASE)
+    ]
 
 
 def public_strings(file: Path) -> Iterator[str]:
