@@ -20,8 +20,8 @@ EXTRAS = ("clouds", "parquet", "pick", "plots", "distributed")
 HEAD = """# Licences of dependencies
 
 regionpose is licensed under MIT or Apache-2.0, at your choice. It is compiled together with the crates below. The
-Python packages are installed beside it and not distributed with it. This page is written by `python tools/list_licences.py`
-from `cargo metadata` and the metadata of the installed packages.
+Python packages are installed beside it and not distributed with it. This page is written by
+`python tools/list_licences.py` from `cargo metadata` and the metadata of the installed packages.
 
 All of them are permissive: they ask that their licence texts are kept.
 """
