@@ -1,7 +1,9 @@
-"""Directives of the site: the help of every command, as the program prints it."""
+"""What the site adds to Sphinx: the help of every command, as the program prints it; links to folders as their names."""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import click
@@ -14,6 +16,16 @@ if TYPE_CHECKING:
 
 WIDTH = 100
 """Columns of a help text: what a page shows without scrolling."""
+
+
+FOLDER_LINK = re.compile(r"\[([^\]]+)\]\((\.\./[\w./-]+)\)")
+"""A link of a document to a place outside of the documents."""
+
+
+def name_folders(app: Sphinx, page: str, source: list[str]) -> None:
+    """Links to folders of the checkout, which a site doesn't hold, become their names."""
+    here = Path(app.srcdir, page).parent
+    source[0] = FOLDER_LINK.sub(lambda link: f"`{link[1]}`" if (here / link[2]).is_dir() else link[0], source[0])
 
 
 def command_helps() -> dict[str, str]:
@@ -52,6 +64,7 @@ class CommandHelp(SphinxDirective):
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the directive."""
+    """Register both."""
     app.add_directive("regionpose-commands", CommandHelp)
+    app.connect("source-read", name_folders)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
