@@ -15,7 +15,7 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	cargo test --quiet
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 lint: $(STAMP)
 	cargo fmt --all --check

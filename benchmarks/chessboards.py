@@ -42,7 +42,7 @@ class Click(NamedTuple):
 
     grown: float
     rotation: float
-    centre: float
+    center: float
     level: str
     before: float
     after: float
@@ -51,7 +51,7 @@ class Click(NamedTuple):
     @property
     def is_wrong(self) -> bool:
         """Whether the pose is another one than the true one."""
-        return not (self.rotation < WRONG_DEG and self.centre < WRONG_M)
+        return not (self.rotation < WRONG_DEG and self.center < WRONG_M)
 
 
 def places(quad: Array, count: int) -> Array:
@@ -116,9 +116,9 @@ def main() -> None:
                     print(f"{folder.name}  refused: {click}")
                     continue
                 found.append(click)
-                grown, rotation, centre, level, before, after, z = click
+                grown, rotation, center, level, before, after, z = click
                 print(
-                    f"{folder.name}  {grown:6.3f}  {rotation:9.2f}  {centre:6.2f}   {level:8}"
+                    f"{folder.name}  {grown:6.3f}  {rotation:9.2f}  {center:6.2f}   {level:8}"
                     f"  {before:17.3f}  {after:5.3f}  {z:5.1f}",
                     flush=True,
                 )

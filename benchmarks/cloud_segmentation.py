@@ -26,7 +26,7 @@ from real_scenes import DEFAULT_DATA, camera_of, cloud_of
 from regionpose.evaluation import Scene, SpinningLidar, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
-from regionpose.outline import SparseSamplingWarning
+from regionpose.regions.outline import SparseSamplingWarning
 
 Array = NDArray[np.float64]
 
@@ -71,11 +71,11 @@ def scan(scene: Scene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[
     rings = scene.regions[0]
     position = -scene.rotation.T @ scene.translation
     frame = PlaneFrame.of_region(rings)
-    centre = rings[0].mean(axis=0)
-    look = (centre - position) / np.linalg.norm(centre - position)
+    center = rings[0].mean(axis=0)
+    look = (center - position) / np.linalg.norm(center - position)
     up = np.array([0.0, -1.0, 0.0]) + look[1] * look
     corners = WALL_HALF_WIDTH_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    wall = centre + WALL_BEHIND_M * look + corners @ np.array([up / np.linalg.norm(up), np.cross(up, look)])
+    wall = center + WALL_BEHIND_M * look + corners @ np.array([up / np.linalg.norm(up), np.cross(up, look)])
     near, far = (lidar_points(surface, position, rng, lidar, up) for surface in (rings, [wall]))
     normal = np.cross(frame.axes[:, 0], frame.axes[:, 1])
     beams = far - position

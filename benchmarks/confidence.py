@@ -20,12 +20,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from regionpose import _core
+from regionpose.estimation.sides import observed_regions
 from regionpose.evaluation.measures import rotation_error
 from regionpose.evaluation.studies.conditions import Condition, NoiseModel
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.verdict import WRONG_DEG
-from regionpose.solver import observed_regions
 from rich.progress import track
 
 Array = NDArray[np.float64]

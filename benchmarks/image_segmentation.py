@@ -86,11 +86,11 @@ def painted(scene: Scene, coverages: list[Array], row: Row, rng: np.random.Gener
     light = linear_of(ground, row.texture * texture(height, width, rng))
     for coverage in coverages:
         direction = rng.normal(size=3)
-        colour = ground + row.contrast * direction / np.linalg.norm(direction)
+        color = ground + row.contrast * direction / np.linalg.norm(direction)
         rows, columns = np.nonzero(coverage)
         window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         share = coverage[window][..., None]
-        surface = linear_of(colour, row.texture * texture(*share.shape[:2], rng))
+        surface = linear_of(color, row.texture * texture(*share.shape[:2], rng))
         light[window] = share * surface + (1.0 - share) * light[window]
     blurred = ndimage.gaussian_filter(light, (BLUR_PX, BLUR_PX, 0))
     levels = np.where(blurred <= 0.0031308, 12.92 * blurred, 1.055 * np.maximum(blurred, 0.0) ** (1 / 2.4) - 0.055)
@@ -98,15 +98,15 @@ def painted(scene: Scene, coverages: list[Array], row: Row, rng: np.random.Gener
     return np.clip(np.round(noisy), 0.0, 255.0).astype(np.uint8)
 
 
-def linear_of(colour: Array, lightness: Array) -> Array:
+def linear_of(color: Array, lightness: Array) -> Array:
     """Linear light (h, w, 3) of a CIELAB colour whose lightness is changed by `lightness`."""
     steps = np.linspace(0.0, 100.0, 256)
-    lab = np.column_stack([steps, np.full(256, colour[1]), np.full(256, colour[2])])
+    lab = np.column_stack([steps, np.full(256, color[1]), np.full(256, color[2])])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # Colours outside sRGB are clipped.
         srgb = np.clip(lab2rgb(lab[None])[0], 0.0, 1.0)
     table = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    value = np.clip(colour[0] + lightness, 0.0, 100.0)
+    value = np.clip(color[0] + lightness, 0.0, 100.0)
     return np.stack([np.interp(value, steps, table[:, channel]) for channel in range(3)], axis=-1)
 
 

@@ -66,7 +66,7 @@ class Frame:
     name: str
     folder: Path
     camera: Camera
-    grey: Array
+    gray: Array
     points: Array
     reflectance: Array
     pose: rp.Pose
@@ -75,10 +75,10 @@ class Frame:
 def load_frame(folder: Path) -> Frame:
     """The frame of a folder with image.png, points.bin and calib.json."""
     calibration = json.loads((folder / "calib.json").read_text())
-    grey = np.asarray(Image.open(folder / "image.png").convert("L"), dtype=np.float64)
+    gray = np.asarray(Image.open(folder / "image.png").convert("L"), dtype=np.float64)
     cloud = np.fromfile(folder / "points.bin", dtype=np.float32).reshape(-1, 4).astype(np.float64)
     pose = rp.Pose.from_parts(calibration["R"], calibration["t"])
-    return Frame(folder.name, folder, camera_of(calibration), grey, cloud[:, :3], cloud[:, 3], pose)
+    return Frame(folder.name, folder, camera_of(calibration), gray, cloud[:, :3], cloud[:, 3], pose)
 
 
 def pairs_of(frame: Frame) -> list[tuple[rp.ImageRegion, rp.WorldRegion]]:
@@ -128,21 +128,21 @@ def entropy(shares: Array) -> float:
 def moved(pose: rp.Pose, increment: Array) -> rp.Pose:
     """The pose after a left increment (6,) `[omega (rad), tau (m)]`."""
     turn = Rotation.from_rotvec(increment[:3])
-    return rp.Pose(turn * pose.rotation, turn.apply(pose.translation) + increment[3:])
+    return rp.Pose(turn * pose.rotation, turn.as_matrix() @ pose.translation + increment[3:])
 
 
-def disturbed(pose: rp.Pose, degrees: float, metres: float, seed: int) -> rp.Pose:
+def disturbed(pose: rp.Pose, degrees: float, meters: float, seed: int) -> rp.Pose:
     """The pose turned and shifted by so much in random directions."""
     directions = np.random.default_rng(seed).normal(size=(2, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return moved(pose, np.concatenate([np.radians(degrees) * directions[0], metres * directions[1]]))
+    return moved(pose, np.concatenate([np.radians(degrees) * directions[0], meters * directions[1]]))
 
 
 def measure(frame: Frame, feature: Feature) -> Callable[[rp.Pose], tuple[float, int]]:
     """A function of a pose: the mutual information there and the number of points in view."""
     values = levels(frame.reflectance if feature == "intensity" else facing_angles(frame.points))
-    height, width = frame.grey.shape
-    grey = levels(frame.grey.ravel()).reshape(height, width).astype(np.float64)
+    height, width = frame.gray.shape
+    gray = levels(frame.gray.ravel()).reshape(height, width).astype(np.float64)
 
     def at(pose: rp.Pose) -> tuple[float, int]:
         points = pose.transform(frame.points)
@@ -151,7 +151,7 @@ def measure(frame: Frame, feature: Feature) -> Callable[[rp.Pose], tuple[float, 
         inside = ((pixels >= 0.0) & (pixels <= (width - 1, height - 1))).all(axis=1)
         if not inside.any():
             return 0.0, 0
-        seen = map_coordinates(grey, pixels[inside, ::-1].T, order=1)
+        seen = map_coordinates(gray, pixels[inside, ::-1].T, order=1)
         shown = np.rint(seen).astype(np.int64)
         return information(values[ahead][inside], shown, feature == "normals"), int(inside.sum())
 
@@ -232,7 +232,7 @@ def main() -> None:
     for frame in (load_frame(folder) for folder in folders if folder.exists()):
         if (frame.folder / "regions.json").exists():
             print_regions(frame)
-        starts = [disturbed(frame.pose, arguments.degrees, arguments.metres, seed) for seed in range(arguments.starts)]
+        starts = [disturbed(frame.pose, arguments.degrees, arguments.meters, seed) for seed in range(arguments.starts)]
         print(line(frame, f"{arguments.starts} starts", starts))
         for feature in ("intensity", "normals"):
             at = measure(frame, feature)

@@ -38,7 +38,7 @@ import regionpose as rp
 import yaml
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
-from regionpose.outline import SparseSamplingWarning
+from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
 
@@ -82,9 +82,9 @@ class Errors(NamedTuple):
     """Of an answer: degrees, metres of the camera's centre, each also over its standard deviation in that direction."""
 
     rotation: float
-    centre: float
+    center: float
     rotation_sigmas: float
-    centre_sigmas: float
+    center_sigmas: float
 
 
 class Row(NamedTuple):
@@ -110,9 +110,8 @@ def camera_item(calibration: Plain) -> Plain:
         return {"model": "ocam", "polynomial": polynomial, "center": center, "stretch": stretch, **size}
     matrix, distortion = calibration["K"], np.ravel(calibration["D"]).tolist()
     lens = {"fx": matrix[0][0], "fy": matrix[1][1], "cx": matrix[0][2], "cy": matrix[1][2], **size}
-    if calibration["model"] == "pinhole":
-        return {"model": "pinhole", **lens, "distortion": distortion}
-    return {"model": "fisheye", **lens, "k": distortion}
+    model = "pinhole" if calibration["model"] == "pinhole" else "fisheye"
+    return {"model": model, **lens, "distortion": distortion}
 
 
 def camera_of(calibration: Plain) -> Camera:
@@ -258,8 +257,8 @@ def line(name: str, row: Row) -> str:
 def written(errors: Errors) -> str:
     """Errors as text."""
     return (
-        f"{errors.rotation:7.3f} deg ({errors.rotation_sigmas:4.1f}) {errors.centre:7.3f} m"
-        f" ({errors.centre_sigmas:4.1f})"
+        f"{errors.rotation:7.3f} deg ({errors.rotation_sigmas:4.1f}) {errors.center:7.3f} m"
+        f" ({errors.center_sigmas:4.1f})"
     )
 
 
@@ -299,10 +298,10 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 def cells_of(group: tuple[str, str, str], rows: Sequence[Row]) -> list[str]:
     """The cells of a group of rows."""
-    turns, centres = (np.array([getattr(row.first, name) for row in rows]) for name in ("rotation", "centre"))
-    beyond = [row for row in rows if max(row.first.rotation_sigmas, row.first.centre_sigmas) > MOST_SIGMAS]
+    turns, centers = (np.array([getattr(row.first, name) for row in rows]) for name in ("rotation", "center"))
+    beyond = [row for row in rows if max(row.first.rotation_sigmas, row.first.center_sigmas) > MOST_SIGMAS]
     wrong = [row for row in rows if row.first.rotation > WRONG_DEG]
-    errors = [f"{value:.2f}" for held in (turns, centres) for value in (np.median(held), held.max())]
+    errors = [f"{value:.2f}" for held in (turns, centers) for value in (np.median(held), held.max())]
     nearest = f"{np.median([row.nearest.rotation for row in rows]):.2f}"
     counts = [str(count) for held in (beyond, wrong) for count in (len(held), sum(not row.codes for row in held))]
     return [group[0], str(len(rows)), *group[1:], *errors, nearest, *counts]

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.outline import SparseSamplingWarning
+from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.witness import Photo
 from regionpose.witness.refinement import moved
 
@@ -126,8 +126,8 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
     for kind in dict.fromkeys(row.kind for row in rows):
         held = [row for row in rows if row.kind == kind]
         turns = np.array([[row.before.rotation, row.after.rotation] for row in held])
-        centres = np.array([[row.before.centre, row.after.centre] for row in held])
-        cells = [*np.median(turns, axis=0), *turns.max(axis=0), *np.median(centres, axis=0)]
+        centers = np.array([[row.before.center, row.after.center] for row in held])
+        cells = [*np.median(turns, axis=0), *turns.max(axis=0), *np.median(centers, axis=0)]
         worse = int((turns[:, 1] > turns[:, 0] + 0.1).sum())
         refined = sum(row.refined for row in held)
         yield f"| {kind} | {len(held)} | {refined} | {' | '.join(f'{cell:.2f}' for cell in cells)} | {worse} |"

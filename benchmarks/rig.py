@@ -39,7 +39,7 @@ def print_frames(rig: rp.RigEstimate) -> None:
     for fit, one in zip(rig.frames, rig.influence, strict=True):
         print(
             f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
-            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift:6.2f} mm,"
+            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift_m:6.2f} mm,"
             f" contour {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
         )
 
@@ -62,7 +62,7 @@ def report(scenes: list[RealScene], way: str) -> None:
         errors = errors_of(rig.pose, rig.estimate.covariance, scenes[0].truth)
         print(
             f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg"
-            f" ({errors.rotation_sigmas:.1f} sigma) {1e3 * errors.centre:6.2f} mm ({errors.centre_sigmas:.1f} sigma)"
+            f" ({errors.rotation_sigmas:.1f} sigma) {1e3 * errors.center:6.2f} mm ({errors.center_sigmas:.1f} sigma)"
             f"  delta {100 * rig.estimate.overlap_error:5.2f} %  {' '.join(warning.code for warning in rig.warnings)}"
         )
         if rig.refinement is None:

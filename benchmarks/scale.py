@@ -44,7 +44,7 @@ PANELS = {  # corner and two edges, metres; 10 cm before a wall
     "poster": ((8.2, 7.9, 1.1), (1.2, 0.0, 0.0), (0.0, 0.0, 1.5)),
     "sign": ((9.9, 4.4, 1.0), (0.0, 1.4, 0.0), (0.0, 0.0, 1.2)),
 }
-COLOURS = {"notice": (150, 60, 40), "poster": (40, 90, 150), "sign": (200, 170, 40)}
+COLORS = {"notice": (150, 60, 40), "poster": (40, 90, 150), "sign": (200, 170, 40)}
 
 
 class Inputs(NamedTuple):
@@ -93,7 +93,7 @@ def picture_of(camera: rp.PinholeCamera) -> Image.Image:
         first, along, up = np.array(corner), np.array(u), np.array(v)
         corners = np.array([first, first + along, first + along + up, first + up])
         pixels = camera.project(true_pose().transform(corners))
-        pen.polygon([(float(x), float(y)) for x, y in pixels], fill=COLOURS[name])
+        pen.polygon([(float(x), float(y)) for x, y in pixels], fill=COLORS[name])
     noisy = np.asarray(page) + np.random.default_rng(2).normal(0.0, 3.0, (camera.height, camera.width, 1))
     return Image.fromarray(np.clip(noisy, 0.0, 255.0).astype(np.uint8))
 

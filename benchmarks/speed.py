@@ -101,8 +101,8 @@ def bitten(ring: Array) -> Array:
     target, reach = BITE * outline.area, float(np.ptp(ring, axis=0).max())
     for vertex in ring:
 
-        def square(half: float, centre: Array = vertex) -> shapely.Polygon:
-            return shapely.box(*(centre - half), *(centre + half))
+        def square(half: float, center: Array = vertex) -> shapely.Polygon:
+            return shapely.box(*(center - half), *(center + half))
 
         half = brentq(lambda half, at=square: outline.intersection(at(half)).area - target, 0.0, reach)
         rest = outline.difference(square(half))

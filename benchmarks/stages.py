@@ -21,8 +21,10 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.estimation.options import System
+from regionpose.estimation.scipy_driver import scipy_minimum
+from regionpose.estimation.sides import observed_regions
 from regionpose.evaluation import perspective_scene, problem_generator, squares_on_mask
-from regionpose.solver import System, observed_regions, scipy_minimum
 
 Result = TypeVar("Result")
 

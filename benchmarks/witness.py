@@ -81,8 +81,8 @@ def wrong_poses(pose: rp.Pose, count: int, seed: int) -> Iterator[rp.Pose]:
         axis = rng.normal(size=3) if number % 3 else np.array([0.0, 1.0, 0.0])
         angle = np.radians(rng.uniform(LEAST_TURN_DEG, 180.0 if number % 2 else 40.0))
         rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * pose.rotation
-        centre = pose.camera_center + rng.normal(size=3) * (0.0 if number < count // 3 else 1.5)
-        yield rp.Pose(rotation, -rotation.apply(centre))
+        center = pose.camera_center + rng.normal(size=3) * (0.0 if number < count // 3 else 1.5)
+        yield rp.Pose(rotation, -rotation.apply(center))
 
 
 def area_under_curve(right: Array, wrong: Array) -> float:

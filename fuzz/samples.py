@@ -82,7 +82,7 @@ def samples(calibrations: Path) -> list[Sample]:
 def _clouds() -> list[Sample]:
     from regionpose.clouds import Cloud, read_cloud
 
-    cloud = Cloud(POINTS, colours=np.full((24, 3), 9, np.uint8), intensity=np.arange(24.0), triangles=_triangles())
+    cloud = Cloud(POINTS, colors=np.full((24, 3), 9, np.uint8), intensity=np.arange(24.0), triangles=_triangles())
     files = {
         "binary.ply": _stored(cloud, "ply"),
         "ascii.ply": _ascii_ply(),
@@ -118,14 +118,14 @@ def _pictures() -> list[Sample]:
     photos = [
         Sample(f"photo.{kind}", _image(LABELS * 90, kind, **given), read_picture) for kind, given in kinds.items()
     ]
-    colours = np.stack([LABELS * 50, LABELS * 20, LABELS], axis=2)
+    colors = np.stack([LABELS * 50, LABELS * 20, LABELS], axis=2)
     return [
         *photos,
         Sample("labels.png", _image(LABELS, "png"), masks_from_file),
         Sample("sealed.png", _image(LABELS, "png"), masks_from_file, seals.png),
-        Sample("sealed_photo.png", _image(colours, "png"), read_picture, seals.png),
+        Sample("sealed_photo.png", _image(colors, "png"), read_picture, seals.png),
         Sample("sealed_depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth, seals.png),
-        Sample("colours.png", _image(colours, "png"), masks_from_file),
+        Sample("colours.png", _image(colors, "png"), masks_from_file),
         Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
         Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
         Sample("depth.tiff", _image(LABELS.astype(np.float32), "tiff"), depth),

@@ -108,8 +108,8 @@ def package_outcomes(problem: Problem, **options: Any) -> tuple[Outcome, Outcome
     begin = time.process_time()
     images = [rp.ImageRegion.from_mask(mask) for mask in masks]
     worlds = [rp.WorldRegion.from_polygon(rings) for rings in scene.regions]
-    estimate = rp.estimate_pose(scene.camera, images, worlds, **options)
+    estimate = rp.estimate_pose(scene.camera, images, worlds, solver=rp.Solver(**options))
     seconds = time.process_time() - begin
-    answers = [estimate.pose, *estimate.alternatives]
+    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
     first, nearest = (outcome(scene, poses, seconds, estimate.evaluations) for poses in (answers[:1], answers))
     return first, nearest

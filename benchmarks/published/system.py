@@ -12,6 +12,7 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
+from regionpose import kernels
 from regionpose.cameras import Camera
 
 from benchmarks.published.moments import (
@@ -75,14 +76,14 @@ class MeshSide:
 class CellSide:
     """A planar region as equal cells: centres (n, 3), the vector area (3,) of one; the paper's reference 46."""
 
-    centres: Array
+    centers: Array
     cell: Array
 
     def moments(self, rotation: Array, translation: Array, system: System) -> Array:
         """Sums over the cells of value times projected area: `a . P / P_z^3` on the plane, `a . P / |P|^3` on the
         sphere, a being the cell's vector area.
         """
-        points = self.centres @ rotation.T + translation
+        points = self.centers @ rotation.T + translation
         depth = points[:, 2] if system == "plane" else np.linalg.norm(points, axis=1)
         seen = points / depth[:, None]
         areas = points @ (rotation @ self.cell) / depth**3
@@ -108,8 +109,8 @@ def world_side(rings: Sequence[Array], system: System, integration: Integration)
 def _mesh(rings: Sequence[Array], system: System, integration: Integration) -> tuple[Array, NDArray[np.int64]]:
     """Vertices and triangles of flat rings: a plain Delaunay mesh where triangles are exact, else a fine one."""
     if system == "plane":
-        return rp.triangulate(rings)
-    return rp.triangulate(rings, max_area=_area(rings) / SPHERE_TRIANGLES)
+        return kernels.triangulate(rings)
+    return kernels.triangulate(rings, max_area=_area(rings) / SPHERE_TRIANGLES)
 
 
 def _area(rings: Sequence[Array]) -> float:
@@ -156,9 +157,9 @@ class SeenPlane:
         size = np.sqrt(polygon.area / WORLD_CELLS)
         left, low, right, high = polygon.bounds
         u, v = np.meshgrid(np.arange(left + size / 2, right, size), np.arange(low + size / 2, high, size))
-        centres = np.column_stack([u.ravel(), v.ravel()])
-        centres = centres[shapely.contains_xy(polygon, centres)]
-        return self.lifted(centres @ turn.T), self.normal * size**2
+        centers = np.column_stack([u.ravel(), v.ravel()])
+        centers = centers[shapely.contains_xy(polygon, centers)]
+        return self.lifted(centers @ turn.T), self.normal * size**2
 
 
 def observed_moments(camera: Camera, region: rp.ImageRegion, system: System, integration: Integration) -> Array:

@@ -1,4 +1,4 @@
-"""What the site adds to Sphinx: the help of every command, as the program prints it; links to folders as their names."""
+"""What the site adds to Sphinx: the help of every command, and links to folders as their names."""
 
 from __future__ import annotations
 

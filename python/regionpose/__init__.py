@@ -9,19 +9,36 @@ from typing import TYPE_CHECKING
 from regionpose._core import __version__
 
 if TYPE_CHECKING:
-    from regionpose._core import alpha_shape, planar_moments, spherical_moments, triangulate
     from regionpose.calibration import load_camera
-    from regionpose.cameras import FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
-    from regionpose.drawing import overlay_depth, overlay_regions
-    from regionpose.fusion import blend_colors, colorize
-    from regionpose.image_region import ImageRegion
-    from regionpose.intrinsics import CameraRefinement
-    from regionpose.mask import MaskWindow
-    from regionpose.matching import RegionMatches, match_regions
+    from regionpose.cameras import (
+        Camera,
+        FisheyeCamera,
+        OcamCamera,
+        PinholeCamera,
+        UnifiedCamera,
+        camera_from_colmap,
+        camera_to_colmap,
+    )
+    from regionpose.clouds import Cloud, read_cloud, write_ply
+    from regionpose.estimation.answer import Alternative, Crease, PoseError, PoseEstimate
+    from regionpose.estimation.batch import estimate_poses
+    from regionpose.estimation.intrinsics import CameraRefinement
+    from regionpose.estimation.matching import RegionMatches, match_regions
+    from regionpose.estimation.options import Solver
+    from regionpose.estimation.prior import Prior
+    from regionpose.estimation.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
+    from regionpose.estimation.sides import overlap_errors
+    from regionpose.estimation.single import estimate_pose
+    from regionpose.estimation.warning import PoseWarning
+    from regionpose.pictures.colors import blend_colors, colorize
+    from regionpose.pictures.overlays import overlay_depth, overlay_regions
     from regionpose.pose import Pose
-    from regionpose.prior import Prior
-    from regionpose.rig import Frame, FrameFit, Influence, RigEstimate, estimate_rig
+    from regionpose.regions.image import ImageRegion
+    from regionpose.regions.mask import MaskWindow
+    from regionpose.regions.outline import SparseSamplingWarning
+    from regionpose.regions.world import WorldRegion
     from regionpose.sanity import check_camera, check_regions
+    from regionpose.scene import estimate_scene, load_scene
     from regionpose.segmentation.cloud import grow_plane
     from regionpose.segmentation.image import grow_image_region
     from regionpose.segmentation.masks import (
@@ -32,22 +49,14 @@ if TYPE_CHECKING:
         regions_from_file,
     )
     from regionpose.segmentation.planes import find_planes
-    from regionpose.solver import (
-        Alternative,
-        Crease,
-        PoseError,
-        PoseEstimate,
-        PoseWarning,
-        estimate_pose,
-        estimate_poses,
-    )
     from regionpose.witness import Alignment, SceneFrame, SceneRefinement, check_alignment, refine_with_scene
-    from regionpose.world_region import WorldRegion
 
 __all__ = [
     "Alignment",
     "Alternative",
+    "Camera",
     "CameraRefinement",
+    "Cloud",
     "Crease",
     "FisheyeCamera",
     "Frame",
@@ -66,11 +75,14 @@ __all__ = [
     "RigEstimate",
     "SceneFrame",
     "SceneRefinement",
+    "Solver",
+    "SparseSamplingWarning",
     "UnifiedCamera",
     "WorldRegion",
     "__version__",
-    "alpha_shape",
     "blend_colors",
+    "camera_from_colmap",
+    "camera_to_colmap",
     "check_alignment",
     "check_camera",
     "check_regions",
@@ -78,38 +90,86 @@ __all__ = [
     "estimate_pose",
     "estimate_poses",
     "estimate_rig",
+    "estimate_scene",
     "find_planes",
     "grow_image_region",
     "grow_plane",
     "load_camera",
+    "load_scene",
     "mask_from_file",
     "masks_from_file",
     "masks_from_segmenter",
     "match_regions",
+    "overlap_errors",
     "overlay_depth",
     "overlay_regions",
-    "planar_moments",
+    "read_cloud",
     "refine_with_scene",
     "region_from_file",
     "regions_from_file",
-    "spherical_moments",
-    "triangulate",
+    "write_ply",
 ]
 
 _MODULES = {
-    "_core": ("alpha_shape", "planar_moments", "spherical_moments", "triangulate"),
     "calibration": ("load_camera",),
-    "cameras": ("FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"),
-    "drawing": ("overlay_depth", "overlay_regions"),
-    "fusion": ("blend_colors", "colorize"),
-    "image_region": ("ImageRegion",),
-    "intrinsics": ("CameraRefinement",),
-    "mask": ("MaskWindow",),
-    "matching": ("RegionMatches", "match_regions"),
+    "cameras": (
+        "Camera",
+        "FisheyeCamera",
+        "OcamCamera",
+        "PinholeCamera",
+        "UnifiedCamera",
+        "camera_from_colmap",
+        "camera_to_colmap",
+    ),
+    "clouds": (
+        "Cloud",
+        "read_cloud",
+        "write_ply",
+    ),
+    "pictures.overlays": (
+        "overlay_depth",
+        "overlay_regions",
+    ),
+    "estimation.answer": (
+        "Alternative",
+        "Crease",
+        "PoseError",
+        "PoseEstimate",
+    ),
+    "estimation.batch": ("estimate_poses",),
+    "estimation.intrinsics": ("CameraRefinement",),
+    "estimation.matching": (
+        "RegionMatches",
+        "match_regions",
+    ),
+    "estimation.options": ("Solver",),
+    "estimation.prior": ("Prior",),
+    "estimation.rig": (
+        "Frame",
+        "FrameFit",
+        "Influence",
+        "RigEstimate",
+        "estimate_rig",
+    ),
+    "estimation.sides": ("overlap_errors",),
+    "estimation.single": ("estimate_pose",),
+    "estimation.warning": ("PoseWarning",),
+    "pictures.colors": (
+        "blend_colors",
+        "colorize",
+    ),
+    "regions.image": ("ImageRegion",),
+    "regions.mask": ("MaskWindow",),
+    "regions.outline": ("SparseSamplingWarning",),
     "pose": ("Pose",),
-    "prior": ("Prior",),
-    "rig": ("Frame", "FrameFit", "Influence", "RigEstimate", "estimate_rig"),
-    "sanity": ("check_camera", "check_regions"),
+    "sanity": (
+        "check_camera",
+        "check_regions",
+    ),
+    "scene": (
+        "estimate_scene",
+        "load_scene",
+    ),
     "segmentation.cloud": ("grow_plane",),
     "segmentation.image": ("grow_image_region",),
     "segmentation.masks": (
@@ -120,17 +180,14 @@ _MODULES = {
         "regions_from_file",
     ),
     "segmentation.planes": ("find_planes",),
-    "solver": (
-        "Alternative",
-        "Crease",
-        "PoseError",
-        "PoseEstimate",
-        "PoseWarning",
-        "estimate_pose",
-        "estimate_poses",
+    "witness": (
+        "Alignment",
+        "SceneFrame",
+        "SceneRefinement",
+        "check_alignment",
+        "refine_with_scene",
     ),
-    "witness": ("Alignment", "SceneFrame", "SceneRefinement", "check_alignment", "refine_with_scene"),
-    "world_region": ("WorldRegion",),
+    "regions.world": ("WorldRegion",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

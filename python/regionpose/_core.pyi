@@ -119,6 +119,10 @@ def estimate_batch(
     priors: Sequence[Prior | None],
     *,
     threads: int | None = None,
+    system: Literal["plane", "sphere"] = "plane",
+    integration: Literal["boundary", "mesh", "pixels"] = "boundary",
+    mesh_size: float | None = None,
+    start: Literal["global", "paper"] = "global",
     refine: Literal["contour"] | None = "contour",
 ) -> list[Estimate | str | None]:
     """Estimates of many problems by the native solver, each with its prior, in order; None for one without a pose in
@@ -308,8 +312,10 @@ class Estimate:
         """(regions, ends (2, 3)) of each edge that two regions share."""
 
     @property
-    def warnings(self) -> list[tuple[str, str]]:
-        """(code, sentence) of each warning."""
+    def warnings(self) -> list[tuple[str, str, list[int], dict[str, float | str]]]:
+        """(code, sentence, regions, values by name) of each warning; `{0}` in the sentence stands for the first
+        region.
+        """
 
     @property
     def evaluations(self) -> int:

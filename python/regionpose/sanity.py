@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
-from regionpose.image_region import ImageRegion
-from regionpose.solver import PoseWarning
-from regionpose.world_region import WorldRegion
+from regionpose.estimation.warning import PoseWarning
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Region = TypeVar("Region", ImageRegion, WorldRegion)
@@ -51,7 +51,7 @@ MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 """Where in the photo, as a share of each side, the optical axis is looked for. Of a photo made smaller or larger by
 half and more than the calibrated one it is elsewhere; cameras have it within a twentieth of the middle."""
 
-MILLIMETRE = 0.001
+MILLIMETER = 0.001
 
 SAME_UNIT = 1e-6
 """Relative difference of two units that are one: the US survey foot and the international one differ by 2e-6."""
@@ -65,9 +65,21 @@ def check_regions(
     """What speaks against the two sides of each pair of regions, before a pose is looked for.
 
     `coincident-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
-    covers most of the photo or reaches three of its sides; `image_size` is the photo's (width, height), that of each
-    mask without it. `odd-unit`: the world regions are as large as metres hardly make them. Each names its regions by
-    their places in the lists, and what to do.
+    covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as metres hardly
+    make them. Each names its regions by their places in the lists, and what to do.
+
+    Parameters
+    ----------
+    image_regions : sequence of ImageRegion
+        One side.
+    world_regions : sequence of WorldRegion
+        The other.
+    image_size : tuple of 2 int, optional
+        The photo's width and height, pixels; that of each mask without it.
+
+    Returns
+    -------
+    tuple of PoseWarning
     """
     return (
         *_coincident("image", image_regions, _image_overlap),
@@ -78,36 +90,50 @@ def check_regions(
 
 
 def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
-    """What speaks against a camera without a size having taken a photo of `image_size` (width, height).
+    """What speaks against a camera without a size having taken a photo.
 
-    `odd-centre`: its optical axis meets the photo outside of the middle third, as that of a calibration for photos of
+    `odd-center`: its optical axis meets the photo outside of the middle third, as that of a calibration for photos of
     another size.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    image_size : tuple of 2 int
+        The photo's width and height, pixels.
+
+    Returns
+    -------
+    tuple of PoseWarning
     """
     if camera.width is not None and camera.height is not None:
         return ()
-    centre = camera.project([[0.0, 0.0, 1.0]])[0]
-    share = (centre + 0.5) / image_size
+    center = camera.project([[0.0, 0.0, 1.0]])[0]
+    share = (center + 0.5) / image_size
     if (share >= MIDDLE_THIRD[0]).all() and (share <= MIDDLE_THIRD[1]).all():
         return ()
-    message = (
-        f"the camera's optical axis meets the photo of {image_size[0]} x {image_size[1]} pixels at ({centre[0]:.0f},"
-        f" {centre[1]:.0f}), far from its middle: the calibration seems to be for photos of about"
-        f" {2.0 * centre[0] + 1.0:.0f} x {2.0 * centre[1] + 1.0:.0f}; use a photo of the calibrated size, scale the"
-        f" calibration, or give its width and height if the photo was cut"
+    text = (
+        "the camera's optical axis meets the photo of {width_px} x {height_px} pixels at ({x_px:.0f}, {y_px:.0f}), far"
+        " from its middle: the calibration seems to be for photos of about {calibrated_width_px:.0f} x"
+        " {calibrated_height_px:.0f}; use a photo of the calibrated size, scale the calibration, or give its width and"
+        " height if the photo was cut"
     )
-    return (PoseWarning("odd-centre", message),)
+    x, y = center.tolist()
+    values = {"width_px": image_size[0], "height_px": image_size[1], "x_px": x, "y_px": y}
+    calibrated = {"calibrated_width_px": 2.0 * x + 1.0, "calibrated_height_px": 2.0 * y + 1.0}
+    return (PoseWarning("odd-center", text, values={**values, **calibrated}),)
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
     """What the file of a cloud says against its coordinates being metres: `odd-unit`, with the factor to use."""
-    factor = cloud.metres_per_unit
+    factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()
-    message = (
-        f"the cloud's file states a unit of {factor:.7g} m: multiply its coordinates, and those of the scene, by that,"
+    text = (
+        "the cloud's file states a unit of {unit_m:.7g} m: multiply its coordinates, and those of the scene, by that,"
         " else what is said in metres is wrong"
     )
-    return (PoseWarning("odd-unit", message),)
+    return (PoseWarning("odd-unit", text, values={"unit_m": factor}),)
 
 
 def unit_remark(spacing: float, extent: float) -> str | None:
@@ -120,7 +146,7 @@ def unit_remark(spacing: float, extent: float) -> str | None:
         return None
     return (
         f"points {spacing:.3g} apart over {extent:.4g} look like millimetres: multiply the coordinates by"
-        f" {MILLIMETRE:g} for metres"
+        f" {MILLIMETER:g} for metres"
     )
 
 
@@ -131,12 +157,11 @@ def _coincident(
     for first, second in combinations(range(len(regions)), 2):
         share = _overlap_share(regions[first], regions[second], overlap)
         if share > SAME_SHARE:
-            message = (
-                f"on the {side} side region {first} and region {second} are the same, by {100.0 * share:.1f} % of"
-                f" their union: two clicks grew one surface, or one was marked twice; mark region {second} anew, or"
-                " leave it out"
+            text = (
+                f"on the {side} side {{0}} and {{1}} are the same, by {100.0 * share:.1f} % of their union: two clicks"
+                " grew one surface, or one was marked twice; mark {1} anew, or leave it out"
             )
-            yield PoseWarning("coincident-regions", message)
+            yield PoseWarning("coincident-regions", text, (first, second), {"side": side, "share": share})
 
 
 def _overlap_share(first: Region, second: Region, overlap: Callable[[Region, Region], float]) -> float:
@@ -182,9 +207,10 @@ def _leaks(index: int, region: ImageRegion, image_size: tuple[int, int] | None) 
     share = region.area / (width * height)
     if share <= LEAK_SHARE and sides < LEAK_SIDES:
         return
-    found = f"covers {100.0 * share:.0f} % of the photo" + (f" and reaches {sides} of its sides" if sides else "")
+    reached = f" and reaches {sides} of its sides" if sides else ""
     cure = "lower its tolerance, click elsewhere, or draw it as a polygon, unless the surface is that large"
-    yield PoseWarning("leaked-mask", f"the mask of region {index} {found}: it seems to have leaked; {cure}")
+    text = f"the mask of {{0}} covers {100.0 * share:.0f} % of the photo{reached}: it seems to have leaked; {cure}"
+    yield PoseWarning("leaked-mask", text, (index,), {"share": share, "sides": sides})
 
 
 def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
@@ -194,9 +220,10 @@ def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
     index = int(np.argmax([region.area for region in regions]))
     size = float(np.sqrt(regions[index].area))
     if size > LARGEST_REGION_M:
-        message = (
-            f"the world side of region {index} would be {size:.0f} m across (the root of its area): the coordinates"
-            f" look like millimetres, of which it would be {MILLIMETRE * size:.2g} m; multiply those of the cloud and"
-            f" of the scene by {MILLIMETRE:g}, else what is said in metres is wrong"
+        text = (
+            "the world side of {0} would be {size_m:.0f} m across (the root of its area): the coordinates look like"
+            " millimetres, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
+            " by {unit_m:g}, else what is said in metres is wrong"
         )
-        yield PoseWarning("odd-unit", message)
+        values = {"size_m": size, "in_millimeters_m": MILLIMETER * size, "unit_m": MILLIMETER}
+        yield PoseWarning("odd-unit", text, (index,), values)

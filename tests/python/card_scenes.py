@@ -20,8 +20,8 @@ def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
     rays = np.stack([(x - 319.5) / 500.0, (y - 239.5) / 500.0, np.ones_like(x)], axis=-1)
     depth, shade = np.full(x.shape, 8.0), np.full(x.shape, 120.0)
     for _ in range(14):
-        centre, half, near = rng.uniform([-0.6, -0.45], [0.6, 0.45]), rng.uniform(0.04, 0.12, 2), rng.uniform(2.0, 5.0)
-        card = (np.abs(rays[..., :2] - centre) < half).all(axis=-1) & (near < depth)
+        center, half, near = rng.uniform([-0.6, -0.45], [0.6, 0.45]), rng.uniform(0.04, 0.12, 2), rng.uniform(2.0, 5.0)
+        card = (np.abs(rays[..., :2] - center) < half).all(axis=-1) & (near < depth)
         depth[card], shade[card] = near, rng.uniform(0.0, 255.0)
     photo = np.clip(shade + rng.normal(0.0, 2.0, x.shape), 0.0, 255.0).astype(np.uint8)
     # Range noise and uneven rays, as a scan has: neighbours that are equally far would be chosen by rounding.
@@ -33,4 +33,4 @@ def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
 def turned(degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> rp.Pose:
     """The pose, the camera turned about one of its axes in its place."""
     turn = Rotation.from_rotvec(np.radians(degrees) * np.asarray(axis))
-    return rp.Pose(turn * POSE.rotation, turn.apply(POSE.translation))
+    return rp.Pose(turn * POSE.rotation, turn.as_matrix() @ POSE.translation)

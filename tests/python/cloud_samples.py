@@ -10,7 +10,7 @@ import numpy as np
 from regionpose.clouds import Cloud
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.5, 0.25, 8.0], [0.0, 0.125, -7.5], [100.5, 200.25, -3.75]])
-COLOURS = np.array([[255, 0, 7], [1, 2, 3], [0, 0, 0], [10, 128, 254]], dtype=np.uint8)
+COLORS = np.array([[255, 0, 7], [1, 2, 3], [0, 0, 0], [10, 128, 254]], dtype=np.uint8)
 INTENSITY = np.array([0.0, 0.5, 1.0, 0.25])
 TRIANGLES = np.array([[0, 1, 2], [2, 1, 3]])
 
@@ -21,15 +21,13 @@ UTM = np.array([449_123.456, 5_411_987.123456, 117.25])
 def full_cloud() -> Cloud:
     """A cloud at map coordinates with everything a cloud can hold."""
     fields = {"gps time": np.array([1e9 + 0.125, 2.0, 3.0, 4.0]), "ring": np.array([1, 2, 3, 65535], dtype=np.uint16)}
-    return Cloud.from_world_points(
-        POINTS + UTM, colours=COLOURS, intensity=INTENSITY, fields=fields, triangles=TRIANGLES
-    )
+    return Cloud.from_points(POINTS + UTM, colors=COLORS, intensity=INTENSITY, fields=fields, triangles=TRIANGLES)
 
 
-def assert_same(cloud: Cloud, points: Any = POINTS, colours: Any = None, intensity: Any = None) -> None:
+def assert_same(cloud: Cloud, points: Any = POINTS, colors: Any = None, intensity: Any = None) -> None:
     """The cloud holds exactly these points, colours and intensities."""
-    np.testing.assert_array_equal(cloud.world_points, points)
-    for found, needed in ((cloud.colours, colours), (cloud.intensity, intensity)):
+    np.testing.assert_array_equal(cloud.points, points)
+    for found, needed in ((cloud.colors, colors), (cloud.intensity, intensity)):
         if needed is None:
             assert found is None
         else:
@@ -70,8 +68,8 @@ CUT = [[0, 1, 2], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 def binary_ply(order: str, form: str) -> bytes:
     """A PLY with an element before the vertices and polygons after them."""
     body = struct.pack(f"{order}fB2h", 1.5, 2, 640, 480)
-    for point, colour, strength in zip(POINTS, COLOURS, INTENSITY, strict=True):
-        body += struct.pack(f"{order}dff3Bf", *point, *(int(c) for c in colour), strength)
+    for point, color, strength in zip(POINTS, COLORS, INTENSITY, strict=True):
+        body += struct.pack(f"{order}dff3Bf", *point, *(int(c) for c in color), strength)
     for polygon in POLYGONS:
         body += struct.pack(f"{order}B{len(polygon)}iB", len(polygon), *polygon, 9)
     return PLY_HEAD.format(form=form).encode() + body
@@ -80,8 +78,8 @@ def binary_ply(order: str, form: str) -> bytes:
 def ascii_ply() -> bytes:
     """The same in ASCII."""
     lines = ["1.5 2 640 480"]
-    for point, colour, strength in zip(POINTS, COLOURS, INTENSITY, strict=True):
-        lines.append(" ".join(str(value) for value in (*point, *colour, strength)))
+    for point, color, strength in zip(POINTS, COLORS, INTENSITY, strict=True):
+        lines.append(" ".join(str(value) for value in (*point, *color, strength)))
     lines += [f"{len(polygon)} {' '.join(map(str, polygon))} 9" for polygon in POLYGONS]
     return (PLY_HEAD.format(form="ascii") + "\n".join(lines) + "\n").encode()
 
@@ -102,7 +100,7 @@ def pcd_rows() -> Any:
     """The rows of the PCD."""
     rows = np.zeros(4, dtype=PCD_ROW)
     rows["x"], rows["y"], rows["z"] = POINTS.T
-    red, green, blue = COLOURS.astype(np.uint32).T
+    red, green, blue = COLORS.astype(np.uint32).T
     rows["rgb"] = red << 16 | green << 8 | blue
     rows["intensity"] = INTENSITY
     return rows

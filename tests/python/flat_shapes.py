@@ -10,10 +10,10 @@ from shapely.geometry.base import BaseGeometry
 Array = NDArray[np.float64]
 
 
-def disc(radius: float, centre: tuple[float, float], corners: int = 400) -> Array:
+def disc(radius: float, center: tuple[float, float], corners: int = 400) -> Array:
     """A regular polygon, by default as good as a circle."""
     angles = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
-    return np.add(centre, radius * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return np.add(center, radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def polygon_of(rings: list[Array] | tuple[Array, ...]) -> BaseGeometry:

@@ -12,7 +12,9 @@ from regionpose.evaluation.studies.conditions import Value
 from regionpose.evaluation.studies.rows import TIMES, Row
 
 WIDTH, HEIGHT = 360, 240
-PERSPECTIVE = setups.Setup(PinholeCamera(288.0, 288.0, 179.5, 119.5, WIDTH, HEIGHT), setups.perspective_setup().poses)
+PERSPECTIVE = setups.Setup(
+    PinholeCamera(288.0, 288.0, 179.5, 119.5, width=WIDTH, height=HEIGHT), setups.perspective_setup().poses
+)
 FISHEYE = setups.Setup(
     FisheyeCamera(76.0, 76.0, 179.5, 119.5, width=WIDTH, height=HEIGHT), setups.PoseRange((0.25, 0.5), (1.0, 2.0))
 )

@@ -13,7 +13,7 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from regionpose import _core
+from regionpose import _core, kernels
 from regionpose.evaluation import load_templates
 
 SAMPLES = Path(__file__).parent / "samples"
@@ -21,7 +21,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MARKS = np.zeros(4, dtype=np.bool_)
 LIFTED = np.column_stack([SQUARE, np.ones(4)])
 BOW_TIE = SQUARE[[0, 2, 1, 3]]
-CAMERA = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0, 640, 480)
+CAMERA = rp.PinholeCamera(500.0, 500.0, 320.0, 240.0, width=640, height=480)
 IMAGE = rp.ImageRegion.from_polygon(SQUARE * 100.0 + 200.0)
 WORLD = rp.WorldRegion.from_polygon(LIFTED)
 POSE = rp.Pose.from_matrix(np.eye(4))
@@ -51,9 +51,9 @@ class Mesh:
         self.faces: Any = faces
 
 
-def solve(**options: Any) -> object:
+def solve(prior: Any = None, **options: Any) -> object:
     """A pose of one square with these options."""
-    return rp.estimate_pose(CAMERA, [IMAGE], [WORLD], **options)
+    return rp.estimate_pose(CAMERA, [IMAGE], [WORLD], prior=prior, solver=rp.Solver(**options))
 
 
 def bordered(line: np.ndarray) -> object:
@@ -97,16 +97,19 @@ RINGS: list[tuple[Callable[[], object], str]] = [
     (lambda: IMAGE_RING({0: SQUARE}), "rings is a dict; needed a list"),
     (lambda: IMAGE_RING(3.5), "rings is a float; needed a list"),
     (lambda: IMAGE_RING(np.array(3.5)), "rings is a ndarray; needed a list"),
-    (lambda: rp.planar_moments([BOW_TIE], 2), r"edge \d of ring 0 crosses"),
-    (lambda: rp.planar_moments([SQUARE * 1e200], 2), "largest coordinate of the rings is 1e200; it needs to be from"),
-    (lambda: rp.spherical_moments([LIFTED * 0.0], 2), "ring 0 bearing 0 is zero; a bearing needs a direction"),
+    (lambda: kernels.planar_moments([BOW_TIE], 2), r"edge \d of ring 0 crosses"),
     (
-        lambda: rp.spherical_moments([np.vstack([LIFTED, -LIFTED])], 2),
+        lambda: kernels.planar_moments([SQUARE * 1e200], 2),
+        "largest coordinate of the rings is 1e200; it needs to be from",
+    ),
+    (lambda: kernels.spherical_moments([LIFTED * 0.0], 2), "ring 0 bearing 0 is zero; a bearing needs a direction"),
+    (
+        lambda: kernels.spherical_moments([np.vstack([LIFTED, -LIFTED])], 2),
         "the observed region reaches 89.9 deg or more|distinct",
     ),
-    (lambda: rp.triangulate([SQUARE[:2]]), "ring 0 has 2 distinct vertices"),
-    (lambda: rp.triangulate(None), "rings need to be a list of arrays"),  # type: ignore[arg-type]
-    (lambda: rp.planar_moments([["a", "b"]], 2), "ring 0 is an array of type <U1; it needs to be an"),
+    (lambda: kernels.triangulate([SQUARE[:2]]), "ring 0 has 2 distinct vertices"),
+    (lambda: kernels.triangulate(None), "rings need to be a list of arrays"),  # type: ignore[arg-type]
+    (lambda: kernels.planar_moments([["a", "b"]], 2), "ring 0 is an array of type <U1; it needs to be an"),
 ]
 
 MASKS: list[tuple[Callable[[], object], str]] = [
@@ -152,26 +155,26 @@ WORLDS: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: rp.WorldRegion.from_mesh(Mesh(with_value(LIFTED, np.nan), [[0, 1, 2]])), "vertex 2 is not finite: NaN"),
     (lambda: rp.WorldRegion.from_mesh(Mesh(LIFTED, "faces")), "mesh.faces has type <U5"),
-    (lambda: rp.alpha_shape(SQUARE[:2], 1.0), "2 distinct points; an outline needs at least 3"),
-    (lambda: rp.alpha_shape([[0, 0], [1, 1], [2, 2]], 1.0), "all 3 distinct points lie on one line"),
-    (lambda: rp.alpha_shape(SQUARE, 0.1), "radius 1e-1 keeps none of the triangles; it needs to be at least 7.07"),
-    (lambda: rp.alpha_shape(SQUARE, 0.0), "radius is 0; it needs to be positive"),
+    (lambda: kernels.alpha_shape(SQUARE[:2], 1.0), "2 distinct points; an outline needs at least 3"),
+    (lambda: kernels.alpha_shape([[0, 0], [1, 1], [2, 2]], 1.0), "all 3 distinct points lie on one line"),
+    (lambda: kernels.alpha_shape(SQUARE, 0.1), "radius 1e-1 keeps none of the triangles; it needs to be at least 7.07"),
+    (lambda: kernels.alpha_shape(SQUARE, 0.0), "radius is 0; it needs to be positive"),
 ]
 
 OPTIONS: list[tuple[Callable[[], object], str]] = [
-    (lambda: solve(system="cylinder"), 'system is "cylinder"; it needs to be "plane" or "sphere"'),
-    (lambda: solve(system=None), 'system is a NoneType; it needs to be "plane" or "sphere"'),
-    (lambda: solve(integration="voxels"), 'integration is "voxels"; it needs to be "boundary", "mesh" or "pixels"'),
-    (lambda: solve(integration={}), 'integration is a dict; it needs to be "boundary", "mesh" or "pixels"'),
-    (lambda: solve(integration=1), "integration is a int; it needs to be"),
-    (lambda: solve(mesh_size=0.1), 'mesh_size is 0.1 with integration "boundary"; it needs "mesh"'),
-    (lambda: solve(integration="mesh", mesh_size=0.0), "region 0: mesh_size is 0; it needs to be positive and finite"),
-    (lambda: solve(integration="mesh", mesh_size=-1.0), "mesh_size is -1; it needs to be positive"),
-    (lambda: solve(integration="mesh", mesh_size=np.nan), "mesh_size is NaN; it needs to be positive and finite"),
+    (lambda: solve(system="cylinder"), 'system is \'cylinder\'; needed "plane" or "sphere"'),
+    (lambda: solve(system=None), 'system is None; needed "plane" or "sphere"'),
+    (lambda: solve(integration="voxels"), 'integration is \'voxels\'; needed "boundary" or "mesh" or "pixels"'),
+    (lambda: solve(integration={}), "integration is {}; needed"),
+    (lambda: solve(integration=1), "integration is 1; needed"),
+    (lambda: solve(mesh_size=0.1), 'mesh_size is 0.1 with integration "boundary"; needed "mesh"'),
+    (lambda: solve(integration="mesh", mesh_size=0.0), "mesh_size is 0.0; needed a positive and finite number"),
+    (lambda: solve(integration="mesh", mesh_size=-1.0), "mesh_size is -1.0; needed a positive"),
+    (lambda: solve(integration="mesh", mesh_size=np.nan), "mesh_size is nan; needed a positive and finite number"),
     (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 1000000 triangles"),
-    (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is a str; it needs to be a number, or None"),
+    (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is 'fine'; needed a number, or None"),
     (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
-    (lambda: solve(driver=None), "driver is None; needed"),
+    (lambda: solve(refine="edges"), "refine is 'edges'; needed \"contour\" or None"),
     (lambda: solve(start="random"), 'start is \'random\'; needed "global" or "paper"'),
     (lambda: solve(prior="up"), "prior is a str; needed a Prior or None"),
     (lambda: solve(prior={"up": UP}), "prior is a dict; needed a Prior or None"),
@@ -207,15 +210,15 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.estimate_pose(CAMERA, [IMAGE], [WORLD, WORLD]), "there are 1 observed and 2 world regions"),
     (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), "region 0 is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
     (lambda: rp.estimate_pose("cam", [IMAGE], [WORLD]), "camera is a str; needed one of the regionpose"),  # type: ignore[arg-type]
-    (lambda: rp.planar_moments([SQUARE], -1), "order is -1; it needs to be 0 to 8"),
-    (lambda: rp.spherical_moments([LIFTED], 9), "order is 9; it needs to be 0 to 8"),
-    (lambda: rp.planar_moments([SQUARE], 10**30), "order is a int; it needs to be a whole number from 0 to 8"),
-    (lambda: rp.planar_moments([SQUARE], 2.5), "order is a float; it needs"),  # type: ignore[arg-type]
-    (lambda: rp.planar_moments([SQUARE], None), "order is a NoneType; it needs"),  # type: ignore[arg-type]
-    (lambda: rp.triangulate([SQUARE], max_area=0.0), "max_area is 0; it needs to be at least"),
-    (lambda: rp.triangulate([SQUARE], max_area=np.nan), "max_area is NaN; it needs"),
-    (lambda: rp.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
-    (lambda: rp.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
+    (lambda: kernels.planar_moments([SQUARE], -1), "order is -1; it needs to be 0 to 8"),
+    (lambda: kernels.spherical_moments([LIFTED], 9), "order is 9; it needs to be 0 to 8"),
+    (lambda: kernels.planar_moments([SQUARE], 10**30), "order is a int; it needs to be a whole number from 0 to 8"),
+    (lambda: kernels.planar_moments([SQUARE], 2.5), "order is a float; it needs"),  # type: ignore[arg-type]
+    (lambda: kernels.planar_moments([SQUARE], None), "order is a NoneType; it needs"),  # type: ignore[arg-type]
+    (lambda: kernels.triangulate([SQUARE], max_area=0.0), "max_area is 0; it needs to be at least"),
+    (lambda: kernels.triangulate([SQUARE], max_area=np.nan), "max_area is NaN; it needs"),
+    (lambda: kernels.triangulate([SQUARE], min_angle=50.0), "min_angle is 50; it needs to be from 0.001 to 30"),
+    (lambda: kernels.triangulate([SQUARE], min_angle="wide"), "min_angle is a str; it needs"),  # type: ignore[arg-type]
     (lambda: _core.mesh_planar_moments(with_value(SQUARE, np.nan), [[0, 1, 2]], 2), "vertices row 2 is not finite"),
     (lambda: bordered(np.empty((0, 3))), "region 0: border line 0 has 0 bearings; a line needs"),
     (lambda: bordered(LIFTED[:1]), "region 0: border line 0 has 1 bearings; a line needs"),
@@ -231,7 +234,7 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
 CAMERAS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.PinholeCamera(-500.0, 500.0, 0.0, 0.0), "fx: found -500.0; needed a number above 0"),
     (lambda: rp.FisheyeCamera(500.0, 0.0, 0.0, 0.0), "fy: found 0.0; needed a number above 0"),
-    (lambda: rp.UnifiedCamera(1.0, np.nan, 1.0, 0.0, 0.0), "fx: found nan; needed a finite number"),
+    (lambda: rp.UnifiedCamera(np.nan, 1.0, 0.0, 0.0, xi=1.0), "fx: found nan; needed a finite number"),
     (lambda: rp.PinholeCamera("500", 500.0, 0.0, 0.0), "fx: found '500'; needed a number"),  # type: ignore[arg-type]
     (lambda: rp.OcamCamera((0.0,), (0.0, 0.0)), "polynomial: found 0.0; needed a first coefficient a0 above 0"),
     (lambda: CAMERA.bearings(SQUARE * 1j), "pixels: found an array of type complex128; needed numbers"),
@@ -242,12 +245,17 @@ CAMERAS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.Pose.from_parts(-np.eye(3), [0, 0, 0]), "det = -1.000; needed a rotation"),
     (lambda: rp.Pose.from_parts(np.eye(3), "here"), "translation has type <U4; needed real numbers"),
     (lambda: rp.Pose(None, np.zeros(3)), "rotation is NoneType; needed one scipy Rotation"),  # type: ignore[arg-type]
-    (lambda: rp.Pose.from_parts(np.eye(3), [0.0, np.inf, 0.0]), "translation is .*; needed 3 finite numbers"),
+    (
+        lambda: rp.Pose.from_parts(np.eye(3), [0.0, np.inf, 0.0]),
+        r"translation is \[0.0, inf, 0.0\]; needed finite numbers",
+    ),
 ]
 
 
 @pytest.mark.parametrize(
-    ("make", "message"), RINGS + MASKS + WORLDS + OPTIONS + CAMERAS, ids=lambda value: str(value)[:50]
+    ("make", "message"),
+    RINGS + MASKS + WORLDS + OPTIONS + CAMERAS,
+    ids=lambda value: value[:50] if isinstance(value, str) else "made",
 )
 def test_bad_input_is_named(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
@@ -307,25 +315,25 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     rp.Pose.from_matrix,
     CAMERA.bearings,
     CAMERA.project,
-    rp.triangulate,
+    kernels.triangulate,
     lambda value: rp.Pose(value, np.zeros(3)),
     lambda value: rp.Pose.from_parts(np.eye(3), value),
     lambda value: rp.Pose.from_parts(np.eye(3), [0, 0, 0]).transform(value),
-    lambda value: rp.planar_moments(value, 3),
-    lambda value: rp.spherical_moments(value, 3),
-    lambda value: rp.planar_moments([SQUARE], value),
-    lambda value: rp.alpha_shape(value, 1.0),
-    lambda value: rp.alpha_shape(SQUARE, value),
-    lambda value: rp.triangulate([SQUARE], max_area=value),
+    lambda value: kernels.planar_moments(value, 3),
+    lambda value: kernels.spherical_moments(value, 3),
+    lambda value: kernels.planar_moments([SQUARE], value),
+    lambda value: kernels.alpha_shape(value, 1.0),
+    lambda value: kernels.alpha_shape(SQUARE, value),
+    lambda value: kernels.triangulate([SQUARE], max_area=value),
     lambda value: rp.WorldRegion.from_points(LIFTED, radius=value),
     lambda value: rp.WorldRegion.from_mesh(Mesh(value, [[0, 1, 2]])),
     lambda value: rp.WorldRegion.from_mesh(Mesh(LIFTED, value)),
     lambda value: rp.PinholeCamera(value, 1.0, 0.0, 0.0),
     lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, width=value),
     lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, distortion=value),
-    lambda value: rp.FisheyeCamera(1.0, 1.0, 0.0, 0.0, k=value),
+    lambda value: rp.FisheyeCamera(1.0, 1.0, 0.0, 0.0, distortion=value),
     lambda value: rp.OcamCamera(value, (0.0, 0.0)),
-    lambda value: rp.UnifiedCamera(value, 1.0, 1.0, 0.0, 0.0),
+    lambda value: rp.UnifiedCamera(1.0, 1.0, 0.0, 0.0, xi=value),
     lambda value: rp.estimate_pose(value, [IMAGE], [WORLD]),
     lambda value: rp.estimate_pose(CAMERA, value, [WORLD]),
     lambda value: rp.estimate_pose(CAMERA, [IMAGE], value),
@@ -374,11 +382,11 @@ COORDINATES = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e-300, 1e-12, 0
 @given(st.lists(arrays.arrays(np.float64, st.tuples(st.integers(1, 7), st.just(2)), elements=COORDINATES), max_size=3))
 def test_rings_are_refused_or_have_a_positive_area(rings: list[np.ndarray]) -> None:
     try:
-        moments = rp.planar_moments(rings, 2)
+        moments = kernels.planar_moments(rings, 2)
     except ValueError:
         return
     assert moments[0, 0] > 0.0
-    vertices, triangles = rp.triangulate(rings)
+    vertices, triangles = kernels.triangulate(rings)
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     assert areas.sum() == pytest.approx(moments[0, 0], rel=1e-9)
@@ -408,7 +416,10 @@ def test_pairs_that_do_not_match_end_in_a_pose_or_a_pose_error(
     try:
         image = rp.ImageRegion.from_polygon(ring)
         estimate = rp.estimate_pose(
-            CAMERA, [image], [rp.WorldRegion.from_polygon(world)], system=system, integration=integration, driver=driver
+            CAMERA,
+            [image],
+            [rp.WorldRegion.from_polygon(world)],
+            solver=rp.Solver(system=system, integration=integration, driver=driver),
         )
     except ValueError as error:
         assert len(str(error)) > 10

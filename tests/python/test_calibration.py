@@ -18,54 +18,114 @@ EXPECTED = [
     (
         "opencv.yml",
         None,
-        PinholeCamera(1020.5, 1018.5, 639.5, 479.5, 1280, 960, (-0.25, 0.1, 5e-4, -7.5e-4, -0.02)),
+        PinholeCamera(
+            1020.5, 1018.5, 639.5, 479.5, width=1280, height=960, distortion=(-0.25, 0.1, 5e-4, -7.5e-4, -0.02)
+        ),
     ),
-    ("opencv_fisheye.yml", None, FisheyeCamera(310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)),
+    (
+        "opencv_fisheye.yml",
+        None,
+        FisheyeCamera(310, 311, 512, 384, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768),
+    ),
     (
         "opencv_stereo.yml",
         "M1",
-        PinholeCamera(530, 530, 320, 240, None, None, (-0.28, 0.05, 0, 0, 0, 0.01, 0.02, 0.003)),
+        PinholeCamera(
+            530, 530, 320, 240, width=None, height=None, distortion=(-0.28, 0.05, 0, 0, 0, 0.01, 0.02, 0.003)
+        ),
     ),
-    ("opencv_stereo.yml", "M2", PinholeCamera(535, 536, 321, 241, None, None, (-0.3, 0.1, 1e-3, 0, 0, 0, 0, 0))),
+    (
+        "opencv_stereo.yml",
+        "M2",
+        PinholeCamera(535, 536, 321, 241, width=None, height=None, distortion=(-0.3, 0.1, 1e-3, 0, 0, 0, 0, 0)),
+    ),
     (
         "ros_camera_info.yaml",
         None,
-        PinholeCamera(458.5, 457.25, 367.25, 248.5, 752, 480, (-0.28, 0.074, 2e-4, 1e-5, 0)),
+        PinholeCamera(458.5, 457.25, 367.25, 248.5, width=752, height=480, distortion=(-0.28, 0.074, 2e-4, 1e-5, 0)),
     ),
     (
         "ros_camera_info.yaml",
         "left",
-        PinholeCamera(458.5, 457.25, 367.25, 248.5, 752, 480, (-0.28, 0.074, 2e-4, 1e-5, 0)),
+        PinholeCamera(458.5, 457.25, 367.25, 248.5, width=752, height=480, distortion=(-0.28, 0.074, 2e-4, 1e-5, 0)),
     ),
     (
         "ros_message.yaml",
         None,
-        PinholeCamera(610, 611, 640.5, 360.25, 1280, 720, (0.5, -0.2, 1e-3, -2e-4, 0.01, 0.8, -0.1, 0.02)),
+        PinholeCamera(
+            610, 611, 640.5, 360.25, width=1280, height=720, distortion=(0.5, -0.2, 1e-3, -2e-4, 0.01, 0.8, -0.1, 0.02)
+        ),
     ),
-    ("kalibr_camchain.yaml", "cam0", PinholeCamera(458.5, 457.25, 367.25, 248.5, 752, 480, (-0.28, 0.07, 2e-4, 1e-5))),
-    ("kalibr_camchain.yaml", "cam1", FisheyeCamera(460, 461, 376, 240, (-0.01, 0.02, -0.015, 0.004), 752, 480)),
-    ("kalibr_camchain.yaml", "cam2", UnifiedCamera(1.7, 900, 901, 640, 512, (-0.2, 0.04, 1e-4, -3e-4), 1280, 1024)),
-    ("colmap_cameras.txt", "1", PinholeCamera(2559.8, 2559.8, 1535.5, 1151.5, 3072, 2304)),
-    ("colmap_cameras.txt", "2", PinholeCamera(2560.5, 2560.25, 1535.5, 1151.5, 3072, 2304)),
-    ("colmap_cameras.txt", "3", PinholeCamera(2559.7, 2559.7, 1535.5, 1151.5, 3072, 2304, (-0.0218, 0, 0, 0))),
-    ("colmap_cameras.txt", "4", PinholeCamera(2559.7, 2559.7, 1535.5, 1151.5, 3072, 2304, (-0.02, 0.015, 0, 0))),
-    ("colmap_cameras.txt", "5", PinholeCamera(2559, 2560, 1535.5, 1151.5, 3072, 2304, (-0.02, 0.015, 1e-4, -2e-4))),
-    ("colmap_cameras.txt", "6", FisheyeCamera(400, 401, 499.5, 500, (0.01, -0.002, 3e-4, -1e-5), 1000, 1000)),
+    (
+        "kalibr_camchain.yaml",
+        "cam0",
+        PinholeCamera(458.5, 457.25, 367.25, 248.5, width=752, height=480, distortion=(-0.28, 0.07, 2e-4, 1e-5)),
+    ),
+    (
+        "kalibr_camchain.yaml",
+        "cam1",
+        FisheyeCamera(460, 461, 376, 240, distortion=(-0.01, 0.02, -0.015, 0.004), width=752, height=480),
+    ),
+    (
+        "kalibr_camchain.yaml",
+        "cam2",
+        UnifiedCamera(900, 901, 640, 512, xi=1.7, distortion=(-0.2, 0.04, 1e-4, -3e-4), width=1280, height=1024),
+    ),
+    ("colmap_cameras.txt", "1", PinholeCamera(2559.8, 2559.8, 1535.5, 1151.5, width=3072, height=2304)),
+    ("colmap_cameras.txt", "2", PinholeCamera(2560.5, 2560.25, 1535.5, 1151.5, width=3072, height=2304)),
+    (
+        "colmap_cameras.txt",
+        "3",
+        PinholeCamera(2559.7, 2559.7, 1535.5, 1151.5, width=3072, height=2304, distortion=(-0.0218, 0, 0, 0)),
+    ),
+    (
+        "colmap_cameras.txt",
+        "4",
+        PinholeCamera(2559.7, 2559.7, 1535.5, 1151.5, width=3072, height=2304, distortion=(-0.02, 0.015, 0, 0)),
+    ),
+    (
+        "colmap_cameras.txt",
+        "5",
+        PinholeCamera(2559, 2560, 1535.5, 1151.5, width=3072, height=2304, distortion=(-0.02, 0.015, 1e-4, -2e-4)),
+    ),
+    (
+        "colmap_cameras.txt",
+        "6",
+        FisheyeCamera(400, 401, 499.5, 500, distortion=(0.01, -0.002, 3e-4, -1e-5), width=1000, height=1000),
+    ),
     (
         "colmap_cameras.txt",
         "7",
-        PinholeCamera(2559, 2560, 1535.5, 1151.5, 3072, 2304, (0.1, 0.02, 1e-4, -2e-4, 0.003, 0.11, 0.01, 0.001)),
+        PinholeCamera(
+            2559,
+            2560,
+            1535.5,
+            1151.5,
+            width=3072,
+            height=2304,
+            distortion=(0.1, 0.02, 1e-4, -2e-4, 0.003, 0.11, 0.01, 0.001),
+        ),
     ),
-    ("colmap_cameras.txt", "9", FisheyeCamera(400, 400, 499.5, 499.5, (0.01, -0.002, 0, 0), 1000, 1000)),
+    (
+        "colmap_cameras.txt",
+        "9",
+        FisheyeCamera(400, 400, 499.5, 499.5, distortion=(0.01, -0.002, 0, 0), width=1000, height=1000),
+    ),
     (
         "ocam_calib_results.txt",
         None,
-        OcamCamera((320, 0, -1.1e-3, 1.2e-6, -2.5e-9), (511.75, 383.25), ((1, 7e-4), (-4e-4, 1.002)), 1024, 768),
+        OcamCamera(
+            (320, 0, -1.1e-3, 1.2e-6, -2.5e-9),
+            (511.75, 383.25),
+            stretch=((1, 7e-4), (-4e-4, 1.002)),
+            width=1024,
+            height=768,
+        ),
     ),
     ("kitti_object.txt", None, PinholeCamera(710, 710, 610, 170)),
     ("kitti_object.txt", "P0", PinholeCamera(700, 700, 600, 180)),
     ("kitti_odometry.txt", "P1", PinholeCamera(700, 700, 600, 180)),
-    ("kitti_raw.txt", None, PinholeCamera(720, 720, 610, 170, 1242, 375)),
+    ("kitti_raw.txt", None, PinholeCamera(720, 720, 610, 170, width=1242, height=375)),
 ]
 
 
@@ -262,23 +322,29 @@ def test_a_lidar_pose_must_be_a_rotation(tmp_path: Path) -> None:
 REAL_FILES = {
     "calibrations/kitti_object.txt": PinholeCamera(721.5377, 721.5377, 609.5593, 172.854),
     "calibrations/ros_camera_info_fisheye.yaml": FisheyeCamera(
-        1176.93, 1177.72, 962.275, 612.725, (-0.0540096, -0.0784275, 0.0959641, -0.0515253), 1920, 1208
+        1176.93,
+        1177.72,
+        962.275,
+        612.725,
+        distortion=(-0.0540096, -0.0784275, 0.0959641, -0.0515253),
+        width=1920,
+        height=1208,
     ),
     "calibrations/ocam_calib_results.txt": OcamCamera(
         (471.4441, 0.0, -7.356108e-04, 3.773045e-07, -5.800006e-10),
         (798.175741, 794.308657),
-        ((1.0, -0.000925), (-0.000277, 1.000305)),
-        1600,
-        1600,
+        stretch=((1.0, -0.000925), (-0.000277, 1.000305)),
+        width=1600,
+        height=1600,
     ),
     "opencv_checkerboard/left_intrinsics.yml": PinholeCamera(
         535.91573396163199,
         535.91573396163199,
         342.28315473308373,
         235.57082909788173,
-        640,
-        480,
-        (
+        width=640,
+        height=480,
+        distortion=(
             -0.26637260909660682,
             -0.038588898922304653,
             0.0017831947042852964,

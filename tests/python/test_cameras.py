@@ -15,7 +15,7 @@ from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera,
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 WIDTH, HEIGHT = 1280, 960
-CENTRE = (640.25, 479.5)
+CENTER = (640.25, 479.5)
 
 ROUND_TRIP = 1e-9
 """Pixels: the rounding of a pixel coordinate, 1e-13, with room for the condition of strong distortion."""
@@ -24,24 +24,24 @@ INSIDE = 0.999
 """Share of the largest radius or angle of a model up to which its inverse is well conditioned."""
 
 CAMERAS = [
-    PinholeCamera(900.0, 910.0, *CENTRE),
-    PinholeCamera(900.0, 910.0, *CENTRE, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(-0.3, 0.02, 0.0, 0.0)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(-0.3, 0.02, 1e-2, -2e-2, -0.02)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(0.3, 0.02, 0.1, 0.1, 0.1)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(0.3, 0.02, 0.01, -0.02, 0.1, 0.5, 0.1, 0.01)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(0.1, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)),
-    PinholeCamera(500.0, 510.0, *CENTRE, distortion=(0.1, 0.0, 0.001, 0.0, 0.0, -0.5, 0.0, 0.0)),
-    FisheyeCamera(250.0, 255.0, *CENTRE),
-    FisheyeCamera(300.0, 310.0, *CENTRE, k=(0.05, -0.01, 0.002, -0.001)),
-    FisheyeCamera(280.0, 281.0, *CENTRE, k=(0.1, 0.02, 0.003, 0.001)),
-    OcamCamera((320.0, 0.0, -1.1e-3, 1.2e-6, -2.5e-9), CENTRE, ((1.0, 7e-4), (-4e-4, 1.002))),
-    OcamCamera((400.0,), CENTRE),
-    OcamCamera((300.0, 0.2, -5e-4), CENTRE, ((0.9, 0.1), (0.05, 1.1))),
-    UnifiedCamera(0.0, 700.0, 710.0, *CENTRE, distortion=(-0.2, 0.05, 1e-3, 1e-3)),
-    UnifiedCamera(0.7, 700.0, 710.0, *CENTRE),
-    UnifiedCamera(1.0, 600.0, 610.0, *CENTRE, distortion=(-0.2, 0.05, 1e-3, 1e-3)),
-    UnifiedCamera(1.8, 900.0, 910.0, *CENTRE, distortion=(-0.1, 0.02, 1e-3, -1e-3, 0.001)),
+    PinholeCamera(900.0, 910.0, *CENTER),
+    PinholeCamera(900.0, 910.0, *CENTER, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(-0.3, 0.02, 0.0, 0.0)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(-0.3, 0.02, 1e-2, -2e-2, -0.02)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.3, 0.02, 0.1, 0.1, 0.1)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.3, 0.02, 0.01, -0.02, 0.1, 0.5, 0.1, 0.01)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.1, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)),
+    PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.1, 0.0, 0.001, 0.0, 0.0, -0.5, 0.0, 0.0)),
+    FisheyeCamera(250.0, 255.0, *CENTER),
+    FisheyeCamera(300.0, 310.0, *CENTER, distortion=(0.05, -0.01, 0.002, -0.001)),
+    FisheyeCamera(280.0, 281.0, *CENTER, distortion=(0.1, 0.02, 0.003, 0.001)),
+    OcamCamera((320.0, 0.0, -1.1e-3, 1.2e-6, -2.5e-9), CENTER, stretch=((1.0, 7e-4), (-4e-4, 1.002))),
+    OcamCamera((400.0,), CENTER),
+    OcamCamera((300.0, 0.2, -5e-4), CENTER, stretch=((0.9, 0.1), (0.05, 1.1))),
+    UnifiedCamera(700.0, 710.0, *CENTER, xi=0.0, distortion=(-0.2, 0.05, 1e-3, 1e-3)),
+    UnifiedCamera(700.0, 710.0, *CENTER, xi=0.7),
+    UnifiedCamera(600.0, 610.0, *CENTER, xi=1.0, distortion=(-0.2, 0.05, 1e-3, 1e-3)),
+    UnifiedCamera(900.0, 910.0, *CENTER, xi=1.8, distortion=(-0.1, 0.02, 1e-3, -1e-3, 0.001)),
 ]
 
 
@@ -49,7 +49,7 @@ def image_grid(step: float = 16.0) -> np.ndarray:
     """Pixels (n, 2) over the whole image, its border, the centre and a point next to the centre."""
     u, v = np.meshgrid(np.arange(-0.5, WIDTH, step), np.arange(-0.5, HEIGHT, step))
     corner = [WIDTH - 0.5, HEIGHT - 0.5]
-    return np.vstack([np.stack([u.ravel(), v.ravel()], axis=1), [corner, CENTRE, np.add(CENTRE, 1e-7)]])
+    return np.vstack([np.stack([u.ravel(), v.ravel()], axis=1), [corner, CENTER, np.add(CENTER, 1e-7)]])
 
 
 def angles_off_axis(bearings: np.ndarray) -> np.ndarray:
@@ -107,8 +107,8 @@ FOLDED = [
     CAMERAS[2],
     CAMERAS[3],
     CAMERAS[9],
-    UnifiedCamera(1.8, 900.0, 910.0, *CENTRE),
-    OcamCamera((90, 0, 0.01), CENTRE),
+    UnifiedCamera(900.0, 910.0, *CENTER, xi=1.8),
+    OcamCamera((90, 0, 0.01), CENTER),
 ]
 
 
@@ -118,7 +118,7 @@ def test_pixels_beyond_the_fold_have_no_bearing(camera: Camera) -> None:
     turns = np.linspace(0.0, 6.0, 50)
     rim = camera.project(directions(np.full(50, INSIDE * camera.max_angle), turns))
     assert np.isfinite(camera.bearings(rim)).all()
-    assert np.isnan(camera.bearings(2.0 * rim - CENTRE)).all()
+    assert np.isnan(camera.bearings(2.0 * rim - CENTER)).all()
 
 
 # Rounded: a coefficient of 1e-315 bends a camera only at radii that no float holds.
@@ -132,16 +132,24 @@ distortions = st.one_of(
     st.tuples(coefficient, coefficient, tangential, tangential, *[coefficient] * 4),
 )
 cameras = st.one_of(
-    st.builds(lambda f, g, d: PinholeCamera(f, g, *CENTRE, distortion=d), focal, focal, distortions),
-    st.builds(lambda f, g, k: FisheyeCamera(f, g, *CENTRE, k=k), focal, focal, st.tuples(*[st.floats(-0.1, 0.1)] * 4)),
+    st.builds(lambda f, g, d: PinholeCamera(f, g, *CENTER, distortion=d), focal, focal, distortions),
     st.builds(
-        lambda a, b, c, d: OcamCamera((a, b, c / a, d / a**2), CENTRE, ((1.0, 0.01), (-0.02, 0.98))),
+        lambda f, g, k: FisheyeCamera(f, g, *CENTER, distortion=k), focal, focal, st.tuples(*[st.floats(-0.1, 0.1)] * 4)
+    ),
+    st.builds(
+        lambda a, b, c, d: OcamCamera((a, b, c / a, d / a**2), CENTER, stretch=((1.0, 0.01), (-0.02, 0.98))),
         focal,
         coefficient,
         coefficient,
         coefficient,
     ),
-    st.builds(lambda x, f, g, d: UnifiedCamera(x, f, g, *CENTRE, d), st.floats(0.0, 3.0), focal, focal, distortions),
+    st.builds(
+        lambda x, f, g, d: UnifiedCamera(f, g, *CENTER, xi=x, distortion=d),
+        st.floats(0.0, 3.0),
+        focal,
+        focal,
+        distortions,
+    ),
 )
 
 
@@ -162,7 +170,7 @@ def test_any_camera_sees_each_direction_once(camera: Camera, seed: int) -> None:
     largest = min(0.99 * camera.max_angle, 3.0)
     rays = directions(random.uniform(0.0, largest, 100), random.uniform(0.0, 2.0 * np.pi, 100))
     pixels = camera.project(rays)
-    near = np.hypot(*(pixels - CENTRE).T) < 1e5
+    near = np.hypot(*(pixels - CENTER).T) < 1e5
     assert np.isfinite(pixels).all()
     assert np.allclose(camera.bearings(pixels[near]), rays[near], rtol=0.0, atol=1e-7)
 
@@ -180,21 +188,21 @@ def test_a_resized_camera_sees_what_the_photo_shows(camera: Camera) -> None:
 
 
 def test_a_camera_is_resized_by_one_factor_only() -> None:
-    camera = PinholeCamera(500.0, 500.0, *CENTRE, WIDTH, HEIGHT)
+    camera = PinholeCamera(500.0, 500.0, *CENTER, width=WIDTH, height=HEIGHT)
     with pytest.raises(ValueError, match="size: found 640 x 400 pixels for 1280 x 960; needed both sides"):
         camera.resized(640, 400)
     with pytest.raises(ValueError, match="camera: found no width and height"):
-        PinholeCamera(500.0, 500.0, *CENTRE).resized(640, 480)
+        PinholeCamera(500.0, 500.0, *CENTER).resized(640, 480)
 
 
-def test_a_pinhole_pixel_one_focal_length_off_centre_is_seen_at_45_degrees() -> None:
-    camera = PinholeCamera(500.0, 400.0, 320.0, 240.0, 640, 480)
+def test_a_pinhole_pixel_one_focal_length_off_center_is_seen_at_45_degrees() -> None:
+    camera = PinholeCamera(500.0, 400.0, 320.0, 240.0, width=640, height=480)
     half = math.sqrt(0.5)
     assert np.allclose(camera.bearings([[820.0, 240.0], [320.0, -160.0]]), [[half, 0, half], [0, -half, half]])
     assert np.allclose(camera.project([[2.0, 1.0, 4.0]]), [[570.0, 340.0]])
 
 
-def test_an_equidistant_fisheye_sees_the_side_a_quarter_turn_from_the_centre() -> None:
+def test_an_equidistant_fisheye_sees_the_side_a_quarter_turn_from_the_center() -> None:
     camera = FisheyeCamera(100.0, 100.0, 0.0, 0.0)
     assert np.allclose(camera.project([[1.0, 0.0, 0.0], [0.0, -1.0, -1.0]]), [[50 * np.pi, 0], [0, -75 * np.pi]])
     assert camera.max_angle == math.pi
@@ -202,7 +210,7 @@ def test_an_equidistant_fisheye_sees_the_side_a_quarter_turn_from_the_centre() -
 
 def test_a_fold_is_where_the_polynomial_says() -> None:
     """t (1 - t^2 / 3) stops growing at 1 rad; so does a radius r (1 - r^2 / 3) at r = 1, that is at 45 degrees."""
-    assert FisheyeCamera(1, 1, 0, 0, k=(-1 / 3, 0, 0, 0)).max_angle == pytest.approx(1.0, abs=1e-14)
+    assert FisheyeCamera(1, 1, 0, 0, distortion=(-1 / 3, 0, 0, 0)).max_angle == pytest.approx(1.0, abs=1e-14)
     assert PinholeCamera(1, 1, 0, 0, distortion=(-1 / 3, 0, 0, 0)).max_angle == pytest.approx(math.pi / 4, abs=1e-14)
 
 
@@ -217,7 +225,7 @@ def test_a_rational_distortion_ends_at_its_pole() -> None:
 
 def test_the_angles_of_a_unified_camera_end_where_the_sphere_turns_away() -> None:
     """xi = 1/2 and xi = 2 both see 120 degrees off the axis; xi = 1 sees all but the direction straight back."""
-    angles = [UnifiedCamera(xi, 1, 1, 0, 0).max_angle for xi in (0.0, 0.5, 1.0, 2.0)]
+    angles = [UnifiedCamera(1, 1, 0, 0, xi=xi).max_angle for xi in (0.0, 0.5, 1.0, 2.0)]
     assert np.allclose(angles, np.radians([90.0, 120.0, 180.0, 120.0]), atol=1e-14)
 
 
@@ -232,15 +240,15 @@ def test_a_polynomial_camera_folds_where_the_angle_stops_growing() -> None:
 
 def test_a_parabolic_mirror_is_both_unified_and_polynomial() -> None:
     """xi = 1 sees along (x, y, (1 - x^2 - y^2) / 2)."""
-    unified = UnifiedCamera(1.0, 300.0, 300.0, *CENTRE)
-    ocam = OcamCamera((150.0, 0.0, -1.0 / 600.0), CENTRE)
+    unified = UnifiedCamera(300.0, 300.0, *CENTER, xi=1.0)
+    ocam = OcamCamera((150.0, 0.0, -1.0 / 600.0), CENTER)
     assert np.allclose(unified.bearings(image_grid()), ocam.bearings(image_grid()), rtol=0.0, atol=1e-13)
 
 
 def test_xi_zero_and_a_constant_polynomial_are_pinhole_cameras() -> None:
-    pinhole = PinholeCamera(400.0, 400.0, *CENTRE).bearings(image_grid())
-    assert np.allclose(UnifiedCamera(0.0, 400.0, 400.0, *CENTRE).bearings(image_grid()), pinhole, atol=1e-14)
-    assert np.allclose(OcamCamera((400.0,), CENTRE).bearings(image_grid()), pinhole, atol=1e-14)
+    pinhole = PinholeCamera(400.0, 400.0, *CENTER).bearings(image_grid())
+    assert np.allclose(UnifiedCamera(400.0, 400.0, *CENTER, xi=0.0).bearings(image_grid()), pinhole, atol=1e-14)
+    assert np.allclose(OcamCamera((400.0,), CENTER).bearings(image_grid()), pinhole, atol=1e-14)
 
 
 @pytest.mark.parametrize("p", [(0.01, 0.0), (0.02, -0.03), (0.0, 0.1)])
@@ -287,7 +295,7 @@ def test_many_rows_are_mapped_like_few() -> None:
 
 
 def test_cameras_are_values() -> None:
-    camera = OcamCamera(np.array([300.0, 0.0, -1e-3]), [10, 20], np.eye(2), 640, 480)  # type: ignore[arg-type]
+    camera = OcamCamera(np.array([300.0, 0.0, -1e-3]), [10, 20], stretch=np.eye(2), width=640, height=480)  # type: ignore[arg-type]
     assert camera == eval(repr(camera))
     assert hash(camera) == hash(eval(repr(camera)))
     assert PinholeCamera(1, 2, 3, 4) != PinholeCamera(1, 2, 3, 5)
@@ -299,13 +307,13 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
     matrix = [[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]]
     k = (0.1, 0.2, 0.3, 0.4)
     cameras: list[PinholeCamera | FisheyeCamera | UnifiedCamera] = [
-        PinholeCamera.from_matrix(matrix, np.reshape(k, (1, 4)), 640, 480),
-        FisheyeCamera.from_matrix(matrix, np.reshape(k, (4, 1)), 640, 480),
-        UnifiedCamera.from_matrix(matrix, k, 640, 480, xi=1.2),
+        PinholeCamera.from_matrix(matrix, distortion=np.reshape(k, (1, 4)), width=640, height=480),
+        FisheyeCamera.from_matrix(matrix, distortion=np.reshape(k, (4, 1)), width=640, height=480),
+        UnifiedCamera.from_matrix(matrix, distortion=k, width=640, height=480, xi=1.2),
     ]
-    assert cameras[0] == PinholeCamera(500, 510, 320, 240, 640, 480, k)
-    assert cameras[1] == FisheyeCamera(500, 510, 320, 240, k, 640, 480)
-    assert cameras[2] == UnifiedCamera(1.2, 500, 510, 320, 240, k, 640, 480)
+    assert cameras[0] == PinholeCamera(500, 510, 320, 240, width=640, height=480, distortion=k)
+    assert cameras[1] == FisheyeCamera(500, 510, 320, 240, distortion=k, width=640, height=480)
+    assert cameras[2] == UnifiedCamera(500, 510, 320, 240, xi=1.2, distortion=k, width=640, height=480)
     assert all(np.array_equal(camera.matrix, matrix) for camera in cameras)
 
 
@@ -322,23 +330,23 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         ),
         (lambda: PinholeCamera(1, 1, 0, 0, distortion=(0, 0, math.inf, 0)), r"distortion\[2\]: found inf"),
         (
-            lambda: PinholeCamera(1, 1, 0, 0, 640.5, 480),  # type: ignore[arg-type]
+            lambda: PinholeCamera(1, 1, 0, 0, width=640.5, height=480),  # type: ignore[arg-type]
             "width: found 640.5; needed a whole number",
         ),
-        (lambda: PinholeCamera(1, 1, 0, 0, 640, 0), "height: found 0; needed a whole number above 0"),
+        (lambda: PinholeCamera(1, 1, 0, 0, width=640, height=0), "height: found 0; needed a whole number above 0"),
         (lambda: PinholeCamera.from_matrix(((1, 0.5, 0), (0, 1, 0), (0, 0, 1))), "skew of 0.5"),
         (lambda: PinholeCamera.from_matrix(np.eye(4)), r"matrix: found an array of shape \(4, 4\)"),
-        (lambda: FisheyeCamera(1, 1, 0, 0, k=(1, 2)), "k: found 2 coefficients; needed 4"),
-        (lambda: FisheyeCamera(1, 1, 0, 0, k=3), "k: found 3; needed a sequence of numbers"),  # type: ignore[arg-type]
+        (lambda: FisheyeCamera(1, 1, 0, 0, distortion=(1, 2)), "distortion: found 2 coefficients; needed 4"),
+        (lambda: FisheyeCamera(1, 1, 0, 0, distortion=3), "distortion: found 3; needed a sequence of numbers"),  # type: ignore[arg-type]
         (lambda: OcamCamera((), (0, 0)), "polynomial: found no coefficients"),
         (lambda: OcamCamera((-300.0, 0.0), (0, 0)), "polynomial: found -300.0; needed a first coefficient a0 above 0"),
         (lambda: OcamCamera((1.0,), (0, 0, 0)), "center: found 3 numbers; needed 2"),
-        (lambda: OcamCamera((1.0,), (0, 0), ((1, 2), (2, 4))), "stretch: found .* invertible"),
+        (lambda: OcamCamera((1.0,), (0, 0), stretch=((1, 2), (2, 4))), "stretch: found .* invertible"),
         (
-            lambda: OcamCamera((1.0,), (0, 0), (1, 2)),  # type: ignore[arg-type]
+            lambda: OcamCamera((1.0,), (0, 0), stretch=(1, 2)),  # type: ignore[arg-type]
             r"stretch: found an array of shape \(2,\)",
         ),
-        (lambda: UnifiedCamera(-0.1, 1, 1, 0, 0), "xi: found -0.1; needed a number of at least 0"),
+        (lambda: UnifiedCamera(1, 1, 0, 0, xi=-0.1), "xi: found -0.1; needed a number of at least 0"),
         (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels: found an array of shape \(2,\); needed \(n, 2\)"),
         (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points: found an array of shape \(3, 2\); needed \(n, 3\)"),
         (lambda: CAMERAS[0].project([["a", "b", "c"]]), "points: found .* needed numbers of shape"),
@@ -355,7 +363,7 @@ def test_bad_parameters_are_named(make: object, message: str) -> None:
 )
 def test_pinhole_pixels_are_those_of_opencv(distortion: tuple[float, ...]) -> None:
     cv2 = pytest.importorskip("cv2")
-    camera = PinholeCamera(900.0, 910.0, *CENTRE, distortion=distortion)
+    camera = PinholeCamera(900.0, 910.0, *CENTER, distortion=distortion)
     points = np.random.default_rng(1).uniform((-2, -2, 4), (2, 2, 6), (200, 3))
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(distortion or (0.0,) * 4))
     assert np.abs(camera.project(points) - expected[:, 0]).max() < 1e-9
@@ -363,9 +371,11 @@ def test_pinhole_pixels_are_those_of_opencv(distortion: tuple[float, ...]) -> No
 
 def test_fisheye_pixels_are_those_of_opencv() -> None:
     cv2 = pytest.importorskip("cv2")
-    camera = FisheyeCamera(300.0, 310.0, *CENTRE, k=(0.05, -0.01, 0.002, -0.001))
+    camera = FisheyeCamera(300.0, 310.0, *CENTER, distortion=(0.05, -0.01, 0.002, -0.001))
     points = np.random.default_rng(1).uniform((-9, -9, 4), (9, 9, 6), (200, 1, 3))
-    expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(camera.k))
+    expected, _ = cv2.fisheye.projectPoints(
+        points, np.zeros(3), np.zeros(3), camera.matrix, np.array(camera.distortion)
+    )
     assert np.abs(camera.project(points[:, 0]) - expected[:, 0]).max() < 1e-9
 
 
@@ -373,7 +383,7 @@ def test_unified_pixels_are_those_of_opencv() -> None:
     cv2 = pytest.importorskip("cv2")
     if not hasattr(cv2, "omnidir"):
         pytest.skip("this OpenCV has no omnidir module")
-    camera = UnifiedCamera(1.2, 600.0, 610.0, *CENTRE, distortion=(-0.1, 0.02, 1e-3, -1e-3))
+    camera = UnifiedCamera(600.0, 610.0, *CENTER, xi=1.2, distortion=(-0.1, 0.02, 1e-3, -1e-3))
     points = np.random.default_rng(1).uniform((-9, -9, -1), (9, 9, 6), (200, 1, 3))
     expected, _ = cv2.omnidir.projectPoints(
         points, np.zeros(3), np.zeros(3), camera.matrix, camera.xi, np.array(camera.distortion)
@@ -399,7 +409,9 @@ def test_chessboard_corners_of_a_strong_fisheye_fall_where_they_were_found() -> 
         calibration = json.loads((folder / "calib.json").read_text())
         region = json.loads((folder / "regions.json").read_text())[0]
         camera = OcamCamera(
-            calibration["taylor_coefficient"], calibration["distortion_center_xy"], calibration["stretch_matrix"]
+            calibration["taylor_coefficient"],
+            calibration["distortion_center_xy"],
+            stretch=calibration["stretch_matrix"],
         )
         points = np.array(region["chessboard_corners_3d"]) @ np.transpose(calibration["R"]) + calibration["t"]
         errors = camera.project(points) - np.array(region["chessboard_corners_px"])

@@ -140,8 +140,8 @@ def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pyte
 def test_no_pose_ends_with_3_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from regionpose.estimation.answer import PoseError
     from regionpose.scene import estimate
-    from regionpose.solver import PoseError
 
     def no_pose(*_: object, **__: object) -> None:
         raise PoseError("no pose shows every world region where its image region is")
@@ -181,8 +181,8 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
     assert names == {"cloud.ply", "depth.png", "edges.png", "overlay.png", "report.html", "result.json"}
     assert result["scene_agreement"]["log_odds"] > 1.0 and result["verdict"]["level"] == "trusted"
     cloud = read_cloud(demo_out / "cloud.ply")
-    assert cloud.colours is not None
-    assert cloud.colours[cloud.fields["visible"] > 0].mean() > 40
+    assert cloud.colors is not None
+    assert cloud.colors[cloud.fields["visible"] > 0].mean() > 40
 
 
 def test_the_demos_scene_files_hold_its_seeds() -> None:
@@ -213,10 +213,10 @@ def sensors(demo_out: Path) -> list[Path | str]:
     return [files / "cloud.ply", files / "image.jpg", "--camera", files / "camera_info.yaml", "--pose", pose, "--quiet"]
 
 
-def test_fuse_colours_a_cloud_as_the_estimate_did(
+def test_fuse_colors_a_cloud_as_the_estimate_did(
     demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "coloured.ply"
+    out = tmp_path / "colored.ply"
     code, said, _ = run(capsys, "fuse", *sensors(demo_out), "--out", out, "--json")
     assert code == 0
     facts = json.loads(said)
@@ -226,9 +226,9 @@ def test_fuse_colours_a_cloud_as_the_estimate_did(
 
 
 def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from regionpose.fusion import View, blend_colors
+    from regionpose.pictures.colors import View, blend_colors
 
-    files, out = demo_folder(), tmp_path / "coloured.ply"
+    files, out = demo_folder(), tmp_path / "colored.ply"
     image = np.asarray(Image.open(files / "image.jpg"))
     Image.fromarray(255 - image).save(tmp_path / "other.png")
     camera, pose = load_camera(files / "camera_info.yaml"), read_pose(demo_out / "result.json")
@@ -244,11 +244,11 @@ def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pyte
     assert code == 0 and json.loads(said)["images"] == 2
     assert "colours of image 1 of 2 ..." in err and "colours of image 2 of 2, about" in err and "s left ..." in err
     points = read_cloud(files / "cloud.ply").points
-    colours, visible = blend_colors(points, [View(image, camera, pose), View(255 - image, camera, back)])
+    colors, visible = blend_colors(points, [View(image, camera, pose), View(255 - image, camera, back)])
     cloud = read_cloud(out)
     np.testing.assert_array_equal(cloud.fields["visible"] > 0, visible)
-    assert cloud.colours is not None
-    np.testing.assert_array_equal(cloud.colours[visible], colours[visible])
+    assert cloud.colors is not None
+    np.testing.assert_array_equal(cloud.colors[visible], colors[visible])
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from regionpose.evaluation.lidar import SpinningLidar, lidar_points
-from regionpose.outline import outline_of_points
+from regionpose.regions.outline import outline_of_points
 from regionpose.segmentation.cloud import grow_plane, nearest_to_ray
 from regionpose.segmentation.planes import find_planes
 from scipy.spatial.transform import Rotation
@@ -19,11 +19,11 @@ LIDARS = {
 }
 
 
-def rectangle(width: float, height: float, turn: Rotation, centre: tuple[float, float, float]) -> list[Array]:
+def rectangle(width: float, height: float, turn: Rotation, center: tuple[float, float, float]) -> list[Array]:
     corners = 0.5 * np.array(
         [[-width, -height, 0.0], [width, -height, 0.0], [width, height, 0.0], [-width, height, 0.0]]
     )
-    return [turn.apply(corners) + centre]
+    return [turn.apply(corners) + center]
 
 
 def labelled(parts: list[Array]) -> tuple[Array, NDArray[np.intp]]:

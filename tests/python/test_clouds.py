@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cloud_samples import (
-    COLOURS,
+    COLORS,
     INTENSITY,
     POINTS,
     TRIANGLES,
@@ -31,34 +31,34 @@ from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_d
 
 
 def test_small_coordinates_have_no_origin() -> None:
-    cloud = Cloud.from_world_points(POINTS)
+    cloud = Cloud.from_points(POINTS)
     assert not cloud.origin.any()
     assert len(cloud) == 4
     assert_same(cloud)
 
 
 def test_map_coordinates_have_an_origin_on_the_large_axes_and_lose_nothing() -> None:
-    cloud = Cloud.from_world_points(POINTS + UTM)
+    cloud = Cloud.from_points(POINTS + UTM)
     np.testing.assert_array_equal(cloud.origin, [449_100.0, 5_412_000.0, 0.0])
-    assert np.abs(cloud.points).max() < 300.0
+    assert np.abs(cloud.local_points).max() < 300.0
     assert_same(cloud, POINTS + UTM)
 
 
 def test_one_stray_point_does_not_move_the_origin() -> None:
     stray = np.vstack([np.tile(POINTS, (3, 1)), [[1e9, -1e9, 1e9]]])
-    assert not Cloud.from_world_points(stray).origin.any()
+    assert not Cloud.from_points(stray).origin.any()
 
 
-def test_points_that_are_not_finite_are_dropped_with_their_colours_and_triangles() -> None:
+def test_points_that_are_not_finite_are_dropped_with_their_colors_and_triangles() -> None:
     points = POINTS.copy()
     points[1, 2] = np.nan
     triangles = [[0, 2, 3], [0, 1, 2]]
-    cloud = Cloud.from_world_points(
-        points, colours=COLOURS, intensity=INTENSITY, fields={"a": np.arange(4)}, triangles=triangles
+    cloud = Cloud.from_points(
+        points, colors=COLORS, intensity=INTENSITY, fields={"a": np.arange(4)}, triangles=triangles
     )
     kept = [0, 2, 3]
     assert cloud.dropped == 1
-    assert_same(cloud, POINTS[kept], COLOURS[kept], INTENSITY[kept])
+    assert_same(cloud, POINTS[kept], COLORS[kept], INTENSITY[kept])
     np.testing.assert_array_equal(cloud.fields["a"], kept)
     np.testing.assert_array_equal(cloud.triangles, [[0, 1, 2]])
 
@@ -72,27 +72,27 @@ def test_arrays_are_read_only_and_the_givers_own_array_is_not() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given_colours", "needed"),
+    ("given_colors", "needed"),
     [
-        (COLOURS.astype(np.uint16) * 257, COLOURS),
-        (COLOURS.astype(np.int64), COLOURS),
-        (COLOURS / 255.0, COLOURS),
-        (COLOURS.astype(np.float32), COLOURS),
+        (COLORS.astype(np.uint16) * 257, COLORS),
+        (COLORS.astype(np.int64), COLORS),
+        (COLORS / 255.0, COLORS),
+        (COLORS.astype(np.float32), COLORS),
     ],
 )
-def test_colours_of_16_bits_and_fractions_are_brought_to_8_bits(given_colours: Any, needed: Any) -> None:
-    assert_same(Cloud.from_world_points(POINTS, colours=given_colours), POINTS, needed)
+def test_colors_of_16_bits_and_fractions_are_brought_to_8_bits(given_colors: Any, needed: Any) -> None:
+    assert_same(Cloud.from_points(POINTS, colors=given_colors), POINTS, needed)
 
 
 @pytest.mark.parametrize(
     ("parts", "item"),
     [
-        ({"points": np.zeros((0, 3))}, "points"),
-        ({"points": np.zeros((4, 2))}, "points"),
-        ({"points": [["a", "b", "c"]]}, "points"),
-        ({"points": [[0.0, np.inf, 0.0]]}, "points"),
-        ({"colours": COLOURS[:3]}, "colours"),
-        ({"colours": COLOURS.astype(float)}, "colours"),
+        ({"local_points": np.zeros((0, 3))}, "points"),
+        ({"local_points": np.zeros((4, 2))}, "local_points"),
+        ({"local_points": [["a", "b", "c"]]}, "local_points"),
+        ({"local_points": [[0.0, np.inf, 0.0]]}, "local_points"),
+        ({"colors": COLORS[:3]}, "colors"),
+        ({"colors": COLORS.astype(float)}, "colors"),
         ({"intensity": np.zeros(3)}, "intensity"),
         ({"fields": {"label": ["a", "b", "c", "d"]}}, "field label"),
         ({"triangles": [[0, 1, 4]]}, "triangles"),
@@ -102,29 +102,29 @@ def test_colours_of_16_bits_and_fractions_are_brought_to_8_bits(given_colours: A
 )
 def test_parts_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
     with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
-        Cloud(**({"points": POINTS} | parts))
+        Cloud(**({"local_points": POINTS} | parts))
 
 
 @pytest.mark.parametrize(
     ("parts", "item"),
     [
-        ({"colours": COLOURS[:2]}, "colours"),
-        ({"colours": -COLOURS.astype(int)}, "colours"),
-        ({"colours": np.full((4, 3), 70_000)}, "colours"),
+        ({"colors": COLORS[:2]}, "colors"),
+        ({"colors": -COLORS.astype(int)}, "colors"),
+        ({"colors": np.full((4, 3), 70_000)}, "colors"),
         ({"intensity": [1.0]}, "intensity"),
         ({"triangles": [[0, 1, 9]]}, "triangles"),
     ],
 )
 def test_parts_of_world_points_that_disagree_are_named(parts: dict[str, Any], item: str) -> None:
     with pytest.raises(CloudError, match=f"{item}: found .*; needed"):
-        Cloud.from_world_points(POINTS, **parts)
+        Cloud.from_points(POINTS, **parts)
 
 
 def test_a_written_ply_comes_back_whole(tmp_path: Path) -> None:
     cloud = full_cloud()
     path = write_ply(tmp_path / "cloud.ply", cloud)
     back = read_cloud(path)
-    assert_same(back, POINTS + UTM, COLOURS, INTENSITY)
+    assert_same(back, POINTS + UTM, COLORS, INTENSITY)
     assert back.source == path
     np.testing.assert_array_equal(back.triangles, TRIANGLES)
     np.testing.assert_array_equal(back.origin, cloud.origin)
@@ -138,9 +138,9 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_v
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(points=hnp.arrays(np.float64, st.tuples(st.integers(1, 20), st.just(3)), elements=FINITE))
 def test_any_cloud_survives_writing_to_the_last_bit(tmp_path: Path, points: Any) -> None:
-    cloud = Cloud.from_world_points(points, fields={"value": points[:, 0]})
+    cloud = Cloud.from_points(points, fields={"value": points[:, 0]})
     back = read_cloud(write_ply(tmp_path / "any.ply", cloud, overwrite=True))
-    np.testing.assert_array_equal(back.world_points, cloud.world_points)
+    np.testing.assert_array_equal(back.points, cloud.points)
     np.testing.assert_array_equal(back.fields["value"], points[:, 0])
 
 
@@ -149,7 +149,7 @@ def test_a_written_ply_is_read_by_trimesh(tmp_path: Path) -> None:
     mesh = trimesh.load(write_ply(tmp_path / "mesh.ply", full_cloud()), process=False)
     np.testing.assert_array_equal(mesh.vertices, POINTS + UTM)
     np.testing.assert_array_equal(mesh.faces, TRIANGLES)
-    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], COLOURS)
+    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], COLORS)
 
 
 def test_a_written_ply_is_read_by_plyfile(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_a_written_ply_is_read_by_plyfile(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.stack([vertex["x"], vertex["y"], vertex["z"]], axis=1), POINTS + UTM)
     assert vertex["x"].dtype == np.float64
     np.testing.assert_array_equal(vertex["gps_time"], full_cloud().fields["gps time"])
-    np.testing.assert_array_equal(vertex["red"], COLOURS[:, 0])
+    np.testing.assert_array_equal(vertex["red"], COLORS[:, 0])
 
 
 def test_depth_along_the_axis_puts_a_wall_on_a_plane() -> None:
@@ -185,14 +185,14 @@ def test_rays_beside_the_camera_have_no_depth_along_the_axis() -> None:
     assert cloud.dropped == 32 * 32 - len(cloud)
 
 
-def test_depth_png_with_holes_and_colours(tmp_path: Path) -> None:
+def test_depth_png_with_holes_and_colors(tmp_path: Path) -> None:
     camera = PinholeCamera(50.0, 50.0, 1.0, 1.0)
-    millimetres = np.array([[1000, 0, 2000], [65535, 1500, 1]], dtype=np.uint16)
-    Image.fromarray(millimetres).save(tmp_path / "depth.png")
+    millimeters = np.array([[1000, 0, 2000], [65535, 1500, 1]], dtype=np.uint16)
+    Image.fromarray(millimeters).save(tmp_path / "depth.png")
     shades = np.arange(18, dtype=np.uint8).reshape(2, 3, 3)
-    cloud = cloud_from_depth(tmp_path / "depth.png", camera, scale=1e-3, colours=shades)
+    cloud = cloud_from_depth(tmp_path / "depth.png", camera, scale=1e-3, colors=shades)
     np.testing.assert_allclose(cloud.points[:, 2], [1.0, 2.0, 65.535, 1.5, 0.001], rtol=1e-14)
-    np.testing.assert_array_equal(cloud.colours, np.delete(shades.reshape(-1, 3), 1, axis=0))
+    np.testing.assert_array_equal(cloud.colors, np.delete(shades.reshape(-1, 3), 1, axis=0))
     assert (cloud.dropped, cloud.source) == (1, tmp_path / "depth.png")
 
 
@@ -202,7 +202,7 @@ def test_a_file_is_not_overwritten_unless_asked(tmp_path: Path) -> None:
         write_ply(path, full_cloud())
     assert path.read_bytes() == b"precious"
     write_ply(path, full_cloud(), overwrite=True)
-    assert_same(read_cloud(path), POINTS + UTM, COLOURS, INTENSITY)
+    assert_same(read_cloud(path), POINTS + UTM, COLORS, INTENSITY)
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -252,8 +252,8 @@ def test_a_missing_package_names_its_extra(
 
 
 def test_the_content_tells_the_kind_before_the_name(tmp_path: Path) -> None:
-    assert_same(read_cloud(written(tmp_path / "a.xyz", ascii_ply())), POINTS, COLOURS, INTENSITY)
+    assert_same(read_cloud(written(tmp_path / "a.xyz", ascii_ply())), POINTS, COLORS, INTENSITY)
     buffer = io.BytesIO()
     np.save(buffer, POINTS)
     assert_same(read_cloud(written(tmp_path / "b.ply", buffer.getvalue())))
-    assert_same(read_cloud(written(tmp_path / "c", ascii_pcd())), POINTS, COLOURS, INTENSITY)
+    assert_same(read_cloud(written(tmp_path / "c", ascii_pcd())), POINTS, COLORS, INTENSITY)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cloud_samples import (
-    COLOURS,
+    COLORS,
     CUT,
     INTENSITY,
     POINTS,
@@ -45,17 +45,17 @@ DATA = Path(__file__).parents[2].parent / "shared" / "data"
 )
 def test_ply_by_hand(tmp_path: Path, content: bytes) -> None:
     cloud = read_cloud(written(tmp_path / "hand.ply", content))
-    assert_same(cloud, POINTS, COLOURS, INTENSITY)
+    assert_same(cloud, POINTS, COLORS, INTENSITY)
     np.testing.assert_array_equal(cloud.triangles, CUT)
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary"])
 def test_ply_of_trimesh(tmp_path: Path, form: str) -> None:
     trimesh = pytest.importorskip("trimesh")
-    mesh = trimesh.Trimesh(POINTS, TRIANGLES, vertex_colors=COLOURS, process=False)
+    mesh = trimesh.Trimesh(POINTS, TRIANGLES, vertex_colors=COLORS, process=False)
     content = mesh.export(file_type="ply", encoding=form)
     cloud = read_cloud(written(tmp_path / "mesh.ply", content))
-    assert_same(cloud, POINTS, COLOURS)
+    assert_same(cloud, POINTS, COLORS)
     np.testing.assert_array_equal(cloud.triangles, TRIANGLES)
 
 
@@ -69,7 +69,7 @@ def test_ply_of_plyfile(tmp_path: Path, text: bool, order: str) -> None:
     plyfile.PlyData([element], text=text, byte_order=order).write(tmp_path / "cloud.ply")
     cloud = read_cloud(tmp_path / "cloud.ply")
     # plyfile writes 18 digits of a double in ASCII.
-    np.testing.assert_array_equal(cloud.world_points, POINTS + UTM)
+    np.testing.assert_array_equal(cloud.points, POINTS + UTM)
     np.testing.assert_array_equal(cloud.fields["label"], rows["label"])
 
 
@@ -85,7 +85,7 @@ def test_ply_of_plyfile(tmp_path: Path, text: bool, order: str) -> None:
 )
 def test_pcd_by_hand(tmp_path: Path, content: bytes) -> None:
     cloud = read_cloud(written(tmp_path / "hand.pcd", content))
-    assert_same(cloud, POINTS, COLOURS, INTENSITY)
+    assert_same(cloud, POINTS, COLORS, INTENSITY)
     assert not cloud.fields
 
 
@@ -94,7 +94,7 @@ def test_organized_pcd_drops_its_holes(tmp_path: Path) -> None:
     rows["x"][2] = np.nan
     cloud = read_cloud(written(tmp_path / "a.pcd", pcd_head("binary", width=2, height=2).encode() + rows.tobytes()))
     assert cloud.dropped == 1
-    assert_same(cloud, POINTS[[0, 1, 3]], COLOURS[[0, 1, 3]], INTENSITY[[0, 1, 3]])
+    assert_same(cloud, POINTS[[0, 1, 3]], COLORS[[0, 1, 3]], INTENSITY[[0, 1, 3]])
 
 
 @pytest.mark.parametrize("encoding", ["ASCII", "BINARY", "BINARY_COMPRESSED"])
@@ -144,18 +144,18 @@ def test_las_of_laspy(tmp_path: Path, ending: str, factor: int) -> None:
     header.scales, header.offsets = np.full(3, 1e-4), UTM
     stored = laspy.LasData(header)
     stored.x, stored.y, stored.z = (POINTS + UTM).T
-    stored.red, stored.green, stored.blue = COLOURS.T.astype(np.uint16) * factor
+    stored.red, stored.green, stored.blue = COLORS.T.astype(np.uint16) * factor
     stored.intensity = np.array([0, 1, 40_000, 65_535])
     stored.classification = np.array([1, 2, 6, 9])
     stored.write(str(tmp_path / f"a{ending}"))
     cloud = read_cloud(tmp_path / f"a{ending}")
-    np.testing.assert_allclose(cloud.world_points, POINTS + UTM, rtol=0, atol=0.5e-4 + 1e-9)
+    np.testing.assert_allclose(cloud.points, POINTS + UTM, rtol=0, atol=0.5e-4 + 1e-9)
     np.testing.assert_array_equal(cloud.origin, [449_100.0, 5_412_000.0, 0.0])
-    np.testing.assert_array_equal(cloud.colours, COLOURS)
+    np.testing.assert_array_equal(cloud.colors, COLORS)
     np.testing.assert_array_equal(cloud.intensity, [0, 1, 40_000, 65_535])
     np.testing.assert_array_equal(cloud.fields["classification"], [1, 2, 6, 9])
     back = read_cloud(write_ply(tmp_path / "back.ply", cloud))
-    np.testing.assert_array_equal(back.world_points, cloud.world_points)
+    np.testing.assert_array_equal(back.points, cloud.points)
     assert set(back.fields) == set(cloud.fields)
 
 
@@ -172,14 +172,14 @@ def test_laz_without_its_decoder_names_the_extra(tmp_path: Path, monkeypatch: An
 
 def test_compressed_pcd_needs_no_c_module(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(sys.modules, "lzf", None)
-    assert_same(read_cloud(written(tmp_path / "a.pcd", compressed_pcd(pcd_rows()))), POINTS, COLOURS, INTENSITY)
+    assert_same(read_cloud(written(tmp_path / "a.pcd", compressed_pcd(pcd_rows()))), POINTS, COLORS, INTENSITY)
 
 
 def test_e57_of_pye57_places_each_scan_by_its_pose(tmp_path: Path) -> None:
     pye57 = pytest.importorskip("pye57")
     path = tmp_path / "a.e57"
     columns = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), POINTS.T.copy(), strict=True))
-    shades = dict(zip(("colorRed", "colorGreen", "colorBlue"), COLOURS.T.copy(), strict=True))
+    shades = dict(zip(("colorRed", "colorGreen", "colorBlue"), COLORS.T.copy(), strict=True))
     strength = {"intensity": INTENSITY.astype(np.float32)}
     quarter_turn = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
     image = pye57.E57(str(path), mode="w")
@@ -189,15 +189,15 @@ def test_e57_of_pye57_places_each_scan_by_its_pose(tmp_path: Path) -> None:
     cloud = read_cloud(path)
     # A quarter turn about z takes (x, y) to (-y, x).
     turned = np.column_stack([-POINTS[:, 1], POINTS[:, 0], POINTS[:, 2]]) + UTM
-    np.testing.assert_allclose(cloud.world_points, np.vstack([POINTS, turned]), rtol=0, atol=1e-8)
-    np.testing.assert_array_equal(cloud.colours, np.vstack([COLOURS, COLOURS]))
+    np.testing.assert_allclose(cloud.points, np.vstack([POINTS, turned]), rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(cloud.colors, np.vstack([COLORS, COLORS]))
     np.testing.assert_array_equal(cloud.intensity, np.tile(INTENSITY, 2))
     np.testing.assert_array_equal(cloud.fields["scan"], [0, 0, 0, 0, 1, 1, 1, 1])
     assert cloud.sensor_origin is None, "two places, neither of all points"
 
 
 def world_sensor_origin(cloud: Any) -> list[float] | None:
-    return None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist()
+    return None if cloud.sensor_origin is None else cloud.sensor_origin.tolist()
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_a_viewpoint_that_someone_set_is_where_the_scanner_stood(
 ) -> None:
     content = ascii_pcd().replace("VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {viewpoint}")
     cloud = read_cloud(written(tmp_path / "a.pcd", content.encode()))
-    assert_same(cloud, POINTS, COLOURS, INTENSITY)
+    assert_same(cloud, POINTS, COLORS, INTENSITY)
     assert world_sensor_origin(cloud) == place
     assert ("scanned from" in repr(cloud)) == (place is not None)
 
@@ -264,8 +264,8 @@ def test_lidar_scans_of_real_scenes() -> None:
 def test_npy_tables_organized_and_structured(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.column_stack([POINTS, INTENSITY]))
     assert_same(read_cloud(tmp_path / "a.npy"), POINTS, None, INTENSITY)
-    np.save(tmp_path / "b.npy", np.column_stack([POINTS, COLOURS]).reshape(2, 2, 6))
-    assert_same(read_cloud(tmp_path / "b.npy"), POINTS, COLOURS)
+    np.save(tmp_path / "b.npy", np.column_stack([POINTS, COLORS]).reshape(2, 2, 6))
+    assert_same(read_cloud(tmp_path / "b.npy"), POINTS, COLORS)
     rows = np.zeros(4, dtype=[("X", ">f8"), ("Y", ">f8"), ("Z", ">f8"), ("t", ">i8")])
     rows["X"], rows["Y"], rows["Z"] = POINTS.T
     rows["t"] = [2**62 + 1, 0, -1, 5]
@@ -277,10 +277,10 @@ def test_npy_tables_organized_and_structured(tmp_path: Path) -> None:
 
 def test_npz_with_names_or_one_table(tmp_path: Path) -> None:
     origin = np.array([500_000.0, 0.0, 0.0])
-    arrays: dict[str, Any] = {"points": POINTS, "colors": COLOURS, "intensity": INTENSITY, "label": np.arange(4)}
+    arrays: dict[str, Any] = {"points": POINTS, "colors": COLORS, "intensity": INTENSITY, "label": np.arange(4)}
     np.savez_compressed(tmp_path / "a.npz", origin=origin, faces=TRIANGLES, **arrays)
     cloud = read_cloud(tmp_path / "a.npz")
-    assert_same(cloud, POINTS + origin, COLOURS, INTENSITY)
+    assert_same(cloud, POINTS + origin, COLORS, INTENSITY)
     np.testing.assert_array_equal(cloud.triangles, TRIANGLES)
     np.testing.assert_array_equal(cloud.fields["label"], np.arange(4))
     np.savez(tmp_path / "b.npz", POINTS)
@@ -296,21 +296,21 @@ def text_of(*columns: Any, delimiter: str = " ") -> str:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "colours", "intensity"),
+    ("name", "text", "colors", "intensity"),
     [
         ("a.xyz", text_of(POINTS), None, None),
         ("a.xyz", text_of(POINTS, INTENSITY), None, INTENSITY),
-        ("a.txt", "\n" + text_of(POINTS, COLOURS) + "\n\n", COLOURS, None),
-        ("a.pts", "4\n" + text_of(POINTS, INTENSITY * 100 + 0.5, COLOURS), COLOURS, INTENSITY * 100 + 0.5),
-        ("a.txt", text_of(POINTS, COLOURS, INTENSITY), COLOURS, INTENSITY),
+        ("a.txt", "\n" + text_of(POINTS, COLORS) + "\n\n", COLORS, None),
+        ("a.pts", "4\n" + text_of(POINTS, INTENSITY * 100 + 0.5, COLORS), COLORS, INTENSITY * 100 + 0.5),
+        ("a.txt", text_of(POINTS, COLORS, INTENSITY), COLORS, INTENSITY),
         ("a.csv", "x,y,z,Intensity\n" + text_of(POINTS, INTENSITY, delimiter=","), None, INTENSITY),
-        ("a.asc", "//X Y Z R G B\n" + text_of(POINTS, COLOURS), COLOURS, None),
+        ("a.asc", "//X Y Z R G B\n" + text_of(POINTS, COLORS), COLORS, None),
         ("a.csv", "# by hand\n" + text_of(POINTS, delimiter=";").replace("\n", "\r\n"), None, None),
         ("a.xyz", text_of(POINTS, delimiter="\t"), None, None),
     ],
 )
-def test_text(tmp_path: Path, name: str, text: str, colours: Any, intensity: Any) -> None:
-    assert_same(read_cloud(written(tmp_path / name, text)), POINTS, colours, intensity)
+def test_text(tmp_path: Path, name: str, text: str, colors: Any, intensity: Any) -> None:
+    assert_same(read_cloud(written(tmp_path / name, text)), POINTS, colors, intensity)
 
 
 def test_text_columns_by_name(tmp_path: Path) -> None:
@@ -321,14 +321,14 @@ def test_text_columns_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["obj", "stl", "stl_ascii", "glb"])
 def test_meshes_of_trimesh(tmp_path: Path, kind: str) -> None:
     trimesh = pytest.importorskip("trimesh")
-    mesh = trimesh.Trimesh(POINTS, TRIANGLES, vertex_colors=COLOURS if kind in ("obj", "glb") else None, process=False)
+    mesh = trimesh.Trimesh(POINTS, TRIANGLES, vertex_colors=COLORS if kind in ("obj", "glb") else None, process=False)
     exported = mesh.export(file_type=kind)
     cloud = read_cloud(written(tmp_path / f"a.{kind.partition('_')[0]}", exported))
     assert cloud.triangles is not None
     np.testing.assert_array_equal(cloud.points[cloud.triangles], POINTS[TRIANGLES])
     assert len(cloud) == len(POINTS)
     if kind in ("obj", "glb"):
-        np.testing.assert_array_equal(cloud.colours, COLOURS)
+        np.testing.assert_array_equal(cloud.colors, COLORS)
 
 
 def test_the_parts_of_a_scene_are_placed_and_joined(tmp_path: Path) -> None:

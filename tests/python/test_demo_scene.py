@@ -152,7 +152,7 @@ def test_seeds_lie_inside_their_regions(scene: DemoScene) -> None:
         assert np.any(np.all(scene.points[region.point_indices] == region.seed_point, axis=1))
 
 
-def test_a_region_differs_in_colour_from_what_surrounds_it(scene: DemoScene) -> None:
+def test_a_region_differs_in_color_from_what_surrounds_it(scene: DemoScene) -> None:
     for region in scene.regions:
         within = scene.labels == region.label
         column, row = region.seed_pixel

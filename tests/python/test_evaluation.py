@@ -79,7 +79,7 @@ def test_there_are_25_templates_of_every_promised_kind() -> None:
 
 
 @pytest.mark.parametrize("template", all_templates(), ids=lambda template: template.name)
-def test_template_is_simple_centred_and_one_metre_long(template: Template) -> None:
+def test_template_is_simple_centerd_and_one_metre_long(template: Template) -> None:
     shape = template_shape(template)
     assert shape.is_valid
     assert np.ptp(template.rings[0], axis=0).max() == pytest.approx(1.0, abs=1e-12)
@@ -129,7 +129,7 @@ def test_unknown_templates_are_named_in_the_error() -> None:
 
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
-def test_mask_holds_exactly_the_pixel_centres_inside(seed: int) -> None:
+def test_mask_holds_exactly_the_pixel_centers_inside(seed: int) -> None:
     rings = ring_with_hole(seed)
     x, y = np.meshgrid(np.arange(40.0), np.arange(30.0))
     expected = shapely.contains_xy(even_odd(rings), x, y)
@@ -147,7 +147,7 @@ def test_masks_of_two_sides_of_a_cut_tile_the_whole(seed: int) -> None:
     assert np.array_equal(masks.binary_mask([corners], 20, 20), halves[0] ^ halves[1])
 
 
-def test_mask_counts_a_centre_on_the_left_and_upper_side_only() -> None:
+def test_mask_counts_a_center_on_the_left_and_upper_side_only() -> None:
     square = np.array([[1.0, 2.0], [4.0, 2.0], [4.0, 5.0], [1.0, 5.0]])
     rows, columns = np.nonzero(masks.binary_mask([square], 8, 8))
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (1, 3, 2, 4)

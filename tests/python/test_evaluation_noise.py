@@ -185,7 +185,7 @@ def test_calibration_errors_have_the_stated_spread_and_stay_consistent() -> None
     assert np.allclose(drawn[0].project(drawn[0].bearings(pixels)), pixels, atol=1e-6)
     exact = noise.miscalibrate(camera, 0.0, 0.0, np.random.default_rng(0))
     assert np.allclose(exact.bearings(pixels), camera.bearings(pixels), atol=1e-12)
-    with pytest.raises(ValueError, match="centre_px is -1"):
+    with pytest.raises(ValueError, match="center_px is -1"):
         noise.miscalibrate(camera, 0.0, -1.0, np.random.default_rng(0))
 
 

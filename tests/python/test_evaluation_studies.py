@@ -70,8 +70,8 @@ def test_what_solver_options_say_of_the_prior_is_added_to_what_is_known() -> Non
     known = rp.Prior(camera_near=[1.0, 2.0, 3.0])
     problem = replace(draw_problem(PERSPECTIVE, Condition(masks="polygon"), 0), prior=known)
     told = estimate_options(problem, 'prior={"up":[0,-1,0]} start=paper')
-    assert told == {"start": "paper", "prior": rp.Prior(up=[0.0, -1.0, 0.0], camera_near=[1.0, 2.0, 3.0])}
-    assert estimate_options(problem, "") == {"prior": known}
+    assert told == (rp.Prior(up=[0.0, -1.0, 0.0], camera_near=[1.0, 2.0, 3.0]), rp.Solver(start="paper"))
+    assert estimate_options(problem, "") == (known, rp.Solver())
 
 
 @pytest.mark.parametrize(
@@ -185,8 +185,8 @@ def test_polygons_hold_no_error_of_pixels(name: str) -> None:
 @pytest.mark.parametrize(
     "camera",
     [
-        PinholeCamera(288.0, 280.0, 170.0, 125.0, WIDTH, HEIGHT, distortion=(-0.2, 0.05, 0.001, -0.001)),
-        UnifiedCamera(1.1, 300.0, 300.0, 179.5, 119.5, width=WIDTH, height=HEIGHT),
+        PinholeCamera(288.0, 280.0, 170.0, 125.0, width=WIDTH, height=HEIGHT, distortion=(-0.2, 0.05, 0.001, -0.001)),
+        UnifiedCamera(300.0, 300.0, 179.5, 119.5, xi=1.1, width=WIDTH, height=HEIGHT),
     ],
 )
 def test_any_camera_draws_and_solves_problems(camera: Camera) -> None:
@@ -245,7 +245,7 @@ def test_a_symmetric_shape_is_solved_by_an_alternative() -> None:
 
 
 def test_a_problem_that_cannot_be_placed_is_a_row_with_its_error() -> None:
-    narrow = replace(PERSPECTIVE, camera=PinholeCamera(2000.0, 2000.0, 179.5, 119.5, WIDTH, HEIGHT))
+    narrow = replace(PERSPECTIVE, camera=PinholeCamera(2000.0, 2000.0, 179.5, 119.5, width=WIDTH, height=HEIGHT))
     one = replace(QUICK, grids=[{"planes": (2,)}])
     rows = run_study(one.with_setup("narrow", narrow), 1)
     assert all(str(text).startswith("ScenePlacementError: plane 1 of 2") for text in rows.column("error"))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose import PoseWarning, estimate_pose
+from regionpose import PoseWarning, Solver, estimate_pose
 from regionpose._core import moved_pose
 from regionpose.evaluation import noise, planar
 from regionpose.evaluation.measures import translation_error
@@ -224,7 +224,9 @@ def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) 
     found = []
     for seed in range(6):
         problem = draw_mixed_problem(perspective_setup(), Condition(model=model), seed)
-        estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, driver="native")
+        estimate = estimate_pose(
+            problem.camera, problem.image_regions, problem.world_regions, solver=Solver(driver="native")
+        )
         stated = estimate.confidence + sum(other.confidence for other in estimate.alternatives)
         assert stated > 0.9 or estimate.warnings, f"seed {seed}: {stated}"
         found.append(stated)

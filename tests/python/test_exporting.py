@@ -21,9 +21,13 @@ from regionpose.exporting.view import camera_of_values, camera_values
 from scipy.spatial.transform import Rotation
 
 POSE = Pose(Rotation.from_euler("xyz", [100.0, -20.0, 35.0], degrees=True), np.array([0.3, -1.2, 2.5]))
-PINHOLE = PinholeCamera(800.0, 810.0, 639.5, 355.25, 1280, 720, (-0.1, 0.02, 0.001, -0.002, 0.003))
-FISHEYE = FisheyeCamera(400.0, 401.0, 639.5, 355.25, (0.1, -0.01, 0.002, 0.0), 1280, 720)
-UNIFIED = UnifiedCamera(0.9, 600.0, 601.0, 639.5, 355.25, (-0.1, 0.02, 0.001, -0.002), 1280, 720)
+PINHOLE = PinholeCamera(
+    800.0, 810.0, 639.5, 355.25, width=1280, height=720, distortion=(-0.1, 0.02, 0.001, -0.002, 0.003)
+)
+FISHEYE = FisheyeCamera(400.0, 401.0, 639.5, 355.25, distortion=(0.1, -0.01, 0.002, 0.0), width=1280, height=720)
+UNIFIED = UnifiedCamera(
+    600.0, 601.0, 639.5, 355.25, xi=0.9, distortion=(-0.1, 0.02, 0.001, -0.002), width=1280, height=720
+)
 OCAM = OcamCamera((250.0, 0.0, -0.001), (640.0, 360.0), width=1280, height=720)
 POINTS = POSE.inverse().transform(np.random.default_rng(0).uniform([-2, -1, 3], [2, 1, 8], (20, 3)))
 Matrix = NDArray[np.float64]
@@ -122,7 +126,12 @@ def test_nerfstudio_s_camera_looks_along_minus_z_with_y_up(camera: PinholeCamera
 
 
 @pytest.mark.parametrize(
-    "camera", [PinholeCamera(800.0, 810.0, 639.5, 355.25, 1280, 720, (-0.1, 0.02, 0.001, -0.002)), FISHEYE, UNIFIED]
+    "camera",
+    [
+        PinholeCamera(800.0, 810.0, 639.5, 355.25, width=1280, height=720, distortion=(-0.1, 0.02, 0.001, -0.002)),
+        FISHEYE,
+        UNIFIED,
+    ],
 )
 def test_kalibr_s_camchain_is_read_back(camera: Camera, tmp_path: Path) -> None:
     text = exported(view(camera), "kalibr")["camchain.yaml"]
@@ -134,7 +143,7 @@ def test_kalibr_s_camchain_is_read_back(camera: Camera, tmp_path: Path) -> None:
 
 
 def test_nuscenes_places_the_sensor_with_the_quaternion_s_real_part_first() -> None:
-    ideal = PinholeCamera(800.0, 810.0, 639.5, 355.25, 1280, 720)
+    ideal = PinholeCamera(800.0, 810.0, 639.5, 355.25, width=1280, height=720)
     (held,) = json.loads(exported(view(ideal), "nuscenes")["calibrated_sensor.json"])
     w, x, y, z = held["rotation"]
     turn = Rotation.from_quat([x, y, z, w]).as_matrix()
@@ -145,13 +154,13 @@ def test_nuscenes_places_the_sensor_with_the_quaternion_s_real_part_first() -> N
 
 
 def test_meshlab_s_camera_projects_as_vcglib_does() -> None:
-    camera = PinholeCamera(800.0, 810.0, 639.5, 355.25, 1280, 720)
+    camera = PinholeCamera(800.0, 810.0, 639.5, 355.25, width=1280, height=720)
     text = exported(view(camera), "meshlab")["camera.xml"].split("\n", 1)[1]
     held = next(iter(ElementTree.fromstring(text))).attrib
     rows = np.array(held["RotationMatrix"].split(), dtype=float).reshape(4, 4)[:3, :3]
-    centre = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
+    center = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
     # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the centre, from the lower left.
-    local = (POINTS - centre) @ rows.T
+    local = (POINTS - center) @ rows.T
     size, middle = (np.array(held[key].split(), dtype=float) for key in ("PixelSizeMm", "CenterPx"))
     across, up = (float(held["FocalMm"]) * local[:, :2] / -local[:, 2:] / size + middle).T
     pixels = np.stack([across - 0.5, 720.0 - up - 0.5], axis=1)
@@ -180,7 +189,7 @@ def test_a_camera_written_out_is_read_back(camera: Camera) -> None:
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_the_command_writes_every_format_of_a_result(name: str, tmp_path: Path) -> None:
     result = {"camera_from_world": {"matrix": POSE.matrix.tolist()}, "image": "photo.jpg"}
-    plain = PinholeCamera(800.0, 810.0, 639.5, 355.25, 1280, 720)
+    plain = PinholeCamera(800.0, 810.0, 639.5, 355.25, width=1280, height=720)
     (tmp_path / "result.json").write_text(json.dumps(result | {"camera": camera_values(plain)}), encoding="utf-8")
     arguments = ["export", str(tmp_path / "result.json"), "--format", name]
     assert main([*arguments, "--out", str(tmp_path / "made")]) == 0

@@ -8,8 +8,9 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from regionpose.arrays import checked_image
 from regionpose.clouds import Cloud
-from regionpose.fusion import View, blend_colors, checked_image, colorize, coloured_cloud, project_points
+from regionpose.pictures.colors import View, blend_colors, colored_cloud, colorize, project_points
 from scene_files import CAMERA, HEIGHT, WIDTH
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
@@ -30,39 +31,39 @@ def noise(seed: int = 3, shape: tuple[int, ...] = (HEIGHT, WIDTH, 3)) -> NDArray
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
-def test_colours_are_scipys_bilinear_interpolation() -> None:
+def test_colors_are_scipys_bilinear_interpolation() -> None:
     image = noise()
     pixels = np.random.default_rng(4).uniform([-0.49, -0.49], [WIDTH - 0.51, HEIGHT - 0.51], (500, 2))
-    colours, visible = colorize(points_at(pixels), image, CAMERA, AT_ORIGIN)
+    colors, visible = colorize(points_at(pixels), image, CAMERA, AT_ORIGIN)
     assert visible.all()
     for channel in range(3):
         exact = map_coordinates(image[..., channel].astype(float), pixels.T[::-1], order=1, mode="nearest")
-        np.testing.assert_allclose(colours[:, channel], exact, atol=0.51)
+        np.testing.assert_allclose(colors[:, channel], exact, atol=0.51)
 
 
-def test_a_pixels_centre_has_the_pixels_colour() -> None:
+def test_a_pixels_center_has_the_pixels_color() -> None:
     image = noise()
     rows, columns = np.array([0, 7, HEIGHT - 1]), np.array([0, 100, WIDTH - 1])
-    colours, _ = colorize(points_at(np.column_stack([columns, rows]).astype(float)), image, CAMERA, AT_ORIGIN)
-    np.testing.assert_array_equal(colours, image[rows, columns])
+    colors, _ = colorize(points_at(np.column_stack([columns, rows]).astype(float)), image, CAMERA, AT_ORIGIN)
+    np.testing.assert_array_equal(colors, image[rows, columns])
 
 
-def test_an_image_ends_half_a_pixel_beyond_its_outermost_centres() -> None:
+def test_an_image_ends_half_a_pixel_beyond_its_outermost_centers() -> None:
     edges = np.array([[-0.499, 9.0], [WIDTH - 0.501, 9.0], [9.0, -0.499], [9.0, HEIGHT - 0.501]])
     beyond = np.array([[-0.501, 99.0], [WIDTH - 0.499, 99.0], [99.0, -0.501], [99.0, HEIGHT - 0.499]])
-    colours, visible = colorize(points_at(np.concatenate([edges, beyond])), noise(), CAMERA, AT_ORIGIN)
+    colors, visible = colorize(points_at(np.concatenate([edges, beyond])), noise(), CAMERA, AT_ORIGIN)
     assert visible.tolist() == [True] * 4 + [False] * 4
-    np.testing.assert_array_equal(colours[4:], 0)
+    np.testing.assert_array_equal(colors[4:], 0)
     np.testing.assert_array_equal(
-        colours[0], colorize(points_at(np.array([[0.0, 9.0]])), noise(), CAMERA, AT_ORIGIN)[0][0]
+        colors[0], colorize(points_at(np.array([[0.0, 9.0]])), noise(), CAMERA, AT_ORIGIN)[0][0]
     )
 
 
 def test_points_behind_the_camera_in_it_and_not_finite_are_not_seen() -> None:
     points = np.array([[0.0, 0.0, -2.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 2.0], [np.inf, 0.0, 2.0], [0.0, 0.0, 2.0]])
-    colours, visible = colorize(points, noise(), CAMERA, AT_ORIGIN)
+    colors, visible = colorize(points, noise(), CAMERA, AT_ORIGIN)
     assert visible.tolist() == [False, False, False, False, True]
-    np.testing.assert_array_equal(colours[:4], 0)
+    np.testing.assert_array_equal(colors[:4], 0)
 
 
 def lidar_walls(rings: int, camera_center: Array, ground: bool) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -98,7 +99,7 @@ def on_plate(origin: Array, directions: Array, ahead: float, half: tuple[float, 
 @pytest.mark.parametrize(
     ("rings", "least_seen"), [(24, 0.94), (64, 0.97), (256, 0.99)], ids=["24 rings", "64 rings", "256 rings"]
 )
-def test_no_point_of_a_hidden_wall_is_coloured_and_nearly_all_others_are(
+def test_no_point_of_a_hidden_wall_is_colored_and_nearly_all_others_are(
     rings: int, least_seen: float, center: tuple[float, float, float], ground: bool
 ) -> None:
     camera = rp.PinholeCamera(721.5, 721.5, 620.0, 187.0, width=1242, height=375)
@@ -113,7 +114,7 @@ def test_no_point_of_a_hidden_wall_is_coloured_and_nearly_all_others_are(
     assert visible[inside & ~is_hidden].mean() > least_seen
 
 
-def test_a_road_keeps_its_colours_up_to_the_horizon() -> None:
+def test_a_road_keeps_its_colors_up_to_the_horizon() -> None:
     # 64 rings from 1.7 m above a level road; the camera is half a metre beside the lidar.
     elevations, azimuths = np.radians(np.linspace(-24.8, -2.2, 60)), np.radians(np.arange(-30.0, 30.0, 0.2))
     elevation, azimuth = (grid.ravel() for grid in np.meshgrid(elevations, azimuths, indexing="ij"))
@@ -142,15 +143,15 @@ def test_the_next_scan_line_on_a_road_is_not_behind_the_one_before() -> None:
     assert visible[np.isfinite(distances)].all()
 
 
-def test_colours_of_points_do_not_depend_on_their_order() -> None:
+def test_colors_of_points_do_not_depend_on_their_order() -> None:
     points, _, _ = lidar_walls(32, np.array([0.0, 0.5, 0.0]), True)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), -SENSOR_AXES @ np.array([0.0, 0.5, 0.0]))
     order = np.random.default_rng(0).permutation(len(points))
-    colours, visible = colorize(points, noise(), CAMERA, pose)
+    colors, visible = colorize(points, noise(), CAMERA, pose)
     again, seen_again = colorize(points[order], noise(), CAMERA, pose)
-    np.testing.assert_array_equal(again, colours[order])
+    np.testing.assert_array_equal(again, colors[order])
     np.testing.assert_array_equal(seen_again, visible[order])
-    np.testing.assert_array_equal(colorize(points, noise(), CAMERA, pose)[0], colours)
+    np.testing.assert_array_equal(colorize(points, noise(), CAMERA, pose)[0], colors)
 
 
 @settings(max_examples=40, deadline=None)
@@ -164,9 +165,9 @@ def test_two_images_blend_by_their_share_of_pixels(near: float, far: float, lean
     normal = np.array([[lean, 0.0, -np.sqrt(1.0 - lean**2)]])
     exact = (one / near**2 + two / far**2) / (1.0 / near**2 + 1.0 / far**2)
     for normals in (None, 3.0 * normal, -normal, np.zeros((1, 3))):
-        colours, visible = blend_colors(np.zeros((1, 3)), views, normals=normals)
+        colors, visible = blend_colors(np.zeros((1, 3)), views, normals=normals)
         assert visible.all()
-        np.testing.assert_allclose(colours, exact, atol=0.501)
+        np.testing.assert_allclose(colors, exact, atol=0.501)
 
 
 def test_a_grazing_view_weighs_by_the_cosine() -> None:
@@ -178,11 +179,11 @@ def test_a_grazing_view_weighs_by_the_cosine() -> None:
         (np.zeros((HEIGHT, WIDTH), np.uint8), CAMERA, right),
     ]
     normal = np.array([[0.5, 0.0, np.sqrt(0.75)]])
-    colours, _ = blend_colors(np.zeros((1, 3)), views, normals=normal)
-    np.testing.assert_allclose(colours, 200.0 * np.sqrt(0.75) / (np.sqrt(0.75) + 0.5), atol=0.51)
+    colors, _ = blend_colors(np.zeros((1, 3)), views, normals=normal)
+    np.testing.assert_allclose(colors, 200.0 * np.sqrt(0.75) / (np.sqrt(0.75) + 0.5), atol=0.51)
 
 
-def test_a_point_that_one_image_shows_has_its_colour_alone() -> None:
+def test_a_point_that_one_image_shows_has_its_color_alone() -> None:
     away = rp.Pose(Rotation.from_euler("y", 180.0, degrees=True), np.zeros(3))
     points, image = points_at(np.array([[50.0, 60.0]])), noise()
     blended, visible = blend_colors(points, [(image, CAMERA, AT_ORIGIN), (noise(9), CAMERA, away)])
@@ -190,24 +191,24 @@ def test_a_point_that_one_image_shows_has_its_colour_alone() -> None:
     assert visible.all()
 
 
-def test_a_cloud_keeps_its_own_colours_where_it_is_not_seen() -> None:
+def test_a_cloud_keeps_its_own_colors_where_it_is_not_seen() -> None:
     points = np.concatenate([points_at(np.array([[50.0, 60.0]])), [[0.0, 0.0, -3.0]]])
     image = noise()
-    before = Cloud(points, colours=np.full((2, 3), 77, dtype=np.uint8))
-    cloud, visible = coloured_cloud(before, [(image, CAMERA, AT_ORIGIN)])
+    before = Cloud(points, colors=np.full((2, 3), 77, dtype=np.uint8))
+    cloud, visible = colored_cloud(before, [(image, CAMERA, AT_ORIGIN)])
     assert visible.tolist() == [True, False]
-    assert cloud.colours is not None and cloud.colours.tolist() == [image[60, 50].tolist(), [77, 77, 77]]
+    assert cloud.colors is not None and cloud.colors.tolist() == [image[60, 50].tolist(), [77, 77, 77]]
     assert cloud.fields["visible"].tolist() == [1, 0]
-    assert coloured_cloud(Cloud(points), [(image, CAMERA, AT_ORIGIN)])[0].colours[1].tolist() == [0, 0, 0]  # type: ignore[index]
+    assert colored_cloud(Cloud(points), [(image, CAMERA, AT_ORIGIN)])[0].colors[1].tolist() == [0, 0, 0]  # type: ignore[index]
 
 
 def test_clouds_without_points_and_without_visible_points_work() -> None:
-    colours, visible = colorize(np.empty((0, 3)), noise(), CAMERA, AT_ORIGIN)
-    assert colours.shape == (0, 3) and visible.shape == (0,)
+    colors, visible = colorize(np.empty((0, 3)), noise(), CAMERA, AT_ORIGIN)
+    assert colors.shape == (0, 3) and visible.shape == (0,)
     assert not colorize(np.array([[0.0, 0.0, -1.0]]), noise(), CAMERA, AT_ORIGIN)[1].any()
 
 
-def test_images_of_other_types_have_the_same_colours() -> None:
+def test_images_of_other_types_have_the_same_colors() -> None:
     image = noise()
     np.testing.assert_array_equal(checked_image(image.astype(np.uint16) << 8), image)
     np.testing.assert_array_equal(checked_image(image / 255.0), image)

@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cameras import Camera
-from regionpose.contours import contours_of
+from regionpose.estimation.contours import contours_of
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
 from scene_files import CAMERA as SMALL_CAMERA
 from scene_files import PLATES, scene_values, write_scene
@@ -26,7 +26,9 @@ Array = NDArray[np.float64]
 WIDTH, HEIGHT = 640, 480
 CAMERAS: dict[str, Camera] = {
     "pinhole": rp.PinholeCamera(600.0, 610.0, 321.0, 238.0, width=WIDTH, height=HEIGHT),
-    "fisheye": rp.FisheyeCamera(350.0, 350.0, 319.5, 239.5, k=(0.02, -0.01, 0.002, 0.0), width=WIDTH, height=HEIGHT),
+    "fisheye": rp.FisheyeCamera(
+        350.0, 350.0, 319.5, 239.5, distortion=(0.02, -0.01, 0.002, 0.0), width=WIDTH, height=HEIGHT
+    ),
 }
 POSE = rp.Pose(Rotation.from_euler("xyz", [25.0, -20.0, 12.0], degrees=True), np.array([0.1, -0.05, 3.2]))
 

@@ -11,7 +11,7 @@ import regionpose as rp
 import shapely
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
-from regionpose.contours import contours_of, distances_of
+from regionpose.estimation.contours import contours_of, distances_of
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -24,7 +24,9 @@ CAMERAS: dict[str, Camera] = {
     "distorted": rp.PinholeCamera(
         500.0, 500.0, 319.5, 239.5, distortion=(-0.25, 0.08, 0.001, -0.0005), width=WIDTH, height=HEIGHT
     ),
-    "fisheye": rp.FisheyeCamera(250.0, 250.0, 319.5, 239.5, k=(0.02, -0.01, 0.002, 0.0), width=WIDTH, height=HEIGHT),
+    "fisheye": rp.FisheyeCamera(
+        250.0, 250.0, 319.5, 239.5, distortion=(0.02, -0.01, 0.002, 0.0), width=WIDTH, height=HEIGHT
+    ),
 }
 
 SHAPE = np.array([[-0.9, -0.6], [0.7, -0.7], [1.0, 0.4], [0.3, 0.5], [0.2, 0.9], [-0.7, 0.6]])
@@ -83,7 +85,9 @@ def angle_to(estimate: rp.PoseEstimate, pose: rp.Pose) -> float:
 
 def estimate(camera: Camera, images: Sequence[rp.ImageRegion], *, refine: Refine, worlds: int = 1) -> rp.PoseEstimate:
     rings = [world_ring(), world_ring((2.5, 0.3))][:worlds]
-    return rp.estimate_pose(camera, images, [rp.WorldRegion.from_polygon(ring) for ring in rings], refine=refine)
+    return rp.estimate_pose(
+        camera, images, [rp.WorldRegion.from_polygon(ring) for ring in rings], solver=rp.Solver(refine=refine)
+    )
 
 
 @pytest.mark.parametrize("refine", ["contour", None])
@@ -140,7 +144,9 @@ def test_the_sphere_system_and_every_integral_are_cut_too(integration: Literal["
     pose = pose_at(camera, BORDERS["bottom"])
     image = rp.ImageRegion.from_mask(mask_of(seen_polygon(camera, pose, world_ring())))
     world = rp.WorldRegion.from_polygon(world_ring())
-    found = rp.estimate_pose(camera, [image], [world], system="sphere", integration=integration, refine=None)
+    found = rp.estimate_pose(
+        camera, [image], [world], solver=rp.Solver(system="sphere", integration=integration, refine=None)
+    )
     assert angle_to(found, pose) < MASK_ROTATION
 
 

@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import ArrayLike, NDArray
+from regionpose import kernels
 from regionpose.cameras import Camera
 from regionpose.evaluation import area_coverage, binary_mask
-from regionpose.pixel_edges import BEND_TOLERANCE_PX
+from regionpose.regions.pixel_edges import BEND_TOLERANCE_PX
 from skimage.measure import find_contours
 
 Array = NDArray[np.float64]
@@ -48,10 +49,10 @@ of the area does so the other way."""
 def image_shapes(draw: st.DrawFn) -> list[Array]:
     """A disc or a convex polygon, 20 to 80 px in radius, sometimes with a hole."""
     radius = draw(st.floats(20.0, 80.0))
-    centre = (draw(st.floats(100.0, 140.0)), draw(st.floats(85.0, 95.0)))
+    center = (draw(st.floats(100.0, 140.0)), draw(st.floats(85.0, 95.0)))
     corners = draw(st.sampled_from([3, 4, 5, 6, 400]))
-    outer = disc(radius, centre, corners)
-    hole = disc(0.3 * radius, centre, corners)[::-1]
+    outer = disc(radius, center, corners)
+    hole = disc(0.3 * radius, center, corners)[::-1]
     return [outer, hole] if draw(st.booleans()) else [outer]
 
 
@@ -264,10 +265,10 @@ def test_one_array_a_list_of_vertices_and_a_stack_are_rings() -> None:
 
 
 CAMERAS = [
-    rp.PinholeCamera(300.0, 305.0, 320.0, 240.0, 640, 480, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
-    rp.FisheyeCamera(180.0, 181.0, 320.0, 240.0, (0.02, -0.003, 0.0, 0.0), 640, 480),
+    rp.PinholeCamera(300.0, 305.0, 320.0, 240.0, width=640, height=480, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
+    rp.FisheyeCamera(180.0, 181.0, 320.0, 240.0, distortion=(0.02, -0.003, 0.0, 0.0), width=640, height=480),
     rp.OcamCamera((200.0, 0.0, -1.1e-3, 1.2e-6), (320.0, 240.0), width=640, height=480),
-    rp.UnifiedCamera(1.2, 400.0, 400.0, 320.0, 240.0, (-0.1, 0.02, 1e-3, 0.0), 640, 480),
+    rp.UnifiedCamera(400.0, 400.0, 320.0, 240.0, xi=1.2, distortion=(-0.1, 0.02, 1e-3, 0.0), width=640, height=480),
 ]
 
 
@@ -297,7 +298,7 @@ def test_the_pixels_of_a_mask_fill_its_solid_angle() -> None:
     region = rp.ImageRegion.from_mask(area_coverage([ring], 640, 480))
     for camera in CAMERAS:
         bearings, solid_angles = region.pixel_bearings(camera)
-        expected = rp.spherical_moments(region.bearings(camera), 0)[0, 0, 0]
+        expected = kernels.spherical_moments(region.bearings(camera), 0)[0, 0, 0]
         assert solid_angles.min() > 0.0 and bearings.shape == (len(solid_angles), 3)
         assert solid_angles.sum() == pytest.approx(expected, rel=1e-4)
 

@@ -89,15 +89,15 @@ def test_linear_light_needs_no_decoding() -> None:
     assert np.abs(coverage - share).max() < 0.02
 
 
-def grey_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def gray_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(image[..., 0])
 
 
 @pytest.mark.parametrize("kind", ["grey", "uint16", "float32", "float64", "grey uint16", "view"])
 def test_kinds_of_images(kind: str) -> None:
     share = disc_share()
-    colour = painted(share)
-    image: NDArray[np.generic] = grey_of(colour) if "grey" in kind else colour
+    color = painted(share)
+    image: NDArray[np.generic] = gray_of(color) if "grey" in kind else color
     if "uint16" in kind:
         image = image.astype(np.uint16) * np.uint16(257)
     if "float" in kind:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.image_region import ImageRegion
+from regionpose.regions.image import ImageRegion
 from regionpose.segmentation.masks import (
     mask_from_file,
     masks_from_file,
@@ -104,7 +104,7 @@ def outer_and_holes(region: ImageRegion) -> BaseGeometry:
     return shape
 
 
-def as_grey(values: NDArray[np.uint8]) -> Image.Image:
+def as_gray(values: NDArray[np.uint8]) -> Image.Image:
     return Image.fromarray(values)
 
 
@@ -129,13 +129,13 @@ def as_float(values: NDArray[np.uint8]) -> Image.Image:
 @pytest.mark.parametrize(
     ("picture", "name"),
     [
-        (as_grey, "a.png"),
+        (as_gray, "a.png"),
         (as_palette, "a.png"),
         (as_wide, "a.png"),
         (as_grey_rgb, "a.png"),
         (as_wide, "a.tif"),
         (as_float, "a.tiff"),
-        (as_grey, "a.bmp"),
+        (as_gray, "a.bmp"),
     ],
 )
 def test_values_of_a_label_picture(
@@ -166,7 +166,7 @@ def test_only_mask_of_a_picture_is_named_after_the_file(mode: str, tmp_path: Pat
         assert np.array_equal(mask_from_file(path, label), labels() == 3)
 
 
-def test_colours_name_regions(tmp_path: Path) -> None:
+def test_colors_name_regions(tmp_path: Path) -> None:
     pixels = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
     pixels[labels() == 3] = (255, 128, 0)
     pixels[labels() == 7] = (0, 0, 200)

@@ -33,7 +33,7 @@ REGIONS = 8
 POSE = 1e-6
 """Rotation (rad) and translation (m) from exact contours."""
 
-CAMERA = rp.PinholeCamera(1000.0, 1000.0, 639.5, 479.5, 1280, 960)
+CAMERA = rp.PinholeCamera(1000.0, 1000.0, 639.5, 479.5, width=1280, height=960)
 TRUE = rp.Pose(Rotation.from_euler("xyz", [10.0, -20.0, 3.0], degrees=True), np.array([0.2, 0.1, 9.0]))
 """A view of a facade in the world's plane z = 0, x right and y down."""
 
@@ -149,7 +149,7 @@ def test_what_only_the_refined_pose_covers_is_completed_there() -> None:
     scene, rng = scene_of(3, omnidirectional_scene), np.random.default_rng(3)
     images = [rp.ImageRegion.from_mask(squares_on_mask(mask, 0.05, rng)) for mask in scene.masks()]
     worlds = sides_of(3, omnidirectional_scene)[1]
-    by_moments = rp.match_regions(scene.camera, images, worlds, refine=None)
+    by_moments = rp.match_regions(scene.camera, images, worlds, solver=rp.Solver(refine=None))
     refined = rp.match_regions(scene.camera, images, worlds)
     assert by_moments.unmatched_image == (scene.names.index("thin_cross"),)
     assert refined.pairs == tuple((k, k) for k in range(REGIONS))
@@ -187,7 +187,7 @@ def test_six_equal_boards_before_a_real_fisheye_are_told_apart_by_where_they_are
     boards = [json.loads((folder / "regions.json").read_text())[0] for folder in folders]
     calibration = json.loads((folders[0] / "calib.json").read_text())
     (fx, _, cx), (_, fy, cy), _ = calibration["K"]
-    camera = rp.FisheyeCamera(fx, fy, cx, cy, calibration["D"])
+    camera = rp.FisheyeCamera(fx, fy, cx, cy, distortion=calibration["D"])
     images = [rp.ImageRegion.from_polygon(board["image_polygon"]) for board in boards]
     worlds = [rp.WorldRegion.from_polygon(board["rectangle3d"]) for board in boards]
     found = rp.match_regions(camera, images, worlds[::-1])

@@ -10,7 +10,7 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose import _core
+from regionpose import _core, kernels
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -94,9 +94,9 @@ def planar_regions(draw: st.DrawFn) -> list[Array]:
     radii = draw(st.lists(st.floats(1.0, 3.0), min_size=3, max_size=24))
     scale, turn = 10.0 ** draw(st.floats(-3.0, 3.0)), draw(st.floats(0.0, 6.0))
     rings = [star(np.array(radii), turn)]
-    for centre in [(-0.2, 0.0), (0.2, 0.0)][: draw(st.integers(0, 2))]:
+    for center in [(-0.2, 0.0), (0.2, 0.0)][: draw(st.integers(0, 2))]:
         hole = draw(st.lists(st.floats(0.05, 0.15), min_size=3, max_size=8))
-        rings.append(star(np.array(hole))[::-1] + centre)
+        rings.append(star(np.array(hole))[::-1] + center)
     if draw(st.booleans()):
         part = star(np.array(draw(st.lists(st.floats(0.5, 1.0), min_size=3, max_size=9))))
         rings.append(part + np.array([5.0, 1.0]))
@@ -115,7 +115,7 @@ def rewritten(rings: list[Array], seed: int) -> list[Array]:
 @given(planar_regions(), st.integers(0, MAX_ORDER))
 def test_planar_moments_are_the_quadratures(rings: list[Array], order: int) -> None:
     expected = planar_quadrature(rings, order)
-    found = rp.planar_moments(rings, order)
+    found = kernels.planar_moments(rings, order)
     for degree in range(order + 1):
         i = np.arange(degree + 1)
         largest = np.abs(expected[i, degree - i]).max() + rings_size(rings) ** (degree + 2)
@@ -130,24 +130,24 @@ def rings_size(rings: list[Array]) -> float:
 @settings(max_examples=40, deadline=None)
 @given(planar_regions(), st.integers(0, 100))
 def test_planar_moments_do_not_depend_on_how_the_rings_are_written(rings: list[Array], seed: int) -> None:
-    expected, found = rp.planar_moments(rings, 4), rp.planar_moments(rewritten(rings, seed), 4)
+    expected, found = kernels.planar_moments(rings, 4), kernels.planar_moments(rewritten(rings, seed), 4)
     size = rings_size(rings)
     scale = size ** (2.0 + np.add.outer(np.arange(5), np.arange(5)))
     assert (np.abs(found - expected) <= PLANAR_TOLERANCE * scale).all()
     closed = [np.vstack([ring, ring[:1]]) for ring in rings]
-    assert (np.abs(rp.planar_moments(closed, 4) - expected) <= PLANAR_TOLERANCE * scale).all()
+    assert (np.abs(kernels.planar_moments(closed, 4) - expected) <= PLANAR_TOLERANCE * scale).all()
 
 
 def test_the_unit_square_has_reciprocals() -> None:
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     i, j = np.indices((9, 9))
     expected = np.where(i + j <= 8, 1.0 / ((i + 1.0) * (j + 1.0)), 0.0)
-    assert np.allclose(rp.planar_moments([square], 8), expected, rtol=1e-14, atol=0.0)
+    assert np.allclose(kernels.planar_moments([square], 8), expected, rtol=1e-14, atol=0.0)
 
 
 def test_a_ring_in_a_hole_is_a_region_again() -> None:
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    moments = rp.planar_moments([square, 3.0 * square, 2.0 * square], 2)
+    moments = kernels.planar_moments([square, 3.0 * square, 2.0 * square], 2)
     assert moments[0, 0] == pytest.approx(36.0 - 16.0 + 4.0, rel=1e-14)
     assert moments[2, 0] == pytest.approx((81.0 - 16.0 + 1.0) * 4.0 / 3.0, rel=1e-14)
 
@@ -168,9 +168,9 @@ def test_spherical_moments_are_the_quadratures(
     rings = [outer, cap(0.5 * widest * np.array(shape), turn)[::-1]] if hole else [outer]
     assert longest_arc(outer) < LONGEST_ARC
     expected = spherical_quadrature(rings, 3)
-    assert np.abs(rp.spherical_moments(rings, 3) - expected).max() <= SPHERICAL_TOLERANCE
+    assert np.abs(kernels.spherical_moments(rings, 3) - expected).max() <= SPHERICAL_TOLERANCE
     rotation = Rotation.from_rotvec([turn, 1.0 - turn, 0.5 * turn]).as_matrix()
-    turned = rp.spherical_moments([ring @ rotation.T for ring in rings[::-1]], 1)
+    turned = kernels.spherical_moments([ring @ rotation.T for ring in rings[::-1]], 1)
     assert turned[0, 0, 0] == pytest.approx(expected[0, 0, 0], abs=SPHERICAL_TOLERANCE)
     first = np.array([turned[1, 0, 0], turned[0, 1, 0], turned[0, 0, 1]])
     expected_first = np.array([expected[1, 0, 0], expected[0, 1, 0], expected[0, 0, 1]])
@@ -180,14 +180,14 @@ def test_spherical_moments_are_the_quadratures(
 def test_spherical_moments_of_short_arcs_are_exact_to_order_8() -> None:
     """Three degrees an arc: what is left is rounding."""
     rings = [cap(0.6 + 0.1 * np.cos(3.0 * np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)))]
-    assert np.abs(rp.spherical_moments(rings, 8) - spherical_quadrature(rings, 8)).max() <= REFERENCE_TOLERANCE
+    assert np.abs(kernels.spherical_moments(rings, 8) - spherical_quadrature(rings, 8)).max() <= REFERENCE_TOLERANCE
 
 
 def test_octants_make_up_the_sphere() -> None:
     """Eight triangles of right angles: together 4 pi, no first moments, and a third of it for each square."""
     total = np.zeros((4, 4, 4))
     for signs in product([-1.0, 1.0], repeat=3):
-        octant = rp.spherical_moments([np.diag(signs)], 3)
+        octant = kernels.spherical_moments([np.diag(signs)], 3)
         assert octant[0, 0, 0] == pytest.approx(np.pi / 2.0, abs=1e-14)
         total += octant
     assert total[0, 0, 0] == pytest.approx(4.0 * np.pi, abs=1e-13)
@@ -198,23 +198,25 @@ def test_octants_make_up_the_sphere() -> None:
 
 def test_squares_sum_to_the_solid_angle() -> None:
     ring = cap(np.array([0.3, 0.5, 0.4, 0.6, 0.5, 0.4, 0.3]))
-    moments = rp.spherical_moments([ring], 3)
+    moments = kernels.spherical_moments([ring], 3)
     assert moments[2, 0, 0] + moments[0, 2, 0] + moments[0, 0, 2] == pytest.approx(moments[0, 0, 0], abs=1e-13)
 
 
 def test_the_length_of_directions_does_not_matter() -> None:
     ring = cap(np.array([0.3, 0.5, 0.4, 0.6]))
     lengths = np.array([0.1, 7.0, 100.0, 1.0])[:, None]
-    assert np.allclose(rp.spherical_moments([ring * lengths], 3), rp.spherical_moments([ring], 3), rtol=0.0, atol=1e-14)
+    assert np.allclose(
+        kernels.spherical_moments([ring * lengths], 3), kernels.spherical_moments([ring], 3), rtol=0.0, atol=1e-14
+    )
 
 
 @settings(max_examples=30, deadline=None)
 @given(planar_regions(), st.integers(0, MAX_ORDER))
 def test_a_mesh_has_the_moments_of_its_region(rings: list[Array], order: int) -> None:
-    vertices, triangles = rp.triangulate(rings)
+    vertices, triangles = kernels.triangulate(rings)
     size = rings_size(rings)
     scale = size ** (2.0 + np.add.outer(np.arange(order + 1), np.arange(order + 1)))
-    difference = _core.mesh_planar_moments(vertices, triangles, order) - rp.planar_moments(rings, order)
+    difference = _core.mesh_planar_moments(vertices, triangles, order) - kernels.planar_moments(rings, order)
     assert (np.abs(difference) <= 1e-11 * scale).all()
 
 
@@ -229,9 +231,9 @@ def test_a_flipped_triangle_counts_negative() -> None:
 def test_a_mesh_on_the_sphere_has_the_moments_of_its_region(shift: float) -> None:
     """The plane z = 2 seen from the origin, holes too; the quadrature falls with the sixth power of the pieces."""
     outline = [star(np.array([1.0, 1.3, 0.8, 1.1, 0.9])) + shift, 0.3 * star(np.ones(4)) + shift]
-    vertices, triangles = rp.triangulate(outline, max_area=0.05)
+    vertices, triangles = kernels.triangulate(outline, max_area=0.05)
     bearings = [np.column_stack([ring, np.full(len(ring), 2.0)]) for ring in outline]
-    expected = rp.spherical_moments(bearings, 3)
+    expected = kernels.spherical_moments(bearings, 3)
     points = np.column_stack([vertices, np.full(len(vertices), 2.0)])
     coarse, fine = (
         np.abs(_core.mesh_spherical_moments(points, triangles, 3, subdivision=pieces) - expected).max()
@@ -243,18 +245,20 @@ def test_a_mesh_on_the_sphere_has_the_moments_of_its_region(shift: float) -> Non
 
 def test_pixels_have_the_moments_of_their_square() -> None:
     """A square of 40 x 40 pixels tiles exactly, its moments to the square of a pixel's size."""
-    camera = rp.PinholeCamera(100.0, 100.0, 31.5, 31.5, 64, 64)
+    camera = rp.PinholeCamera(100.0, 100.0, 31.5, 31.5, width=64, height=64)
     mask = np.zeros((64, 64), dtype=bool)
     mask[10:50, 12:52] = True
     bearings, solid_angles = rp.ImageRegion.from_mask(mask).pixel_bearings(camera)
     corners = np.array([[11.5, 9.5], [51.5, 9.5], [51.5, 49.5], [11.5, 49.5]])
-    expected = rp.spherical_moments([camera.bearings(corners)], 3)
+    expected = kernels.spherical_moments([camera.bearings(corners)], 3)
     found = _core.pixel_moments(bearings, solid_angles, 3)
     assert found[0, 0, 0] == pytest.approx(expected[0, 0, 0], rel=1e-12)
     assert np.abs(found - expected).max() < 100.0**-2 * expected[0, 0, 0]
 
 
-@pytest.mark.parametrize("function", [rp.planar_moments, rp.spherical_moments, rp.triangulate, rp.alpha_shape])
+@pytest.mark.parametrize(
+    "function", [kernels.planar_moments, kernels.spherical_moments, kernels.triangulate, kernels.alpha_shape]
+)
 def test_help_says_what_comes_back(function: object) -> None:
     lines = (function.__doc__ or "").splitlines()
     assert len(lines) > 5

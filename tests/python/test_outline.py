@@ -14,8 +14,8 @@ from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import draw_problem
 from regionpose.evaluation.templates import all_templates
-from regionpose.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points
-from regionpose.plane_fit import robust_plane
+from regionpose.regions.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points
+from regionpose.regions.plane_fit import robust_plane
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -189,7 +189,7 @@ def test_plane_is_not_that_of_a_short_noisy_scan_line() -> None:
         assert abs(robust_plane(points)[1][2] @ normal) > np.cos(np.radians(8.0))
 
 
-@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize("distance", [3.0, 5.5])
 def test_correction_has_no_bias_over_where_the_rings_fall(distance: float) -> None:
     # Rings 2 deg apart: a single scan errs by half a gap at either end, their mean by neither.
@@ -226,7 +226,7 @@ def test_many_samples_give_the_outline_of_their_even_part() -> None:
     assert area(rings) == pytest.approx(6.0 - 1.28, rel=1e-2)
 
 
-@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize(("seed", "beams", "noise"), [(22, 16, 0.03), (66, 16, 0.03), (70, 16, 0.01), (75, 32, 0.0)])
 def test_outlines_of_few_samples_never_cross_themselves(seed: int, beams: int, noise: float) -> None:
     setup = perspective_setup()

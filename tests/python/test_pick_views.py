@@ -71,11 +71,11 @@ def test_an_empty_direction_shows_no_point() -> None:
     assert RangeView.of(scanned_wall(), ORIGIN).point_at(-50.0, -50.0) is None
 
 
-def test_the_picture_has_the_cloud_s_colours_where_it_is_flat() -> None:
+def test_the_picture_has_the_cloud_s_colors_where_it_is_flat() -> None:
     cloud = scanned_wall()
     view = RangeView.of(cloud, ORIGIN)
-    colours = np.full((len(cloud), 3), 200, dtype=np.uint8)
-    picture = view.picture(cloud.points, colours, view.indices.astype(np.int32))
+    colors = np.full((len(cloud), 3), 200, dtype=np.uint8)
+    picture = view.picture(cloud.points, colors, view.indices.astype(np.int32))
     assert picture.shape == (*view.indices.shape, 3)
     rows, columns = view.indices.shape
     assert np.median(picture[rows // 4 : -rows // 4, columns // 4 : -columns // 4]) > 120

@@ -16,7 +16,7 @@ from regionpose.evaluation.studies.problems import INITIAL_SIGMA, Problem, draw_
 from regionpose.evaluation.studies.rows import displacement, judged
 from scipy.spatial.transform import Rotation
 
-HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, 1188, 792), setups.perspective_setup().poses)
+HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, width=1188, height=792), setups.perspective_setup().poses)
 """The benchmark's camera at half its resolution, for the time it takes to draw masks."""
 
 SEEDS = range(16)
@@ -59,7 +59,9 @@ def outcomes() -> dict[str, list[Outcome]]:
             for prior, held in found.items():
                 problem = draw_problem(HALF, replace(condition, prior=prior), seed)  # type: ignore[arg-type]
                 sides = problem.camera, problem.image_regions, problem.world_regions
-                held.append(outcome(problem, rp.estimate_pose(*sides, driver="native", prior=problem.prior)))
+                held.append(
+                    outcome(problem, rp.estimate_pose(*sides, prior=problem.prior, solver=rp.Solver(driver="native")))
+                )
     return found
 
 
@@ -84,7 +86,7 @@ def test_a_prior_finds_the_poses_of_symmetric_shapes(outcomes: dict[str, list[Ou
     assert not any("contradicted" in code for after in outcomes[prior][clean] for code in after.codes)
 
 
-CAMERA = rp.PinholeCamera(800.0, 800.0, 640.0, 480.0, 1280, 960)
+CAMERA = rp.PinholeCamera(800.0, 800.0, 640.0, 480.0, width=1280, height=960)
 POSTER = np.array([[-0.8, -0.5, 0.0], [0.8, -0.5, 0.0], [0.8, 0.5, 0.0], [-0.8, 0.5, 0.0]])
 POSE = rp.Pose(Rotation.from_rotvec([0.3, -0.2, 0.1]), np.array([0.1, -0.2, 3.0]))
 """The poster seen from its side z < 0, the world's -y upward."""
@@ -94,7 +96,7 @@ def seen(world: rp.WorldRegion, **options: object) -> rp.PoseEstimate:
     """The estimate from the exact image of the poster; options of the prior, and the driver."""
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(POSTER)))
     driver = options.pop("driver", "scipy")
-    return rp.estimate_pose(CAMERA, [image], [world], prior=rp.Prior(**options), driver=driver)  # type: ignore[arg-type]
+    return rp.estimate_pose(CAMERA, [image], [world], prior=rp.Prior(**options), solver=rp.Solver(driver=driver))  # type: ignore[arg-type]
 
 
 WORLD = rp.WorldRegion.from_polygon(POSTER)
@@ -198,10 +200,10 @@ NEAR = {"camera_near": POSE.camera_center, "camera_near_sigma_m": 0.2}
 def answers(estimate: object) -> list[list[float]]:
     """All poses of an estimate."""
     assert isinstance(estimate, rp.PoseEstimate)
-    return [pose.matrix.ravel().tolist() for pose in (estimate.pose, *estimate.alternatives)]
+    return [pose.matrix.ravel().tolist() for pose in (estimate.pose, *(other.pose for other in estimate.alternatives))]
 
 
-def test_convention_an_initial_poses_sigma_is_degrees_and_metres_of_the_cameras_place() -> None:
+def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_place() -> None:
     """Carried by 1 m in the world: 10 standard deviations of 0.1 m, 2 of 0.5 m; turned by 20 deg: 10 of 2 deg."""
     carried = rp.Pose(POSE.rotation, POSE.translation - POSE.rotation.apply([0.6, 0.0, -0.8]))
     turned = rp.Pose(Rotation.from_euler("y", 20.0, degrees=True) * POSE.rotation, POSE.translation)

@@ -126,9 +126,9 @@ def test_the_start_shows_area_and_direction_as_observed(system: published.System
     placement = start_placement(observed, side, facing, system, start).after(facing)
     predicted = side.moments(*placement, system)
     assert predicted[0] == pytest.approx(observed[0], rel=1e-5)
-    centre = placement.rotation @ scene.anchor + placement.translation
+    center = placement.rotation @ scene.anchor + placement.translation
     sight = centroid_direction(observed, system)
-    np.testing.assert_allclose(centre / np.linalg.norm(centre), sight, atol=1e-12)
+    np.testing.assert_allclose(center / np.linalg.norm(center), sight, atol=1e-12)
     normal = placement.rotation @ SeenPlane.of_rings(scene.regions[0]).normal
     np.testing.assert_allclose(normal, sight if start == "turned" else [0.0, 0.0, 1.0], atol=1e-12)
 

@@ -53,9 +53,9 @@ def archive(members: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def png_header(width: int, height: int, colour: int) -> bytes:
-    """A PNG of 8 bits that states a size and holds nothing. `colour`: 0 grey, 6 RGBA."""
-    held = b"IHDR" + struct.pack(">II5B", width, height, 8, colour, 0, 0, 0)
+def png_header(width: int, height: int, color: int) -> bytes:
+    """A PNG of 8 bits that states a size and holds nothing. `color`: 0 grey, 6 RGBA."""
+    held = b"IHDR" + struct.pack(">II5B", width, height, 8, color, 0, 0, 0)
     chunks = b"".join(
         struct.pack(">I", len(part) - 4) + part + struct.pack(">I", zlib.crc32(part)) for part in (held, b"IDAT")
     )

@@ -8,7 +8,7 @@ import regionpose as rp
 from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
 from regionpose.witness.evidence import Evidence
-from regionpose.witness.refinement import increment_between, moved
+from regionpose.witness.refinement import moved
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def test_poses_are_led_onto_the_edges_of_the_photo() -> None:
         assert found.refined and found.log_odds > 10.0 and found.before is start
         before.append(errors(start))
         after.append(errors(found.pose))
-        error = increment_between(found.pose, POSE)
+        error = found.pose.increment_to(POSE)
         sigmas.append(np.sqrt(error @ np.linalg.solve(found.covariance, error) / 6.0))
     # Every third pixel has a point: edges are known to some of them, a third of a degree.
     assert (np.median(after, axis=0) < 0.4 * np.median(before, axis=0)).all()
@@ -88,7 +88,7 @@ def test_where_the_world_lies_does_not_matter() -> None:
     photo, points = cards(1)
     place = np.array([431_999.0, 5_400_000.0, 119.0])
     far = rp.Pose(POSE.rotation, POSE.translation - POSE.rotation.apply(place))
-    step = increment_between(POSE, off(2))
+    step = POSE.increment_to(off(2))
     here = rp.refine_with_scene(moved(POSE, step), COVARIANCE, [rp.SceneFrame(photo, points, CAMERA)])
     there = rp.refine_with_scene(moved(far, step), COVARIANCE, [rp.SceneFrame(photo, points + place, CAMERA)])
     # Rounding moves points across the cells in which the nearest one counts.
@@ -113,4 +113,4 @@ def test_a_covariance_that_is_none_is_named() -> None:
 
 def test_increments_lead_from_pose_to_pose() -> None:
     other = off(3)
-    np.testing.assert_allclose(moved(POSE, increment_between(POSE, other)).matrix, other.matrix, atol=1e-12)
+    np.testing.assert_allclose(moved(POSE, POSE.increment_to(other)).matrix, other.matrix, atol=1e-12)

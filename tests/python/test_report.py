@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from regionpose.report import Figure, Report, data_url, report_html
+from regionpose.pictures.splat import BACKGROUND, View, splatted, viewpoints
 from regionpose.scene import SceneEstimate, estimate_scene, load_scene, scene_result
-from regionpose.splat import BACKGROUND, View, splatted, viewpoints
+from regionpose.scene.report import Figure, Report, data_url, report_html
 from scene_files import scene_values, write_scene
 
 
@@ -118,11 +118,11 @@ def test_large_pictures_are_scaled_down() -> None:
 def test_a_splat_lies_where_a_pinhole_camera_sees_it_and_hides_what_is_behind() -> None:
     view = View(np.array([0.0, -5.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]), field_deg=90.0)
     points = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.5, 0.0, 1.0], [0.0, -9.0, 0.0]])
-    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], dtype=np.uint8)
-    picture = splatted(points, colours, view, 200, 100)
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], dtype=np.uint8)
+    picture = splatted(points, colors, view, 200, 100)
     assert picture[51, 101].tolist() == [255, 0, 0]
     assert picture[31, 151].tolist() == [0, 0, 255]
-    drawn = {tuple(colour) for colour in picture.reshape(-1, 3).tolist()}
+    drawn = {tuple(color) for color in picture.reshape(-1, 3).tolist()}
     assert drawn == {BACKGROUND, (255, 0, 0), (0, 0, 255)}
 
 

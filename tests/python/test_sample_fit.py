@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.drawing import OUTSIDE, PROJECTED
-from regionpose.sample_fit import SampleFit, sample_fit
+from regionpose.estimation.sample_fit import SampleFit, sample_fit
+from regionpose.pictures.overlays import OUTSIDE, PROJECTED
 from scipy.spatial.transform import Rotation
 
 CAMERA = rp.PinholeCamera(400.0, 400.0, 199.5, 149.5, width=400, height=300)
@@ -70,11 +70,11 @@ def test_an_outline_has_no_fit() -> None:
 
 def test_pictures_show_samples_on_the_wrong_side_alone() -> None:
     image = rp.ImageRegion.from_polygon(rectangle(1.0, 0.8))
-    grey = np.full((300, 400, 3), 128, dtype=np.uint8)
+    gray = np.full((300, 400, 3), 128, dtype=np.uint8)
     counts = []
     for pose in (TRUE, ASIDE):
-        picture = rp.overlay_regions(grey, CAMERA, pose, [image], [region()], [""])
-        counts.append([int((picture == colour).all(axis=2).sum()) for colour in (PROJECTED, OUTSIDE)])
+        picture = rp.overlay_regions(gray, CAMERA, pose, [image], [region()], [""])
+        counts.append([int((picture == color).all(axis=2).sum()) for color in (PROJECTED, OUTSIDE)])
     # Beyond the outlines' and the legend's own: 32 dots of each colour.
     assert counts[1][0] > counts[0][0] + 100
     assert counts[1][1] > counts[0][1] + 100

@@ -118,7 +118,7 @@ def test_a_calibration_whose_axis_leaves_the_middle_of_the_photo_is_warned_of(tm
     values["camera"] |= {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
     sides = scene_sides(load_scene(write_scene(tmp_path, values)))
     (warning,) = sides.warnings
-    assert warning.code == "odd-centre"
+    assert warning.code == "odd-center"
     assert "seems to be for photos of about 640 x 480" in warning.message
 
 
@@ -128,8 +128,8 @@ FISHEYE = {
     "width": 1024,
     "height": 768,
 }
-AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)
-AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, 1024, 768, (2e-2, -4e-3, 1e-3, -2e-4))
+AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768)
+AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, width=1024, height=768, distortion=(2e-2, -4e-3, 1e-3, -2e-4))
 
 
 def calibration(folder: Path, **more: object) -> Path:
@@ -148,7 +148,10 @@ def calibration(folder: Path, **more: object) -> Path:
         ({"cv2_fisheye_flags": 10}, AS_FISHEYE),
         ({"model": "pinhole"}, AS_PINHOLE),
         ({"fisheye": False}, AS_PINHOLE),
-        ({"xi": 1.2}, rp.UnifiedCamera(1.2, 310, 311, 512, 384, (2e-2, -4e-3, 1e-3, -2e-4), 1024, 768)),
+        (
+            {"xi": 1.2},
+            rp.UnifiedCamera(310, 311, 512, 384, xi=1.2, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768),
+        ),
     ],
 )
 def test_a_calibration_is_read_in_the_model_that_it_names(
@@ -207,7 +210,7 @@ def test_a_fisheye_calibration_of_a_real_scene_is_read_as_one() -> None:
     assert isinstance(camera, rp.FisheyeCamera)
 
 
-def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
+def test_a_world_in_millimeters_is_told_with_the_factor(tmp_path: Path) -> None:
     values = scene_values()
     for region in values["regions"]:
         region["world"]["polygon"] = (1000.0 * np.array(region["world"]["polygon"])).tolist()
@@ -216,10 +219,10 @@ def test_a_world_in_millimetres_is_told_with_the_factor(tmp_path: Path) -> None:
     assert "m; multiply those of the cloud and of the scene by 0.001" in warning.message
 
 
-def test_a_cloud_in_millimetres_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The demo's, in a scene and alone."""
     cloud = rp.clouds.read_cloud(DEMO / "cloud.ply")
-    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, points=1000.0 * cloud.points))
+    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
     values = yaml.safe_load((DEMO / "scene.yaml").read_text())
     values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
     values.pop("sensor_origin", None)
@@ -250,7 +253,7 @@ def test_a_cloud_whose_file_states_feet_is_told(
     stored = laspy.LasData(header)
     stored.x, stored.y, stored.z = np.random.default_rng(0).uniform(0.0, 9.0, (3, 50))
     stored.write(tmp_path / "cloud.las")
-    assert rp.clouds.read_cloud(tmp_path / "cloud.las").metres_per_unit == pytest.approx(factor)
+    assert rp.clouds.read_cloud(tmp_path / "cloud.las").unit_m == pytest.approx(factor)
     code, said = told(["info", str(tmp_path / "cloud.las")], capsys)
     assert code == 0
     assert ("states a unit of 0.3048006 m: multiply its coordinates" in said) == is_told
@@ -258,7 +261,7 @@ def test_a_cloud_whose_file_states_feet_is_told(
     assert [warning.code for warning in sides.warnings] == ["odd-unit"] * is_told
 
 
-def test_wide_scans_in_metres_are_not_taken_for_millimetres() -> None:
+def test_wide_scans_in_meters_are_not_taken_for_millimeters() -> None:
     """A terrestrial scan of 1 km, an airborne one of 5 km, a few far points."""
     for spacing, extent in ((0.3, 1000.0), (0.7, 7000.0), (5.0, 40.0)):
         assert unit_remark(spacing, extent) is None

@@ -185,7 +185,7 @@ def test_wrong_input_is_named() -> None:
         rp.WorldRegion.from_samples(points[members], [[0.0, 0.0, 9.0]])
 
 
-@pytest.mark.filterwarnings("ignore::regionpose.outline.SparseSamplingWarning")
+@pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize("beams", [32, 64])
 def test_samples_give_a_better_pose_than_the_outline(beams: int) -> None:
     errors: dict[Scan, list[float]] = {"outline": [], "samples": []}
@@ -203,7 +203,7 @@ def test_batches_use_samples_too() -> None:
     condition = Condition(planes=3, templates="asymmetric", lidar_beams=32, range_noise_m=0.01, scan="samples")
     problem = draw_problem(perspective_setup(), condition, 0)
     sides = (problem.camera, problem.image_regions, problem.world_regions)
-    alone = rp.estimate_pose(*sides, driver="native")
+    alone = rp.estimate_pose(*sides, solver=rp.Solver(driver="native"))
     (together,) = rp.estimate_poses([sides])
     assert isinstance(together, rp.PoseEstimate)
     np.testing.assert_allclose(together.pose.translation, alone.pose.translation, atol=1e-12)

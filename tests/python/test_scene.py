@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,7 @@ import shapely
 from PIL import Image
 from regionpose.scene import SceneError, Stages, estimate_scene, load_scene, scene_result, scene_schema, scene_sides
 from regionpose.scene.bundle import bundle, file_names
-from regionpose.scene.estimate import overlap_errors
 from regionpose.scene.result import exports, plain
-from regionpose.scene.verdict import with_names
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 from scipy.spatial.transform import Rotation
 
@@ -222,7 +221,7 @@ def region_from_cloud(folder: Path, world: dict[str, Any]) -> rp.WorldRegion:
         {"points": "points.npy"},
         {"seed": [0.5, 0.3, 0.0]},
     ],
-    ids=str,
+    ids=lambda world: str(world)[:50],
 )
 def test_a_plate_of_points_is_found_in_every_way(world: dict[str, Any], tmp_path: Path) -> None:
     region = region_from_cloud(tmp_path, world)
@@ -323,7 +322,7 @@ def test_overlap_errors_at_the_estimate_are_the_estimates(tmp_path: Path) -> Non
     values = scene_values()
     values["regions"][0]["image"]["polygon"][0][0] += 3.0
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
-    whole, errors = overlap_errors(run.sides, run.local_pose)
+    whole, errors = run.sides.overlap_errors(run.estimate.pose)
     np.testing.assert_allclose(errors, run.estimate.region_overlap_errors, rtol=1e-9)
     assert whole == pytest.approx(run.estimate.overlap_error, rel=1e-9)
     assert (errors > 1e-4).any()
@@ -332,13 +331,13 @@ def test_overlap_errors_at_the_estimate_are_the_estimates(tmp_path: Path) -> Non
 def test_overlap_errors_at_another_pose_are_the_area_that_differs(tmp_path: Path) -> None:
     sides = scene_sides(load_scene(write_scene(tmp_path)))
     pose = turned(0.6, 0.05)
-    _, errors = overlap_errors(sides, pose)
+    _, errors = sides.overlap_errors(pose)
     for error, observed, plate in zip(errors, sides.image_regions, PLATES.values(), strict=True):
         truth = shapely.Polygon(observed.rings[0])
         other = shapely.Polygon(CAMERA.project(pose.transform(plate)))
         # The solver's areas are solid angles; within a small region they are in proportion to the pixels'.
         assert error == pytest.approx(truth.symmetric_difference(other).area / truth.area, rel=0.05)
-    assert np.isnan(overlap_errors(sides, rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))[1]).all()
+    assert np.isnan(sides.overlap_errors(rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))[1]).all()
 
 
 def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) -> None:
@@ -349,7 +348,7 @@ def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) 
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     made = bundle(run, Stages())
     assert set(made.writers) == set(file_names(run.sides.scene)) >= {"overlay.png", "overlay_before.png"}
-    for region, error in zip(made.result["regions"], overlap_errors(run.sides, start)[1], strict=True):
+    for region, error in zip(made.result["regions"], run.sides.overlap_errors(moved)[1], strict=True):
         assert region["overlap_error_before"] == pytest.approx(error, rel=1e-6)
         assert region["overlap_error_before"] > 0.05 > region["overlap_error"]
     for name in ("overlay.png", "overlay_before.png", "report.html"):
@@ -394,8 +393,11 @@ def test_numbers_that_json_lacks_become_null() -> None:
     assert plain(given) == {"a": [1.0, None], "b": [None, 3], "c": True}
 
 
-def test_warnings_name_regions() -> None:
-    assert with_names("region 1 misses, region 9 too", ("door", "sign")) == "region 1 (sign) misses, region 9 too"
+def test_warnings_name_their_regions_whatever_these_are_called() -> None:
+    told = rp.PoseWarning("same", "{0} is {1}, by {share} of {{all}}", (1, 0), {"share": 0.5})
+    assert str(told) == "same: region 1 is region 0, by 0.5 of {all}"
+    assert told.message_for(("{0}", "region 0")) == "region 1 (region 0) is region 0 ({0}), by 0.5 of {all}"
+    assert hash(told) == hash(replace(told)) and told == replace(told)
 
 
 def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:

@@ -48,9 +48,9 @@ def test_up_and_a_viewpoint_leave_one_pose(shift: tuple[float, float, float], tm
 def rough(turn_deg: float, away: float) -> dict[str, Any]:
     """A pose beside the true one, as a scene gives it."""
     turned = Rotation.from_euler("z", turn_deg, degrees=True)
-    centre = POSE.camera_center + np.array([away, 0.0, 0.0])
+    center = POSE.camera_center + np.array([away, 0.0, 0.0])
     rotation = turned * POSE.rotation
-    return {"world_from_camera": {"matrix": rp.Pose(rotation, -rotation.apply(centre)).inverse().matrix.tolist()}}
+    return {"world_from_camera": {"matrix": rp.Pose(rotation, -rotation.apply(center)).inverse().matrix.tolist()}}
 
 
 def test_a_rough_pose_and_how_rough_leave_one_pose(tmp_path: Path) -> None:

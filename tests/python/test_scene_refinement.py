@@ -17,7 +17,6 @@ from regionpose.clouds import Cloud, write_ply
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
-from regionpose.scene.estimate import overlap_errors
 from scene_files import write_scene
 
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
@@ -63,7 +62,7 @@ def test_the_rest_of_the_scene_refines_a_rough_pose(tmp_path: Path) -> None:
     assert rough.refinement is None and run.refinement is not None and run.refinement.refined
     assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
     assert run.refinement.before.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
-    whole, each = overlap_errors(run.sides, run.local_pose)
+    whole, each = run.sides.overlap_errors(run.estimate.pose)
     assert run.estimate.overlap_error == whole and (run.estimate.region_overlap_errors == each).all()
     result = json.loads(json.dumps(bundle(run, Stages()).result))
     said = result["scene_refinement"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.image_region import ImageRegion
+from regionpose.regions.image import ImageRegion
 from regionpose.segmentation.masks import masks_from_segmenter
 
 Mask = NDArray[np.bool_]

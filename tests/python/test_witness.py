@@ -11,8 +11,9 @@ from card_scenes import CAMERA, POSE, cards, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from regionpose.estimation.answer import Alternative, PoseEstimate
+from regionpose.estimation.warning import PoseWarning
 from regionpose.scene.witness import witnessed
-from regionpose.solver import Alternative, PoseEstimate, PoseWarning
 from regionpose.witness import Photo, weighed
 from regionpose.witness.odds import log_odds
 
@@ -115,7 +116,7 @@ def estimate(confidences: list[float], *codes: str) -> PoseEstimate:
     """Answers that are turned by 0, 90, 180... degrees."""
     poses = [turned(90.0 * place) for place in range(len(confidences))]
     others = (
-        Alternative(pose.rotation, pose.translation, confidence=confidence)
+        Alternative(pose, np.eye(6), confidence, 0.01, np.zeros(1))
         for pose, confidence in zip(poses[1:], confidences[1:], strict=True)
     )
     warnings = tuple(PoseWarning(code, "as it was") for code in codes)
@@ -142,9 +143,9 @@ def heard(given: PoseEstimate, leads: list[float]) -> tuple[PoseEstimate, list[r
 
     def settle(pose: rp.Pose) -> PoseEstimate:
         settled.append(pose)
-        first = next(other for other in given.alternatives if np.allclose(other.matrix, pose.matrix))
+        first = next(other for other in given.alternatives if np.allclose(other.pose.matrix, pose.matrix))
         rest = tuple(other for other in given.alternatives if other is not first)
-        old = Alternative(given.pose.rotation, given.pose.translation, confidence=given.confidence)
+        old = Alternative(given.pose, np.eye(6), given.confidence, 0.01, np.zeros(1))
         return replace(given, pose=first.pose, confidence=first.confidence, alternatives=(old, *rest))
 
     return witnessed(given, align, settle).estimate, settled

@@ -10,6 +10,7 @@ import regionpose as rp
 import trimesh
 from flat_shapes import area, disc
 from numpy.typing import NDArray
+from regionpose import kernels
 from regionpose.evaluation import load_templates
 from scipy.spatial.transform import Rotation
 
@@ -152,7 +153,7 @@ def bent_sheet() -> trimesh.Trimesh:
 
 def test_a_flat_trimesh_is_a_planar_region() -> None:
     outline = [disc(1.0, (0.0, 0.0), 20), disc(0.4, (0.1, 0.0), 20)]
-    vertices, faces = rp.triangulate(outline)
+    vertices, faces = kernels.triangulate(outline)
     rotation, offset = any_frame(7)
     mesh = trimesh.Trimesh(np.column_stack([vertices, np.zeros(len(vertices))]) @ rotation.T + offset, faces)
     region = rp.WorldRegion.from_mesh(mesh)

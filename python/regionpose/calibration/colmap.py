@@ -7,25 +7,10 @@ from collections.abc import Iterator
 from functools import partial
 
 from regionpose.calibration.text import Builder, CalibrationText
-from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
+from regionpose.cameras import Camera, camera_from_colmap
+from regionpose.cameras.colmap import COLMAP_MODELS
 
 CAMERA_LINE = re.compile(r"\d+\s+[A-Z][A-Z_]+(\s|$)")
-
-CORNER_TO_CENTRE = 0.5
-"""Pixels: COLMAP counts from the corner of the first pixel, OpenCV from its centre."""
-
-PARAMETERS = {
-    "SIMPLE_PINHOLE": "f cx cy",
-    "PINHOLE": "fx fy cx cy",
-    "SIMPLE_RADIAL": "f cx cy k1",
-    "RADIAL": "f cx cy k1 k2",
-    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
-    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
-    "SIMPLE_RADIAL_FISHEYE": "f cx cy k1",
-    "RADIAL_FISHEYE": "f cx cy k1 k2",
-    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
-}
-"""Parameters of each model in the order of the file."""
 
 
 def describes(source: CalibrationText) -> bool:
@@ -57,20 +42,8 @@ def _camera(source: CalibrationText, line: int, words: list[str]) -> Camera:
     if len(words) < 4:
         raise source.error(item, f"{len(words)} words", "id, model, width, height and parameters", line)
     model = words[1]
-    if model not in PARAMETERS:
-        raise source.error(item, f"the model {model}", f"one of {', '.join(PARAMETERS)}", line)
+    if model not in COLMAP_MODELS:
+        raise source.error(item, f"the model {model}", f"one of {', '.join(COLMAP_MODELS)}", line)
     width, height = (source.whole_number(f"{item} size", word, line) for word in words[2:4])
-    names = PARAMETERS[model].split()
-    values = dict(zip(names, source.numbers(f"{item} {model}", words[4:], len(names), line), strict=True))
-    fx, fy = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
-    cx, cy = values["cx"] - CORNER_TO_CENTRE, values["cy"] - CORNER_TO_CENTRE
-    if model.endswith("FISHEYE"):
-        k = tuple(values.get(key, 0.0) for key in ("k1", "k2", "k3", "k4"))
-        return FisheyeCamera(fx, fy, cx, cy, k, width, height)
-    return PinholeCamera(fx, fy, cx, cy, width, height, _distortion(values))
-
-
-def _distortion(values: dict[str, float]) -> tuple[float, ...]:
-    """As many of OpenCV's coefficients as the model has."""
-    count = 8 if "k6" in values else 4 if "k1" in values else 0
-    return tuple(values.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")[:count])
+    count = len(COLMAP_MODELS[model].split())
+    return camera_from_colmap(model, width, height, source.numbers(f"{item} {model}", words[4:], count, line))

@@ -42,10 +42,10 @@ def _camera(entry: YamlMapping) -> Camera:
     width, height = _resolution(entry.need("resolution"))
     coefficients = tuple(entry.need("distortion_coeffs").counted(4)) if pair[1] != "none" else ()
     if pair[0] == "omni":
-        return UnifiedCamera(xi[0], fx, fy, cx, cy, coefficients, width, height)
+        return UnifiedCamera(fx, fy, cx, cy, xi=xi[0], distortion=coefficients, width=width, height=height)
     if pair[1] == "equidistant":
-        return FisheyeCamera(fx, fy, cx, cy, coefficients, width, height)
-    return PinholeCamera(fx, fy, cx, cy, width, height, coefficients)
+        return FisheyeCamera(fx, fy, cx, cy, distortion=coefficients, width=width, height=height)
+    return PinholeCamera(fx, fy, cx, cy, width=width, height=height, distortion=coefficients)
 
 
 def _resolution(item: YamlItem) -> tuple[int, int]:

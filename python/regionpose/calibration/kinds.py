@@ -25,23 +25,33 @@ YAML_KINDS = (
 
 
 def load_camera(path: str | Path, name: str | None = None, *, model: str | None = None) -> Camera:
-    """The camera that the calibration file at `path` describes, in OpenCV's pixels (integer = centre of a pixel).
+    """The camera that a calibration file describes, in OpenCV's pixels (an integer is a pixel's center).
 
-    The kind is told from the content. `name` selects among several cameras:
+    The kind is told from the content, and the camera model is the one that the file names.
 
-    - OpenCV YAML, or JSON with its keys: the key of the matrix (`camera_matrix`, `M1`, `K`, ...).
-    - ROS camera_info, as a message or as a file of camera_calibration: its `camera_name`.
-    - Kalibr camchain: `cam0`, `cam1`, ...
-    - COLMAP cameras.txt: the camera's id. Half a pixel is taken off the centre, which COLMAP counts from the corner.
-    - OCamCalib calib_results.txt: `ocam`. OcamCamera says how rows, columns and signs are converted.
-    - KITTI: `P0` to `P3` (`P2` without a name), `P_rect_00` to `P_rect_03` (`P_rect_02` without a name).
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    name : str, optional
+        Selects among several cameras:
 
-    A file is read in the camera model that it names. `model` ("pinhole", "fisheye", "unified", "ocam") says it for
-    files of OpenCV's, which need not: four coefficients may be a pinhole's or a fisheye's.
+        - OpenCV YAML, or JSON with its keys: the key of the matrix (`camera_matrix`, `M1`, `K`, ...).
+        - ROS camera_info, as a message or as a file of camera_calibration: its `camera_name`.
+        - Kalibr camchain: `cam0`, `cam1`, ...
+        - COLMAP cameras.txt: the camera's id. Half a pixel is taken off the center, which COLMAP counts from a corner.
+        - OCamCalib calib_results.txt: `ocam`. OcamCamera says how rows, columns and signs are converted.
+        - KITTI: `P0` to `P3` (`P2` without a name), `P_rect_00` to `P_rect_03` (`P_rect_02` without a name).
+    model : {"pinhole", "fisheye", "unified", "ocam"}, optional
+        For files of OpenCV's, which need not name one: four coefficients may be a pinhole's or a fisheye's.
 
-    FileNotFoundError when the file is missing; CalibrationError, a ValueError, when it is of no known kind, is cut or
-    holds wrong counts, when `name` is not in it, or when it is needed to choose: the message lists the names; when its
-    model is unknown, untold or not `model`.
+    Raises
+    ------
+    FileNotFoundError
+        Where the file is missing.
+    CalibrationError
+        A ValueError, where it is of no known kind, is cut or holds wrong counts; where `name` is not in it, or is
+        needed to choose: the message lists the names; where its model is unknown, untold or not `model`.
     """
     needed = checked_model(model)
     source = CalibrationText.read(path, needed)

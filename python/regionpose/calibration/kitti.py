@@ -84,7 +84,7 @@ def _camera(source: CalibrationText, entries: dict[str, tuple[int, list[str]]], 
         line, words = entries[size]
         source.numbers(size, words, 2, line)
         width, height = (source.whole_number(size, word, line) for word in words)
-    return PinholeCamera.from_matrix(projection[:, :3], (), width, height)
+    return PinholeCamera.from_matrix(projection[:, :3], distortion=(), width=width, height=height)
 
 
 def _matrix(

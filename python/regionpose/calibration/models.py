@@ -58,12 +58,18 @@ def matrix_camera(
     k = np.reshape(matrix.counted(9), (3, 3))
     model = document.source.model or named_model(document) or _implied(document, coefficients)
     if model == "fisheye":
-        return FisheyeCamera.from_matrix(k, coefficients.counted(4), *size)
+        return FisheyeCamera.from_matrix(k, distortion=coefficients.counted(4), width=size[0], height=size[1])
     if model == "unified":
-        return UnifiedCamera.from_matrix(k, _radial_tangential(coefficients), *size, xi=document.need("xi").number())
+        return UnifiedCamera.from_matrix(
+            k,
+            distortion=_radial_tangential(coefficients),
+            width=size[0],
+            height=size[1],
+            xi=document.need("xi").number(),
+        )
     if model == "ocam":
         raise matrix.error("a camera matrix", "an OCamCalib file for model=ocam")
-    return PinholeCamera.from_matrix(k, _radial_tangential(coefficients), *size)
+    return PinholeCamera.from_matrix(k, distortion=_radial_tangential(coefficients), width=size[0], height=size[1])
 
 
 def named_model(document: YamlMapping) -> CameraModel | None:

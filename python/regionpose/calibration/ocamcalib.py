@@ -34,7 +34,7 @@ def _camera(source: CalibrationText) -> OcamCamera:
     _numbers(source, sections, "image size", 2)
     height, width = (source.whole_number("image size", word, line) for word in words)
     polynomial = _polynomial(source, *sections["polynomial"])
-    return OcamCamera.from_ocamcalib(polynomial, (row, column), (c, d, e), width, height)
+    return OcamCamera.from_ocamcalib(polynomial, (row, column), (c, d, e), width=width, height=height)
 
 
 def _sections(source: CalibrationText) -> dict[str, Section]:

@@ -32,11 +32,11 @@ def _camera(document: YamlMapping) -> Camera:
     _check_full_image(document)
     model, coefficients = document.need("distortion_model"), document.need(*DISTORTION_KEYS)
     if model.text() in FISHEYE_MODELS:
-        return FisheyeCamera.from_matrix(matrix, coefficients.counted(4), width, height)
+        return FisheyeCamera.from_matrix(matrix, distortion=coefficients.counted(4), width=width, height=height)
     counts = PINHOLE_MODELS.get(model.text())
     if counts is None:
         raise model.error(repr(model.text()), f"one of {', '.join([*PINHOLE_MODELS, *FISHEYE_MODELS])}")
-    return PinholeCamera.from_matrix(matrix, coefficients.counted(*counts), width, height)
+    return PinholeCamera.from_matrix(matrix, distortion=coefficients.counted(*counts), width=width, height=height)
 
 
 def _check_full_image(document: YamlMapping) -> None:

@@ -7,9 +7,18 @@ y down, z along the optical axis.
 from __future__ import annotations
 
 from regionpose.cameras.base import Camera
+from regionpose.cameras.colmap import camera_from_colmap, camera_to_colmap
 from regionpose.cameras.fisheye import FisheyeCamera
 from regionpose.cameras.ocam import OcamCamera
 from regionpose.cameras.pinhole import PinholeCamera
 from regionpose.cameras.unified import UnifiedCamera
 
-__all__ = ["Camera", "FisheyeCamera", "OcamCamera", "PinholeCamera", "UnifiedCamera"]
+__all__ = [
+    "Camera",
+    "FisheyeCamera",
+    "OcamCamera",
+    "PinholeCamera",
+    "UnifiedCamera",
+    "camera_from_colmap",
+    "camera_to_colmap",
+]

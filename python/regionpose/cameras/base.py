@@ -28,28 +28,63 @@ class Camera(ABC):
     height: int | None
 
     def bearings(self, pixels: ArrayLike) -> Array:
-        """Unit vectors (n, 3) in the camera frame along which the pixels (n, 2) see.
+        """Unit vectors in the camera frame along which pixels see.
 
-        A row is NaN where the pixel is not finite or where the model maps no direction to it, as beyond the fold of
-        a distortion. The image size does not limit the pixels. ValueError when the shape is not (n, 2).
+        Parameters
+        ----------
+        pixels : (n, 2) array
+            x right, y down; the image size does not limit them.
+
+        Returns
+        -------
+        (n, 3) array
+            A row is NaN where the pixel is not finite or where the model maps no direction to it, as beyond the fold of
+            a distortion.
+
+        Raises
+        ------
+        ValueError
+            For another shape.
         """
         return _map_rows(self._bearings, _rows(pixels, "pixels", 2), 3)
 
     def project(self, points: ArrayLike) -> Array:
-        """Pixels (n, 2) of the points (n, 3) in the camera frame; only the direction of a point matters.
+        """Pixels of points in the camera frame; only the direction of a point matters.
 
-        A row is NaN where the point is not finite, is the camera centre, or is not visible: behind the camera or
-        further off the axis than the model can tell apart (`max_angle`), or where its pixel is too far out to be a
-        finite number. Pixels are not cropped by the image size.
-        ValueError when the shape is not (n, 3).
+        Parameters
+        ----------
+        points : (n, 3) array
+            In any unit.
+
+        Returns
+        -------
+        (n, 2) array
+            Not cropped by the image size. A row is NaN where the point is not finite, is the camera center, or is not
+            visible: behind the camera or further off the axis than the model can tell apart (`max_angle`), or where its
+            pixel is too far out to be a finite number.
+
+        Raises
+        ------
+        ValueError
+            For another shape.
         """
         return _map_rows(self._project, _rows(points, "points", 3), 2)
 
     def resized(self, width: int, height: int) -> Self:
-        """The camera of the same photos resized to `width` by `height` pixels, as by cv2.resize.
+        """The camera of the same photos resized, as by cv2.resize.
 
-        Outer corners go to outer corners, so that a pixel `u` goes to `s (u + 0.5) - 0.5`. ValueError for a camera
-        without a size, and where no one factor, to a pixel of rounding, leads from its size to the other.
+        Outer corners go to outer corners, so that a pixel `u` goes to `s (u + 0.5) - 0.5`.
+
+        Parameters
+        ----------
+        width, height : int
+            Of the resized photos, pixels.
+
+        Raises
+        ------
+        ValueError
+            For a camera without a size, and where no one factor, to a pixel of rounding, leads from its size to the
+            other.
         """
         size = image_length("width", width), image_length("height", height)
         if self.width is None or self.height is None:
@@ -83,10 +118,10 @@ class Camera(ABC):
 
 
 def scaled_intrinsics(
-    focal: tuple[float, float], centre: tuple[float, float], factors: tuple[float, float]
+    focal: tuple[float, float], center: tuple[float, float], factors: tuple[float, float]
 ) -> tuple[float, float, float, float]:
     """fx, fy, cx and cy of photos whose sides are scaled by two factors, corners to corners."""
-    (fx, fy), (cx, cy), (across, down) = focal, centre, factors
+    (fx, fy), (cx, cy), (across, down) = focal, center, factors
     return across * fx, down * fy, across * (cx + 0.5) - 0.5, down * (cy + 0.5) - 0.5
 
 

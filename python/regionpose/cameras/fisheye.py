@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,17 +29,40 @@ from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, firs
 class FisheyeCamera(Camera):
     """Fisheye camera: a ray at angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + ... + k4 t^8)`.
 
-    The distance is on the plane that focal lengths and centre, in pixels, map to the image (Kannala and Brandt 2006,
-    radially symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to
-    the fold of the polynomial or to 180 degrees. ValueError on a focal length that is not positive, a number that is
-    not finite, other than four coefficients.
+    The distance is on the plane that focal lengths and center map to the image (Kannala and Brandt 2006, radially
+    symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to the fold
+    of the polynomial or to 180 degrees.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths, pixels, above 0.
+    cx, cy : float
+        Where the optical axis meets the image, pixels.
+    distortion : tuple of 4 float
+        `(k1, k2, k3, k4)`, zeros by default.
+    width, height : int, optional
+        Of the image, pixels; None where unknown.
+
+    Raises
+    ------
+    ValueError
+        For a focal length that is not positive, a number that is not finite, other than four coefficients.
+
+    Examples
+    --------
+    >>> import numpy as np, regionpose as rp
+    >>> camera = rp.FisheyeCamera(300.0, 300.0, 500.0, 500.0)
+    >>> np.round(camera.project([[1.0, 0.0, 0.0]]), 3).tolist()
+    [[971.239, 500.0]]
     """
 
     fx: float
     fy: float
     cx: float
     cy: float
-    k: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    _: KW_ONLY
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     width: int | None = None
     height: int | None = None
 
@@ -52,20 +75,23 @@ class FisheyeCamera(Camera):
         store(self, "cy", finite_number("cy", self.cy))
         store(self, "width", image_length("width", self.width))
         store(self, "height", image_length("height", self.height))
-        store(self, "k", finite_numbers("k", self.k))
-        if len(self.k) != 4:
-            raise ValueError(f"k: found {len(self.k)} coefficients; needed 4 (k1 k2 k3 k4)")
+        store(self, "distortion", finite_numbers("distortion", self.distortion))
+        if len(self.distortion) != 4:
+            raise ValueError(f"distortion: found {len(self.distortion)} coefficients; needed 4 (k1 k2 k3 k4)")
 
     @classmethod
     def from_matrix(
         cls,
         matrix: ArrayLike,
+        *,
         distortion: ArrayLike = (0.0, 0.0, 0.0, 0.0),
         width: int | None = None,
         height: int | None = None,
     ) -> FisheyeCamera:
         """The camera with the matrix K (3, 3), without skew, and OpenCV's four coefficients in any shape."""
-        return cls(*intrinsics_of(matrix), k=tuple(np.ravel(np.asarray(distortion))), width=width, height=height)
+        return cls(
+            *intrinsics_of(matrix), distortion=tuple(np.ravel(np.asarray(distortion))), width=width, height=height
+        )
 
     @property
     def matrix(self) -> Array:
@@ -75,7 +101,7 @@ class FisheyeCamera(Camera):
     @cached_property
     def max_angle(self) -> float:
         """Largest angle off the optical axis, in radians: pi, or the fold of the polynomial."""
-        slope = np.asarray([1.0, *self.k]) * np.array([1.0, 3.0, 5.0, 7.0, 9.0])
+        slope = np.asarray([1.0, *self.distortion]) * np.array([1.0, 3.0, 5.0, 7.0, 9.0])
         return min(math.pi, math.sqrt(first_positive_root(slope)))
 
     @property
@@ -85,7 +111,7 @@ class FisheyeCamera(Camera):
 
     def _radius(self, angle: Array) -> tuple[Array, Array]:
         """Distance from the centre before the focal lengths, and its derivative by the angle."""
-        factor = np.asarray([1.0, *self.k])
+        factor = np.asarray([1.0, *self.distortion])
         square = angle * angle
         value = polynomial(factor, square)
         return angle * value, value + 2.0 * square * polynomial(derivative(factor), square)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,22 +28,43 @@ SMALLEST_DETERMINANT = 1e-6
 class OcamCamera(Camera):
     """Omnidirectional camera whose bearings are a polynomial over the image plane (paper, section 2, eq. 1 to 4).
 
-    A pixel is `center + stretch (x, y)`, x right and y down in pixels, `center` as (column, row); it sees along
-    `(x, y, g(rho))`, `rho = |(x, y)|`, `g = a0 + a1 rho + a2 rho^2 + ...` with `polynomial = (a0, a1, ...)` of any
-    length and `a0 > 0`: z is forward (docs/math.md, eq. 9.7). Rays may leave by more than 90 degrees off the axis,
-    where `g < 0`. `project` inverts this polynomial itself; the pixel is as exact as its rounding except within a pixel
-    or so of the fold (`max_angle`), where the angle no longer grows with rho and so hardly tells rho.
+    A pixel is `center + stretch (x, y)`, x right and y down in pixels; it sees along `(x, y, g(rho))`, `rho = |(x,
+    y)|`, `g = a0 + a1 rho + a2 rho^2 + ...`: z is forward (docs/math.md, eq. 9.7). Rays may leave by more than 90
+    degrees off the axis, where `g < 0`. `project` inverts this polynomial itself; the pixel is as exact as its rounding
+    except within a pixel or so of the fold (`max_angle`), where the angle no longer grows with rho and so hardly tells
+    rho.
 
-    OCamCalib writes the same model with x along the rows, y along the columns and the axis backward:
-    `(row, column) = center + [[c, d], [e, 1]] (x', y')`, bearing `(x', y', ss(rho))` with `ss0 < 0`. So
-    `x = y'`, `y = x'`, `a = -ss`, center (column, row), stretch `((1, e), (d, c))`: `from_ocamcalib`.
+    OCamCalib writes the same model with x along the rows, y along the columns and the axis backward: `(row, column) =
+    center + [[c, d], [e, 1]] (x', y')`, bearing `(x', y', ss(rho))` with `ss0 < 0`. So `x = y'`, `y = x'`, `a = -ss`,
+    center (column, row), stretch `((1, e), (d, c))`: `from_ocamcalib`.
 
-    ValueError on an empty polynomial, `a0` not positive, a number that is not finite, a stretch that is not (2, 2)
-    or not invertible.
+    Parameters
+    ----------
+    polynomial : tuple of float
+        `(a0, a1, ...)` of any length, `a0 > 0`.
+    center : tuple of 2 float
+        Column and row, pixels.
+    stretch : (2, 2) tuples
+        Of the plane onto the image, the identity by default.
+    width, height : int, optional
+        Of the image, pixels; None where unknown.
+
+    Raises
+    ------
+    ValueError
+        For an empty polynomial, `a0` not positive, a number that is not finite, a stretch that is not (2, 2) or not
+        invertible.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> rp.OcamCamera((300.0, 0.0, -1e-3), (640.0, 480.0)).bearings([[640.0, 480.0]]).tolist()
+    [[0.0, 0.0, 1.0]]
     """
 
     polynomial: tuple[float, ...]
     center: tuple[float, ...]
+    _: KW_ONLY
     stretch: Stretch = ((1.0, 0.0), (0.0, 1.0))
     width: int | None = None
     height: int | None = None
@@ -68,6 +89,7 @@ class OcamCamera(Camera):
         ss: tuple[float, ...],
         center: tuple[float, float],
         cde: tuple[float, float, float] = (1.0, 0.0, 0.0),
+        *,
         width: int | None = None,
         height: int | None = None,
     ) -> OcamCamera:
@@ -75,7 +97,7 @@ class OcamCamera(Camera):
         c, d, e = cde
         row, column = center
         forward = tuple(0.0 - coefficient for coefficient in ss)
-        return cls(forward, (column, row), ((1.0, e), (d, c)), width=width, height=height)
+        return cls(forward, (column, row), stretch=((1.0, e), (d, c)), width=width, height=height)
 
     @cached_property
     def max_angle(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,18 +27,40 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 class PinholeCamera(Camera):
     """Perspective camera, `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
 
-    See docs/math.md, eq. 9.1. `distortion` holds 0, 4, 5 or 8 coefficients in OpenCV's order
-    `(k1, k2, p1, p2, k3, k4, k5, k6)`; focal lengths and centre are in pixels. ValueError on a focal length that is not
-    positive, a number that is not finite, another count of coefficients.
+    See docs/math.md, eq. 9.1. Pixels are OpenCV's: an integer is a pixel's center.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths, pixels, above 0.
+    cx, cy : float
+        Where the optical axis meets the image, pixels.
+    distortion : tuple of float
+        0 (default), 4, 5 or 8 coefficients in OpenCV's order `(k1, k2, p1, p2, k3, k4, k5, k6)`.
+    width, height : int, optional
+        Of the image, pixels; None where unknown.
+
+    Raises
+    ------
+    ValueError
+        For a focal length that is not positive, a number that is not finite, another count of coefficients.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> camera = rp.PinholeCamera(800.0, 800.0, 319.5, 239.5, width=640, height=480)
+    >>> camera.project([[0.0, 0.0, 2.0]]).tolist()
+    [[319.5, 239.5]]
     """
 
     fx: float
     fy: float
     cx: float
     cy: float
+    _: KW_ONLY
+    distortion: tuple[float, ...] = ()
     width: int | None = None
     height: int | None = None
-    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the parameters and store them as plain numbers."""
@@ -53,7 +75,7 @@ class PinholeCamera(Camera):
 
     @classmethod
     def from_matrix(
-        cls, matrix: ArrayLike, distortion: ArrayLike = (), width: int | None = None, height: int | None = None
+        cls, matrix: ArrayLike, *, distortion: ArrayLike = (), width: int | None = None, height: int | None = None
     ) -> PinholeCamera:
         """The camera with the matrix K (3, 3), without skew, and OpenCV's distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))

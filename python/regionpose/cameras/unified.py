@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,17 +28,41 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 class UnifiedCamera(Camera):
     """Unified camera: the point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)`.
 
-    Mei and Rives 2007 (docs/math.md, eq. 9.8); Kalibr's omni and OpenCV's omnidir model. `distortion` and the
-    intrinsics in pixels are those of PinholeCamera; `xi = 0` is a pinhole camera. Directions are seen up to `z = -xi`
-    when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion. ValueError on a negative xi,
-    a focal length that is not positive, a number that is not finite, a wrong count of coefficients.
+    Mei and Rives 2007 (docs/math.md, eq. 9.8); Kalibr's omni and OpenCV's omnidir model. Directions are seen up to `z =
+    -xi` when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths, pixels, above 0.
+    cx, cy : float
+        Where the optical axis meets the image, pixels.
+    xi : float
+        Of the mirror, at least 0; 0 is a pinhole camera.
+    distortion : tuple of float
+        0 (default), 4, 5 or 8 coefficients, as of `PinholeCamera`.
+    width, height : int, optional
+        Of the image, pixels; None where unknown.
+
+    Raises
+    ------
+    ValueError
+        For a negative xi, a focal length that is not positive, a number that is not finite, a wrong count of
+        coefficients.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> rp.UnifiedCamera(600.0, 600.0, 320.0, 240.0, xi=1.0).project([[0.0, 0.0, 1.0]]).tolist()
+    [[320.0, 240.0]]
     """
 
-    xi: float
     fx: float
     fy: float
     cx: float
     cy: float
+    _: KW_ONLY
+    xi: float
     distortion: tuple[float, ...] = ()
     width: int | None = None
     height: int | None = None
@@ -61,15 +85,15 @@ class UnifiedCamera(Camera):
     def from_matrix(
         cls,
         matrix: ArrayLike,
+        *,
+        xi: float,
         distortion: ArrayLike = (),
         width: int | None = None,
         height: int | None = None,
-        *,
-        xi: float,
     ) -> UnifiedCamera:
         """The camera with xi, the matrix K (3, 3), without skew, and distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))
-        return cls(xi, *intrinsics_of(matrix), distortion=coefficients, width=width, height=height)
+        return cls(*intrinsics_of(matrix), xi=xi, distortion=coefficients, width=width, height=height)
 
     @property
     def matrix(self) -> Array:

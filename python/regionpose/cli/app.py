@@ -117,7 +117,7 @@ def _is_missing_extra(error: ImportError) -> bool:
 
 
 def _is_pose_error(error: BaseException) -> bool:
-    from regionpose.solver import PoseError
+    from regionpose.estimation.answer import PoseError
 
     return isinstance(error, PoseError)
 

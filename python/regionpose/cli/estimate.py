@@ -83,7 +83,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
             ("translation_m", _vector(estimate.pose.translation, 6)),
             ("camera centre in world, m", _vector(estimate.pose.camera_center, 6)),
             ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
-            ("translation sigma, m", _vector(estimate.translation_sigma, 5)),
+            ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
             ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
         ]
@@ -130,8 +130,8 @@ def _say_known(result: dict[str, Any]) -> None:
 def _say_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
-        centre = 1000.0 * errors["camera_center_m"]
-        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {centre:.2f} mm (camera centre)")
+        center = 1000.0 * errors["camera_center_m"]
+        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {center:.2f} mm (camera centre)")
 
 
 def _vector(values: object, digits: int) -> str:

@@ -17,7 +17,7 @@ def fuse(
     images: Annotated[list[Path], typer.Argument(help="Image of the camera, or several.")],
     camera: CameraPaths,
     pose: PosePaths,
-    out: Annotated[Path, typer.Option("--out", "-o", help="PLY file to write.")] = Path("coloured.ply"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="PLY file to write.")] = Path("colored.ply"),
     camera_name: CameraNames = None,
     camera_model: CameraModel = None,
     force: Force = False,
@@ -31,7 +31,7 @@ def fuse(
 
     \b
     Examples:
-      regionpose fuse cloud.ply image.jpg --camera camera_info.yaml --pose result/result.json --out coloured.ply
+      regionpose fuse cloud.ply image.jpg --camera camera_info.yaml --pose result/result.json --out colored.ply
       regionpose fuse 000042.bin 000042.png --camera 000042.txt --pose 000042.txt --json
       regionpose fuse cloud.ply a.jpg b.jpg --camera camera_info.yaml --pose a.json --pose b.json
       regionpose fuse cloud.ply l.jpg r.jpg --camera l.yaml --camera r.yaml --pose l.json --pose r.json
@@ -39,17 +39,17 @@ def fuse(
     refuse_existing([out], force)
     from regionpose.cli.views import read_view, view_files
     from regionpose.clouds import read_cloud, write_ply
-    from regionpose.fusion import coloured_cloud
+    from regionpose.pictures.colors import colored_cloud
 
     files = view_files(images, camera, pose, camera_name or [], camera_model)
     with Progress(quiet) as progress:
         progress.begin("read cloud")
         points = read_cloud(cloud)
-        views = (read_view(each, points) for each in progress.each(files, "colours of image"))
-        coloured, visible = coloured_cloud(points, views)
+        views = (read_view(each) for each in progress.each(files, "colours of image"))
+        colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")
-        write_file(out, lambda path: write_ply(path, coloured), force=force)
-    total, seen = len(coloured), int(visible.sum())
+        write_file(out, lambda path: write_ply(path, colored), force=force)
+    total, seen = len(colored), int(visible.sum())
     if as_json:
         say_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})
     else:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionpose.cli.console import say_json, say_rows
-from regionpose.cli.options import AsJson, CameraModel, CameraName
+from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.options import AsJson, CameraModel, CameraName, Quiet
 
 if TYPE_CHECKING:
     from regionpose.clouds import Cloud
@@ -38,6 +38,7 @@ def info(
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Say what is in a cloud, a calibration, an image, a scene file or a result.
 
@@ -47,7 +48,8 @@ def info(
       regionpose info calib.yaml --camera-name cam1
       regionpose info scene.yaml --json
     """
-    facts = file_facts(file, camera_name, camera_model)
+    with Progress(quiet) as progress:
+        facts = file_facts(file, camera_name, camera_model, progress)
     if as_json:
         say_json(facts)
     else:
@@ -55,21 +57,26 @@ def info(
         say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
 
 
-def file_facts(path: Path, camera_name: str | None = None, camera_model: str | None = None) -> Facts:
+def file_facts(
+    path: Path,
+    camera_name: str | None = None,
+    camera_model: str | None = None,
+    progress: Progress | None = None,
+) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
-    suffix = path.suffix.lower()
+    suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
     if suffix in IMAGE_SUFFIXES:
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
-        return _cloud_facts(path)
-    return _text_facts(path, camera_name, camera_model)
+        return _cloud_facts(path, said)
+    return _text_facts(path, camera_name, camera_model, said)
 
 
-def _text_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
+def _text_facts(path: Path, camera_name: str | None, camera_model: str | None, progress: Progress) -> Facts:
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
@@ -85,7 +92,7 @@ def _text_facts(path: Path, camera_name: str | None, camera_model: str | None) -
         return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
-        readers.append(lambda: _cloud_facts(path))
+        readers.append(lambda: _cloud_facts(path, progress))
     return _first_that_reads(readers)
 
 
@@ -107,12 +114,16 @@ def _image_facts(path: Path) -> Facts:
     return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
 
 
-def _cloud_facts(path: Path) -> Facts:
+def _cloud_facts(path: Path, progress: Progress) -> Facts:
     from regionpose.clouds import read_cloud
 
+    size = path.stat().st_size
+    said = progress if size > LARGE_BYTES else Progress(quiet=True)
+    said.begin(f"read {size / 1e6:.0f} MB")
     cloud = read_cloud(path)
-    spacing = _spacing(cloud.points)
-    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    said.begin(f"spacing of {len(cloud)} points")
+    spacing = _spacing(cloud.local_points)
+    low, high = cloud.local_points.min(axis=0), cloud.local_points.max(axis=0)
     return {
         "kind": "cloud" if cloud.triangles is None else "mesh",
         "points": len(cloud),
@@ -121,10 +132,10 @@ def _cloud_facts(path: Path) -> Facts:
         "highest_corner_m": (high + cloud.origin).tolist(),
         "extent_m": (high - low).tolist(),
         "local_origin_m": cloud.origin.tolist(),
-        "sensor_origin_m": None if cloud.sensor_origin is None else (cloud.origin + cloud.sensor_origin).tolist(),
+        "sensor_origin_m": None if cloud.sensor_origin is None else cloud.sensor_origin.tolist(),
         "spacing_m": spacing,
         "unit": _unit(cloud, spacing),
-        "colours": cloud.colours is not None,
+        "colors": cloud.colors is not None,
         "intensity": cloud.intensity is not None,
         "fields": sorted(cloud.fields),
         "dropped_points": cloud.dropped,
@@ -137,10 +148,13 @@ def _unit(cloud: Cloud, spacing: float | None) -> str:
 
     remarks = [warning.message for warning in check_unit(cloud)]
     if not remarks and cloud.triangles is None and spacing is not None:
-        extent = math.hypot(*(cloud.points.max(axis=0) - cloud.points.min(axis=0)))
+        extent = math.hypot(*(cloud.local_points.max(axis=0) - cloud.local_points.min(axis=0)))
         remarks = [remark for remark in [unit_remark(spacing, extent)] if remark is not None]
     return f"taken as metres, but {remarks[0]}" if remarks else "taken as metres"
 
+
+LARGE_BYTES = 20_000_000
+"""Size from which the stages are said: smaller files of every kind are read within a second."""
 
 SPACING_SAMPLE = 2000
 """Points whose nearest neighbour is looked up for the median spacing."""

@@ -13,7 +13,7 @@ from regionpose.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
     from regionpose.clouds import Cloud
-    from regionpose.fusion import View
+    from regionpose.pictures.colors import View
 
 CSV_HEADER = "index,x_px,y_px,depth_m"
 
@@ -53,7 +53,7 @@ def project(
     with Progress(quiet) as progress:
         progress.begin("read files")
         points = read_cloud(cloud)
-        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model), points)
+        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model))
         progress.begin("projection")
         rows = _rows_inside(points, view)
         write_file(out, lambda path: _write(path, rows, points, view), force=force)
@@ -80,6 +80,6 @@ def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from regionpose.drawing import overlay_depth, save_png
+    from regionpose.pictures.overlays import overlay_depth, save_png
 
     save_png(path, overlay_depth(view.image, view.camera, view.pose, cloud.points))

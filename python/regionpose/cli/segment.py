@@ -140,12 +140,12 @@ def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, 
         progress.begin("read cloud")
         cloud = read_cloud(path)
         progress.begin("world region")
-        indices = np.asarray(grow_plane(cloud.points, np.asarray(seed) - cloud.origin))
+        indices = np.asarray(grow_plane(cloud.local_points, np.asarray(seed) - cloud.origin))
     if out.suffix.lower() == ".npy":
         write_file(out, lambda place: np.save(place, indices), force=force)
     else:
-        colours = None if cloud.colours is None else cloud.colours[indices]
-        part = Cloud(cloud.points[indices], colours=colours, origin=cloud.origin)
+        colors = None if cloud.colors is None else cloud.colors[indices]
+        part = Cloud(cloud.local_points[indices], colors=colors, origin=cloud.origin)
         write_file(out, lambda place: write_ply(place, part), force=force)
     return {"written": str(out), "points": len(indices)}
 
@@ -160,7 +160,6 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
     from regionpose.scene import Stages, load_scene, scene_sides
     from regionpose.scene.result import plain, region_sizes
-    from regionpose.scene.verdict import with_names
 
     scene = load_scene(path)
     names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
@@ -168,7 +167,7 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
         claim.write(_scene_writers(scene, sides, out))
-    remarks = [f"{warning.code}: {with_names(warning.message, sides.names)}" for warning in sides.warnings]
+    remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": plain(region_sizes(sides)), "warnings": remarks}
 
 

@@ -8,9 +8,7 @@ from typing import NamedTuple, TypeVar
 
 from regionpose.calibration import load_camera
 from regionpose.cli.poses import read_pose
-from regionpose.clouds import Cloud
-from regionpose.fusion import View
-from regionpose.pose import Pose
+from regionpose.pictures.colors import View
 from regionpose.scene.sensors import other_size, read_picture
 
 Item = TypeVar("Item")
@@ -51,11 +49,10 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
     return given if len(given) == len(images) else list(given) * len(images)
 
 
-def read_view(files: ViewFiles, cloud: Cloud) -> View:
-    """The image, its camera, and the pose for points about the cloud's local origin."""
+def read_view(files: ViewFiles) -> View:
+    """The image, its camera, and its pose."""
     camera, picture = load_camera(files.camera, files.camera_name, model=files.camera_model), read_picture(files.image)
     remark = other_size(camera, (picture.shape[1], picture.shape[0]))
     if remark is not None:
         raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
-    world = read_pose(files.pose, files.camera_name)
-    return View(picture, camera, Pose(world.rotation, world.transform(cloud.origin[None])[0]))
+    return View(picture, camera, read_pose(files.pose, files.camera_name))

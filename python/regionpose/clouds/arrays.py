@@ -21,7 +21,7 @@ FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (metres) of the scanner; any other bytes read as floats exceed it soon."""
 
 POINT_KEYS = ("points", "xyz", "vertices", "pts")
-COLOUR_KEYS = ("colours", "colors", "rgb")
+COLOR_KEYS = ("colours", "colors", "rgb")
 TRIANGLE_KEYS = ("triangles", "faces")
 ORIGIN_KEY = "origin"
 
@@ -85,18 +85,18 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
     origin = arrays.get(ORIGIN_KEY, np.zeros(3))
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise cloud_error(path, ORIGIN_KEY, f"shape {origin.shape}", "3 finite numbers")
-    colours = first(COLOUR_KEYS)
-    if colours is not None and (colours.ndim != 2 or colours.shape != points.shape):
-        raise cloud_error(path, "colours", f"shape {colours.shape}", f"{points.shape}")
-    known = {*POINT_KEYS, *COLOUR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
+    colors = first(COLOR_KEYS)
+    if colors is not None and (colors.ndim != 2 or colors.shape != points.shape):
+        raise cloud_error(path, "colors", f"shape {colors.shape}", f"{points.shape}")
+    known = {*POINT_KEYS, *COLOR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
     others: dict[str, ArrayLike] = {
         name: array
         for name, array in arrays.items()
         if name not in known and array.shape == (len(points),) and array.dtype.kind in "biuf"
     }
-    return Cloud.from_world_points(
+    return Cloud.from_points(
         points + origin,
-        colours=colours,
+        colors=colors,
         intensity=arrays.get("intensity"),
         fields=others,
         triangles=first(TRIANGLE_KEYS),
@@ -116,7 +116,7 @@ def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
     if size % row:
         raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
     cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)
-    points = cloud.world_points
+    points = cloud.points
     farthest = float(max(points.max(), -points.min()))
     if farthest > FARTHEST_RETURN:
         needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"

@@ -1,9 +1,10 @@
-"""The cloud: points about a local origin, with colours, intensity, other scalars and triangles."""
+"""The cloud: points, kept about a local origin, with colours, intensity, other scalars and triangles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -35,18 +36,45 @@ BYTE_LIMIT, WORD_LIMIT = 255, 65535
 class Cloud:
     """Points of the world, each with what was measured there.
 
-    `points`: (n, 3) float64 about `origin`, in the file's unit (metres, as a rule). `origin`: (3,) float64, zero unless
-    the coordinates are large. `colours`: (n, 3) uint8 or None. `intensity`: (n,) float64 in the file's own scale, or
-    None. `fields`: other scalars (n,) by name. `triangles`: (k, 3) int64 indices of a mesh, or None. `source`: the file
-    read. `dropped`: points left out since a coordinate was NaN or infinite. `sensor_origin`: (3,) where the scanner
-    stood, about `origin` like the points; None where the file doesn't say, or holds scans from several places.
-    `metres_per_unit`: of the coordinates, which are left as they are; None where the file doesn't say. The
-    arrays are read-only views. CloudError for shapes that disagree, coordinates that are not finite, and triangles that
-    name no point.
+    Parameters
+    ----------
+    local_points : (n, 3) array of float64
+        About `origin`, in the file's unit (metres, as a rule); `points` are the same in the world.
+    colors : (n, 3) array of uint8, optional
+        sRGB.
+    intensity : (n,) array of float64, optional
+        In the file's own scale.
+    fields : mapping of str to (n,) array
+        Other scalars by name.
+    triangles : (k, 3) array of int64, optional
+        Indices of a mesh.
+    origin : (3,) array of float64
+        Of the local points in the world, zero unless the coordinates are large.
+    source : Path, optional
+        The file read.
+    dropped : int
+        Points left out since a coordinate was NaN or infinite.
+    sensor_origin : (3,) array of float64, optional
+        Where the scanner stood in the world; None where the file doesn't say, or holds scans from several places.
+    unit_m : float, optional
+        Of the coordinates' unit, metres; they are left as they are. None where the file doesn't say.
+
+    Raises
+    ------
+    CloudError
+        A ValueError, for shapes that disagree, coordinates that are not finite, and triangles that name no point.
+        The arrays are kept as read-only views.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> cloud = rp.Cloud.from_points([[431999.0, 5400000.0, 119.0], [432000.0, 5400000.0, 119.5]])
+    >>> cloud.points[0].tolist()
+    [431999.0, 5400000.0, 119.0]
     """
 
-    points: Array
-    colours: NDArray[np.uint8] | None = None
+    local_points: Array
+    colors: NDArray[np.uint8] | None = None
     intensity: Array | None = None
     fields: Mapping[str, Scalars] = field(default_factory=dict)
     triangles: NDArray[np.int64] | None = None
@@ -54,19 +82,19 @@ class Cloud:
     source: Path | None = None
     dropped: int = 0
     sensor_origin: Array | None = None
-    metres_per_unit: float | None = None
+    unit_m: float | None = None
 
     def __post_init__(self) -> None:
         """Check the parts and keep read-only views of them."""
-        count = len(self._keep("points", np.float64, (-1, 3)))
+        count = len(self._keep("local_points", np.float64, (-1, 3)))
         if not count:
             raise cloud_error(self.source, "points", "none", "at least 1")
         self._keep("origin", np.float64, (3,))
         self._keep("sensor_origin", np.float64, (3,))
-        for name in ("points", "origin", "sensor_origin"):
+        for name in ("local_points", "origin", "sensor_origin"):
             if getattr(self, name) is not None and not np.isfinite(getattr(self, name)).all():
                 raise cloud_error(self.source, name, "NaN or infinite coordinates", "finite numbers")
-        self._keep("colours", np.uint8, (count, 3))
+        self._keep("colors", np.uint8, (count, 3))
         self._keep("intensity", np.float64, (count,))
         object.__setattr__(self, "fields", MappingProxyType(self._checked_fields(count)))
         triangles = self._keep("triangles", np.int64, (-1, 3))
@@ -105,23 +133,41 @@ class Cloud:
         return fields
 
     @classmethod
-    def from_world_points(
+    def from_points(
         cls,
-        world_points: ArrayLike,
+        points: ArrayLike,
         *,
-        colours: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
         intensity: ArrayLike | None = None,
         fields: Mapping[str, ArrayLike] | None = None,
         triangles: ArrayLike | None = None,
         source: Path | None = None,
     ) -> Cloud:
-        """The cloud of world coordinates (n, 3): points that are not finite dropped, the rest about a local origin.
+        """The cloud of world coordinates: points that are not finite dropped, the rest kept about a local origin.
 
         An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
-        Colours (n, 3) of 8 bits are kept; of 16 bits, or fractions up to 1, they are brought to 8. Triangles that touch
-        a dropped point are dropped. CloudError when no point is finite.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            World coordinates.
+        colors : (n, 3) array, optional
+            Of 8 bits, which are kept; of 16 bits, or fractions up to 1, which are brought to 8.
+        intensity : (n,) array, optional
+            In any scale.
+        fields : mapping of str to (n,) array, optional
+            Other scalars.
+        triangles : (k, 3) array of int, optional
+            Those that touch a dropped point are dropped.
+        source : Path, optional
+            The file read.
+
+        Raises
+        ------
+        CloudError
+            A ValueError, where no point is finite or shapes disagree.
         """
-        world = np.asarray(world_points)
+        world = np.asarray(points)
         if world.ndim != 2 or world.shape[1] != 3 or world.dtype.kind not in "iuf":
             raise cloud_error(source, "points", f"{world.dtype} of shape {world.shape}", "numbers of shape (n, 3)")
         world = np.asarray(world, dtype=np.float64)
@@ -129,12 +175,12 @@ class Cloud:
         if not finite.any():
             found = f"{len(world)} points, none with finite coordinates" if len(world) else "no points"
             raise cloud_error(source, "points", found, "at least 1 with finite coordinates")
-        shades = None if colours is None else _kept_rows("colours", colours, finite, source)
-        points = _kept_rows("points", world, finite, source)
-        origin = _origin(points)
+        shades = None if colors is None else _kept_rows("colors", colors, finite, source)
+        kept = _kept_rows("points", world, finite, source)
+        origin = _origin(kept)
         return cls(
-            points=points - origin if origin.any() else points,
-            colours=None if shades is None else _bytes_of_colours(shades, source),
+            local_points=kept - origin if origin.any() else kept,
+            colors=None if shades is None else _bytes_of_colors(shades, source),
             intensity=None if intensity is None else _kept_rows("intensity", intensity, finite, source),
             fields={
                 name: _kept_rows(f"field {name}", values, finite, source) for name, values in (fields or {}).items()
@@ -142,30 +188,34 @@ class Cloud:
             triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), finite, source),
             origin=origin,
             source=source,
-            dropped=len(world) - len(points),
+            dropped=len(world) - len(kept),
         )
 
     def scanned_from(self, place: ArrayLike) -> Cloud:
         """The same, scanned from a place (3,) of the world."""
-        return replace(self, sensor_origin=np.asarray(place, dtype=np.float64) - self.origin)
+        return replace(self, sensor_origin=np.asarray(place, dtype=np.float64))
 
-    @property
-    def world_points(self) -> Array:
-        """The points (n, 3) in world coordinates, `points + origin`."""
-        return self.points + self.origin if self.origin.any() else self.points
+    @cached_property
+    def points(self) -> Array:
+        """The points (n, 3) in world coordinates, float64, read-only."""
+        if not self.origin.any():
+            return self.local_points
+        world = self.local_points + self.origin
+        world.setflags(write=False)
+        return world
 
     def __len__(self) -> int:
         """The number of points."""
-        return len(self.points)
+        return len(self.local_points)
 
     def __repr__(self) -> str:
         """The counts and what the cloud carries."""
         parts = [f"{len(self)} points"]
-        parts += [name for name in ("colours", "intensity") if getattr(self, name) is not None]
+        parts += [name for name in ("colors", "intensity") if getattr(self, name) is not None]
         parts += [f"fields {', '.join(self.fields)}"] if self.fields else []
         parts += [f"{len(self.triangles)} triangles"] if self.triangles is not None else []
         parts += [f"origin {self.origin.tolist()}"] if self.origin.any() else []
-        parts += [] if self.sensor_origin is None else [f"scanned from {(self.origin + self.sensor_origin).tolist()}"]
+        parts += [] if self.sensor_origin is None else [f"scanned from {self.sensor_origin.tolist()}"]
         parts += [f"{self.dropped} dropped"] if self.dropped else []
         return f"Cloud({', '.join(parts)})"
 
@@ -195,21 +245,21 @@ def _origin(world: Array) -> Array:
     return np.asarray(origin, dtype=np.float64)
 
 
-def _bytes_of_colours(colours: Scalars, source: Path | None) -> NDArray[np.uint8]:
+def _bytes_of_colors(colors: Scalars, source: Path | None) -> NDArray[np.uint8]:
     """Colours (n, 3) of 8 bits: fractions times 255, and the upper byte of 16 bits where a value exceeds 255."""
-    if colours.dtype == np.uint8:
-        return colours
+    if colors.dtype == np.uint8:
+        return colors
     needed = "numbers in [0, 1], [0, 255] or [0, 65535]"
-    if colours.dtype.kind not in "iuf":
-        raise cloud_error(source, "colours", colours.dtype, needed)
-    least, most = colours.min(), colours.max()
+    if colors.dtype.kind not in "iuf":
+        raise cloud_error(source, "colors", colors.dtype, needed)
+    least, most = colors.min(), colors.max()
     if not (least >= 0 and most <= WORD_LIMIT):
-        raise cloud_error(source, "colours", f"values from {least} to {most}", needed)
-    if colours.dtype.kind == "f" and most <= 1.0:
-        return np.asarray(np.rint(colours * BYTE_LIMIT), dtype=np.uint8)
+        raise cloud_error(source, "colors", f"values from {least} to {most}", needed)
+    if colors.dtype.kind == "f" and most <= 1.0:
+        return np.asarray(np.rint(colors * BYTE_LIMIT), dtype=np.uint8)
     if most > BYTE_LIMIT:
-        return np.asarray(colours.astype(np.uint16) >> 8, dtype=np.uint8)
-    return np.asarray(np.rint(colours), dtype=np.uint8)
+        return np.asarray(colors.astype(np.uint16) >> 8, dtype=np.uint8)
+    return np.asarray(np.rint(colors), dtype=np.uint8)
 
 
 def _kept_triangles(triangles: Scalars, finite: NDArray[np.bool_], source: Path | None) -> Scalars:

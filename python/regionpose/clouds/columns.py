@@ -15,7 +15,7 @@ SKIPPED = "_"
 """The name of a column that is not read."""
 
 COORDINATES = ("x", "y", "z")
-COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 
 
@@ -28,12 +28,12 @@ def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: Arra
     missing = [name for name in COORDINATES if name not in lower]
     if missing:
         raise cloud_error(path, "columns", ", ".join(columns) or "none", f"x, y and z (missing: {', '.join(missing)})")
-    colour_names = next(([lower[n] for n in names] for names in COLOUR_NAMES if set(names) <= set(lower)), [])
+    color_names = next(([lower[n] for n in names] for names in COLOR_NAMES if set(names) <= set(lower)), [])
     intensity_name = next((lower[name] for name in INTENSITY_NAMES if name in lower), None)
-    taken = {SKIPPED, *(lower[name] for name in COORDINATES), *colour_names, intensity_name}
-    return Cloud.from_world_points(
+    taken = {SKIPPED, *(lower[name] for name in COORDINATES), *color_names, intensity_name}
+    return Cloud.from_points(
         _stacked([columns[lower[name]] for name in COORDINATES], np.dtype(np.float64)),
-        colours=_stacked([columns[name] for name in colour_names]) if colour_names else None,
+        colors=_stacked([columns[name] for name in color_names]) if color_names else None,
         intensity=None if intensity_name is None else columns[intensity_name],
         fields={name: _native(values) for name, values in columns.items() if name not in taken},
         triangles=triangles,
@@ -70,11 +70,11 @@ def guessed_names(table: Scalars) -> list[str]:
     names = list(COORDINATES) + [f"column_{index}" for index in range(4, width + 1)]
     if width == 4:
         names[3] = "intensity"
-    colour_starts = {6: (3,), 7: (4, 3)}.get(width, ())
-    start = next((start for start in colour_starts if are_bytes(table[:, start : start + 3])), None)
+    color_starts = {6: (3,), 7: (4, 3)}.get(width, ())
+    start = next((start for start in color_starts if are_bytes(table[:, start : start + 3])), None)
     if start is not None:
-        names[start : start + 3] = COLOUR_NAMES[0]
-        names[3:] = [name if name in COLOUR_NAMES[0] else "intensity" for name in names[3:]]
+        names[start : start + 3] = COLOR_NAMES[0]
+        names[3:] = [name if name in COLOR_NAMES[0] else "intensity" for name in names[3:]]
     return names
 
 

@@ -42,39 +42,39 @@ def cloud_from_depth(
     *,
     scale: float | None = None,
     distance: Distance = "z",
-    colours: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
 ) -> Cloud:
     """The points that a depth image (h, w) shows, in the camera frame and in metres.
 
     The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, the depth along
     the optical axis, and `d r` for `"range"`, the length of the ray. `depth` is an array or an image file of 16-bit
     integers or floats; its values times `scale` are metres (1/5000 for TUM, 1/256 for KITTI's depth maps), which
-    integers need and floats take as 1. `colours` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
+    integers need and floats take as 1. `colors` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
     negative, NaN or infinite) or without a ray (for z: none ahead of the camera) are dropped. CloudError for other
     shapes, an image size other than the camera's, and where nothing is left; FileNotFoundError.
     """
     source = Path(depth) if isinstance(depth, str | Path) else None
     values = _image(source) if source is not None else np.asarray(depth)
-    metres = _metres(values, scale, source)
-    height, width = metres.shape
+    meters = _meters(values, scale, source)
+    height, width = meters.shape
     stated = (camera.height or height, camera.width or width)
     if stated != (height, width):
         raise cloud_error(source, "depth", f"{width} x {height} pixels", f"the camera's {stated[1]} x {stated[0]}")
-    shades = None if colours is None else np.asarray(colours)
+    shades = None if colors is None else np.asarray(colors)
     if shades is not None and shades.shape != (height, width, 3):
-        raise cloud_error(source, "colours", f"shape {shades.shape}", f"({height}, {width}, 3)")
+        raise cloud_error(source, "colors", f"shape {shades.shape}", f"({height}, {width}, 3)")
     rows, columns = np.divmod(np.arange(height * width), width)
     points = camera.bearings(np.stack([columns, rows], axis=1))
-    points *= _ray_lengths(metres.reshape(-1), points[:, 2], distance)[:, None]
-    colours = None if shades is None else shades.reshape(-1, 3)
-    return Cloud.from_world_points(points, colours=colours, source=source).scanned_from(np.zeros(3))
+    points *= _ray_lengths(meters.reshape(-1), points[:, 2], distance)[:, None]
+    colors = None if shades is None else shades.reshape(-1, 3)
+    return Cloud.from_points(points, colors=colors, source=source).scanned_from(np.zeros(3))
 
 
-def _ray_lengths(metres: Array, cosines: Array, distance: str) -> Array:
+def _ray_lengths(meters: Array, cosines: Array, distance: str) -> Array:
     """How far along its bearing each pixel's point is, NaN where there is none."""
     if distance not in ("z", "range"):
         raise ValueError(f"distance: found {distance!r}; needed 'z' or 'range'")
-    measured = np.where(np.isfinite(metres) & (metres > 0.0), metres, np.nan)
+    measured = np.where(np.isfinite(meters) & (meters > 0.0), meters, np.nan)
     if distance == "range":
         return measured
     lengths = np.full(len(measured), np.nan)
@@ -82,7 +82,7 @@ def _ray_lengths(metres: Array, cosines: Array, distance: str) -> Array:
     return lengths
 
 
-def _metres(values: Scalars, scale: float | None, source: Path | None) -> Array:
+def _meters(values: Scalars, scale: float | None, source: Path | None) -> Array:
     """Depths (h, w) in metres."""
     if values.ndim != 2 or not values.size or values.dtype.kind not in "iuf":
         raise cloud_error(source, "depth", f"{values.dtype} of shape {values.shape}", "numbers of shape (h, w)")

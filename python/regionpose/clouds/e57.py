@@ -15,7 +15,7 @@ from regionpose.reading import unfolding_error
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 INVALID = ("cartesianInvalidState", "sphericalInvalidState")
-COLOURS = {"colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
+COLORS = {"colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
 OTHERS = {"intensity": "intensity", "rowIndex": "row", "columnIndex": "column", "timeStamp": "time"}
 
 SCAN = "scan"
@@ -68,7 +68,7 @@ def _place(header: Any) -> Array | None:
 
 def _scan(pye57: Any, image: Any, header: Any) -> dict[str, Scalars]:
     """The columns of one scan, with its coordinates in the file's frame."""
-    wanted = [*CARTESIAN, *SPHERICAL, *INVALID, *COLOURS, *OTHERS]
+    wanted = [*CARTESIAN, *SPHERICAL, *INVALID, *COLORS, *OTHERS]
     raw = _raw_columns(pye57, image, header, [name for name in header.point_fields if name in wanted])
     points = _points(raw)
     for name in INVALID:
@@ -77,8 +77,8 @@ def _scan(pye57: Any, image: Any, header: Any) -> dict[str, Scalars]:
     if header.has_pose():
         points = points @ header.rotation_matrix.T + header.translation
     scan: dict[str, Scalars] = {axis: points[:, index] for index, axis in enumerate(COORDINATES)}
-    if set(COLOURS) <= set(raw):
-        scan |= _colours(header, raw)
+    if set(COLORS) <= set(raw):
+        scan |= _colors(header, raw)
     return scan | {OTHERS[name]: raw[name] for name in OTHERS if name in raw}
 
 
@@ -108,11 +108,11 @@ def _points(raw: dict[str, Array]) -> Array:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)], axis=1)
 
 
-def _colours(header: Any, raw: dict[str, Array]) -> dict[str, Scalars]:
+def _colors(header: Any, raw: dict[str, Array]) -> dict[str, Scalars]:
     """Colours of 8 bits by the limits that the scan states; as they are without limits."""
-    colours: dict[str, Scalars] = {}
+    colors: dict[str, Scalars] = {}
     limited = "colorLimits" in header.scan_fields
-    for name, own in COLOURS.items():
+    for name, own in COLORS.items():
         most = float(header["colorLimits"][f"{name}Maximum"].value()) if limited else 255.0
-        colours[own] = np.rint(np.clip(raw[name] / (most or 255.0), 0.0, 1.0) * 255.0).astype(np.uint8)
-    return colours
+        colors[own] = np.rint(np.clip(raw[name] / (most or 255.0), 0.0, 1.0) * 255.0).astype(np.uint8)
+    return colors

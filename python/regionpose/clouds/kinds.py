@@ -56,11 +56,24 @@ TABLE_READERS: frozenset[Reader] = frozenset((read_npy, read_npz, read_bin, read
 def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Cloud:
     """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, or a mesh (OBJ, STL, GLB, PLY).
 
-    The content tells the kind where it can, the name's ending otherwise. `columns` names the columns of files that
-    don't do so themselves (text, .npy, .bin), as in `("x", "y", "z", "intensity", "ring")`; "_" leaves one out.
-    Coordinates are kept about a local origin when they are large; points that are not finite are dropped. CloudError
-    for a file that cannot be used, MissingExtraError where its kind needs a package that is not installed,
-    FileNotFoundError.
+    The content tells the kind where it can, the name's ending otherwise. Points that are not finite are dropped.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    columns : sequence of str, optional
+        Names of the columns of files that don't name them (text, .npy, .bin), as in `("x", "y", "z", "intensity",
+        "ring")`; "_" leaves one out.
+
+    Raises
+    ------
+    CloudError
+        A ValueError, for a file that cannot be used.
+    MissingExtraError
+        Where its kind needs a package that is not installed.
+    FileNotFoundError
+        Where it is missing.
     """
     location = Path(path)
     if location.is_dir():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from regionpose.clouds.cloud import Cloud, Scalars
-from regionpose.clouds.columns import COLOUR_NAMES, cloud_of_columns
+from regionpose.clouds.columns import COLOR_NAMES, cloud_of_columns
 from regionpose.clouds.errors import CloudError, cloud_error, load_extra
 from regionpose.reading import unfolding_error
 
@@ -56,7 +56,7 @@ ANGLES = ("deg", "rad", "grad", "arc")
 LINEAR_UNITS_KEY = 3076
 """ProjLinearUnitsGeoKey of GeoTIFF."""
 
-EPSG_METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+EPSG_METERS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 """Metres in EPSG's metre, international foot and US survey foot."""
 
 RAW_COORDINATES = ("X", "Y", "Z")
@@ -75,7 +75,7 @@ def read_las(path: Path) -> Cloud:
         named = {name: np.asarray(stored[name]) for name in names if name not in RAW_COORDINATES}
         coordinates = {name.lower(): np.asarray(stored[name.lower()]) for name in RAW_COORDINATES}
         stated = int(stored.header.point_count)
-        unit = _metres_per_unit([*stored.header.vlrs, *(stored.evlrs or [])])
+        unit = _unit_m([*stored.header.vlrs, *(stored.evlrs or [])])
     except (KeyboardInterrupt, SystemExit):
         raise
     # Damage shows as errors of laspy, lazrs, numpy and struct, and as a panic, which is no Exception.
@@ -83,31 +83,31 @@ def read_las(path: Path) -> Cloud:
         raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
     if len(coordinates["x"]) != stated:
         raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
-    return replace(cloud_of_columns(path, coordinates | _flat(named)), metres_per_unit=unit)
+    return replace(cloud_of_columns(path, coordinates | _flat(named)), unit_m=unit)
 
 
-def _metres_per_unit(records: Sequence[Any]) -> float | None:
+def _unit_m(records: Sequence[Any]) -> float | None:
     """Metres in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
     for record in records:
         for key in getattr(record, "geo_keys", ()):
-            if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METRES:
-                return EPSG_METRES[key.value_offset]
-        unit = _wkt_metres(str(getattr(record, "string", "")))
+            if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METERS:
+                return EPSG_METERS[key.value_offset]
+        unit = _wkt_meters(str(getattr(record, "string", "")))
         if unit is not None:
             return unit
     return None
 
 
-def _wkt_metres(text: str) -> float | None:
+def _wkt_meters(text: str) -> float | None:
     """Metres in the last length unit before the vertical system, which is that of the projection."""
     found = WKT_UNIT.findall(WKT_VERTICAL.split(text)[0])
     named = [(old or new, factor or other) for old, factor, new, other in found]
     lengths = [factor for name, factor in named if not name.lower().startswith(ANGLES)]
     try:
-        metres = float(lengths[-1])
+        meters = float(lengths[-1])
     except (IndexError, ValueError):
         return None
-    return metres if np.isfinite(metres) and metres > 0.0 else None
+    return meters if np.isfinite(meters) and meters > 0.0 else None
 
 
 def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
@@ -201,7 +201,7 @@ def _flat(named: dict[str, Scalars]) -> dict[str, Scalars]:
             flat.update({f"{name}_{index}": values[:, index] for index in range(values.shape[1])})
         else:
             flat[name] = values
-    colours = COLOUR_NAMES[0]
-    if all(name in flat and not flat[name].any() for name in colours):
-        return {name: values for name, values in flat.items() if name not in colours}
+    colors = COLOR_NAMES[0]
+    if all(name in flat and not flat[name].any() for name in colors):
+        return {name: values for name, values in flat.items() if name not in colors}
     return flat

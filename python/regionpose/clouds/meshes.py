@@ -34,10 +34,10 @@ def read_mesh(path: Path, kind: str) -> Cloud:
     if not sum(len(vertices) for vertices, _, _ in parts):
         raise cloud_error(path, "vertices", "none", "at least 1")
     starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts])
-    colours = [shades for _, _, shades in parts]
-    return Cloud.from_world_points(
+    colors = [shades for _, _, shades in parts]
+    return Cloud.from_points(
         np.concatenate([vertices for vertices, _, _ in parts]),
-        colours=None if any(shades is None for shades in colours) else np.concatenate(colours),
+        colors=None if any(shades is None for shades in colors) else np.concatenate(colors),
         triangles=np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]),
         source=path,
     )
@@ -72,17 +72,17 @@ def _part(geometry: Any, transform: Array, merge: bool) -> tuple[Array, Scalars,
     """Vertices, triangles and colours (or None) of one part."""
     vertices = np.array(geometry.vertices, dtype=np.float64)
     faces = np.array(getattr(geometry, "faces", np.empty((0, 3))), dtype=np.int64)
-    colours = _colours(geometry)
+    colors = _colors(geometry)
     if merge:
         vertices, numbers = np.unique(vertices, axis=0, return_inverse=True)
-        faces, colours = numbers.reshape(-1)[faces], None
-    return vertices @ transform[:3, :3].T + transform[:3, 3], faces, colours
+        faces, colors = numbers.reshape(-1)[faces], None
+    return vertices @ transform[:3, :3].T + transform[:3, 3], faces, colors
 
 
-def _colours(geometry: Any) -> Scalars | None:
+def _colors(geometry: Any) -> Scalars | None:
     """The colours (n, 3) of the vertices; None where the file gives none."""
     visual = getattr(geometry, "visual", None)
     if visual is None:
-        colours = getattr(geometry, "colors", None)
-        return None if colours is None or not len(colours) else np.asarray(colours)[:, :3]
+        colors = getattr(geometry, "colors", None)
+        return None if colors is None or not len(colors) else np.asarray(colors)[:, :3]
     return np.asarray(visual.vertex_colors)[:, :3] if visual.kind == "vertex" else None

@@ -27,7 +27,7 @@ KINDS = {
 MOST_VALUES = 65536
 """Values in a row; the widest descriptors of the Point Cloud Library have 640."""
 
-PACKED_COLOURS = ("rgb", "rgba")
+PACKED_COLORS = ("rgb", "rgba")
 """Fields of 4 bytes that hold blue, green, red and alpha, from the lowest byte, whatever type they claim."""
 
 UNSET_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
@@ -145,7 +145,7 @@ def _text_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
     rows = rows_of_text(path, header.offset, np.dtype(exact))
     if len(rows) != header.count:
         raise cloud_error(path, "points", f"{len(rows)} lines", f"{header.count}, as the header says")
-    packed = [name for name in PACKED_COLOURS if name in (header.row.names or ())]
+    packed = [name for name in PACKED_COLORS if name in (header.row.names or ())]
     return {name: rows[name].astype(header.row[name].base) if name in packed else rows[name] for name, *_ in exact}
 
 
@@ -191,7 +191,7 @@ def _named_columns(columns: dict[str, Scalars]) -> dict[str, Scalars]:
     """Columns (n,): packed colours apart, wide fields numbered, padding left out."""
     named: dict[str, Scalars] = {}
     for name, values in columns.items():
-        if name in PACKED_COLOURS and values.dtype.itemsize == 4 and values.ndim == 1:
+        if name in PACKED_COLORS and values.dtype.itemsize == 4 and values.ndim == 1:
             parts = np.ascontiguousarray(values).view(np.uint8).reshape(-1, 4)
             channels = ("blue", "green", "red", "alpha")[: len(name)]
             named.update({channel: parts[:, index] for index, channel in enumerate(channels)})

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from regionpose.clouds.cloud import Cloud, Scalars
-from regionpose.clouds.columns import COLOUR_NAMES, COORDINATES
+from regionpose.clouds.columns import COLOR_NAMES, COORDINATES
 from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.whole_file import whole_file
 
@@ -18,21 +18,36 @@ ROWS_AT_ONCE = 262_144
 LARGEST_WHOLE = 2**53
 """Whole numbers up to this are doubles without rounding."""
 
-COLOURS = COLOUR_NAMES[0]
+COLORS = COLOR_NAMES[0]
 
 
 def write_ply(path: str | Path, cloud: Cloud, *, overwrite: bool = False) -> Path:
-    """The path of the PLY file written: binary little-endian, world coordinates `points + origin` as doubles.
+    """The path of the PLY file written: binary little-endian, world coordinates as doubles.
 
-    Colours are uchar red, green, blue; intensity and the fields are doubles, white space in their names underscores;
-    triangles are a face element. The file appears whole or not at all. FileExistsError where it exists, unless
-    `overwrite`; CloudError for two columns of one name, a name that is not ASCII, and integers that no double holds.
+    Colors are uchar red, green, blue; intensity and the fields are doubles, white space in their names underscores;
+    triangles are a face element. The file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    cloud : Cloud
+        What it holds.
+    overwrite : bool
+        Replace a file that exists; False by default.
+
+    Raises
+    ------
+    FileExistsError
+        Where it exists, unless `overwrite`.
+    CloudError
+        A ValueError, for two columns of one name, a name that is not ASCII, and integers that no double holds.
     """
     location = Path(path)
     columns = _scalar_columns(location, cloud)
     row = np.dtype(
         [(name, "<f8") for name in COORDINATES]
-        + ([(name, "u1") for name in COLOURS] if cloud.colours is not None else [])
+        + ([(name, "u1") for name in COLORS] if cloud.colors is not None else [])
         + [(name, "<f8") for name in columns]
     )
     with whole_file(location, overwrite=overwrite) as file:
@@ -49,7 +64,7 @@ def write_ply(path: str | Path, cloud: Cloud, *, overwrite: bool = False) -> Pat
 def _scalar_columns(path: Path, cloud: Cloud) -> dict[str, Scalars]:
     """Intensity and fields by their names in the file."""
     columns: dict[str, Scalars] = {} if cloud.intensity is None else {"intensity": cloud.intensity}
-    taken = {*COORDINATES, *(COLOURS if cloud.colours is not None else ()), *columns}
+    taken = {*COORDINATES, *(COLORS if cloud.colors is not None else ()), *columns}
     for given, values in cloud.fields.items():
         name = "_".join(given.split())
         if name in taken:
@@ -76,12 +91,12 @@ def _header(row: np.dtype[np.void], cloud: Cloud) -> str:
 
 def _rows(cloud: Cloud, columns: Mapping[str, Scalars], row: np.dtype[np.void], part: slice) -> Scalars:
     """The points of `part` as the file holds them."""
-    rows = np.empty(len(cloud.points[part]), dtype=row)
+    rows = np.empty(len(cloud.local_points[part]), dtype=row)
     for axis, name in enumerate(COORDINATES):
-        rows[name] = cloud.points[part, axis] + cloud.origin[axis]
-    if cloud.colours is not None:
-        for channel, name in enumerate(COLOURS):
-            rows[name] = cloud.colours[part, channel]
+        rows[name] = cloud.local_points[part, axis] + cloud.origin[axis]
+    if cloud.colors is not None:
+        for channel, name in enumerate(COLORS):
+            rows[name] = cloud.colors[part, channel]
     for name, values in columns.items():
         rows[name] = values[part]
     return rows

@@ -124,12 +124,12 @@ def received(scene: Sequence[Surface], points: Array, normals: Array, light: Arr
 
 def albedo(scene: Sequence[Surface], index: Indices, points: Array) -> Array:
     """Colours (n, 3) of the surfaces at the points (n, 3) on them."""
-    colours = np.zeros((len(points), 3))
+    colors = np.zeros((len(points), 3))
     for number in np.unique(index):
         held = np.flatnonzero(index == number)
         u, v = scene[number].coordinates(points[held]).T
-        colours[held] = scene[number].texture(u, v)
-    return colours
+        colors[held] = scene[number].texture(u, v)
+    return colors
 
 
 def sky(directions: Array) -> Array:

@@ -86,12 +86,12 @@ def load(path: Path | None = None) -> DemoScene:
     if not isinstance(camera, PinholeCamera):
         raise ValueError(f"{CAMERA_FILE} holds a {type(camera).__name__}; the demo scene needs a PinholeCamera")
     with Image.open(held / IMAGE_FILE) as image, Image.open(held / LABELS_FILE) as labels:
-        colours, numbers = np.asarray(image.convert("RGB")), np.asarray(labels)
+        colors, numbers = np.asarray(image.convert("RGB")), np.asarray(labels)
     return DemoScene(
-        image=colours,
+        image=colors,
         camera=camera,
         camera_path=held / CAMERA_FILE,
-        points=cloud.world_points,
+        points=cloud.points,
         intensities=_intensities(cloud),
         labels=numbers,
         regions=read_regions(held),

@@ -13,9 +13,9 @@ SRGB_GAMMA = 2.2
 """Exponent between stored and linear light; the exact sRGB curve looks the same."""
 
 
-def linear(colour: str) -> Array:
+def linear(color: str) -> Array:
     """Linear light (3,) of a colour written `#rrggbb`."""
-    stored = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float64) / 255.0
+    stored = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float64) / 255.0
     return np.asarray(stored**SRGB_GAMMA)
 
 
@@ -45,9 +45,9 @@ def layered_noise(u: Array, v: Array, seed: int, layers: int = 4) -> Array:
     return np.asarray(total / (2.0 - 0.5 ** (layers - 1)))
 
 
-def tinted(colour: Array, strength: Array) -> Array:
-    """Colours (n, 3): `colour` (3,) or (n, 3) times `strength` (n,)."""
-    return np.asarray(colour * strength[:, None])
+def tinted(color: Array, strength: Array) -> Array:
+    """Colours (n, 3): `color` (3,) or (n, 3) times `strength` (n,)."""
+    return np.asarray(color * strength[:, None])
 
 
 def mixed(below: Array, above: Array, weight: Array | NDArray[np.bool_]) -> Array:
@@ -56,9 +56,9 @@ def mixed(below: Array, above: Array, weight: Array | NDArray[np.bool_]) -> Arra
     return np.asarray(below * (1.0 - share) + above * share)
 
 
-def plain(colour: str, grain: float = 0.04) -> Texture:
+def plain(color: str, grain: float = 0.04) -> Texture:
     """Paint of one colour with a faint grain, a fraction of the colour."""
-    base = linear(colour)
+    base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
         return tinted(base, 1.0 + grain * (2.0 * layered_noise(9.0 * u, 9.0 * v, 3) - 1.0))
@@ -66,9 +66,9 @@ def plain(colour: str, grain: float = 0.04) -> Texture:
     return shade
 
 
-def plaster(colour: str, plinth: str, plinth_height: float) -> Texture:
+def plaster(color: str, plinth: str, plinth_height: float) -> Texture:
     """Weathered plaster, stained from above, on a plinth of stone."""
-    base, stone = linear(colour), linear(plinth)
+    base, stone = linear(color), linear(plinth)
 
     def shade(u: Array, v: Array) -> Array:
         stain = layered_noise(0.9 * u, 0.5 * v, 11) - 0.5
@@ -83,9 +83,9 @@ def plaster(colour: str, plinth: str, plinth_height: float) -> Texture:
     return shade
 
 
-def bricks(colour: str, mortar: str, length: float = 0.25, height: float = 0.083, joint: float = 0.011) -> Texture:
+def bricks(color: str, mortar: str, length: float = 0.25, height: float = 0.083, joint: float = 0.011) -> Texture:
     """Running-bond brickwork; sizes in metres."""
-    base, bed = linear(colour), linear(mortar)
+    base, bed = linear(color), linear(mortar)
 
     def shade(u: Array, v: Array) -> Array:
         row = np.floor(v / height)
@@ -104,9 +104,9 @@ def bricks(colour: str, mortar: str, length: float = 0.25, height: float = 0.083
     return shade
 
 
-def planks(colour: str, width: float, upright: bool = True, gap: float = 0.008) -> Texture:
+def planks(color: str, width: float, upright: bool = True, gap: float = 0.008) -> Texture:
     """Boards with grain along them; sizes in metres."""
-    base = linear(colour)
+    base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
         across, along = (u, v) if upright else (v, u)
@@ -120,9 +120,9 @@ def planks(colour: str, width: float, upright: bool = True, gap: float = 0.008) 
     return shade
 
 
-def pavers(colour: str, joint: str, size: float = 0.42, gap: float = 0.016) -> Texture:
+def pavers(color: str, joint: str, size: float = 0.42, gap: float = 0.016) -> Texture:
     """Staggered square slabs with joints; sizes in metres."""
-    base, bed = linear(colour), linear(joint)
+    base, bed = linear(color), linear(joint)
 
     def shade(u: Array, v: Array) -> Array:
         row = np.floor(v / size)
@@ -141,9 +141,9 @@ def pavers(colour: str, joint: str, size: float = 0.42, gap: float = 0.016) -> T
     return shade
 
 
-def roof_tiles(colour: str, width: float = 0.24, course: float = 0.2) -> Texture:
+def roof_tiles(color: str, width: float = 0.24, course: float = 0.2) -> Texture:
     """Courses of curved clay tiles; sizes in metres."""
-    base = linear(colour)
+    base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
         row = np.floor(v / course)
@@ -157,9 +157,9 @@ def roof_tiles(colour: str, width: float = 0.24, course: float = 0.2) -> Texture
     return shade
 
 
-def foliage(colour: str, light: str) -> Texture:
+def foliage(color: str, light: str) -> Texture:
     """Leaves: clumps of two greens with dark gaps."""
-    dark, bright = linear(colour), linear(light)
+    dark, bright = linear(color), linear(light)
 
     def shade(u: Array, v: Array) -> Array:
         clump = layered_noise(7.0 * u, 7.0 * v, 71)

@@ -78,7 +78,7 @@ def points_along(rings: Sequence[Array], distances: Array) -> Array:
 class Squares(NamedTuple):
     """Where segmentation errors fall: (n, 2) centres and (n,) whether each adds (True) or removes (False)."""
 
-    centres: Array
+    centers: Array
     adds: Mask
 
 
@@ -86,8 +86,8 @@ def squares_along(rings: Sequence[Array], side: float, rng: np.random.Generator)
     """More squares than can be needed, uniform along the (m, 2) rings, each adding or removing with probability 1/2."""
     perimeter = sum(float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).sum()) for ring in rings)
     count = int(np.ceil(MAX_BOUNDARY_COVER * perimeter / side)) + 1
-    centres = points_along(rings, rng.uniform(0.0, perimeter, size=count))
-    return Squares(centres, rng.random(count) < 0.5)
+    centers = points_along(rings, rng.uniform(0.0, perimeter, size=count))
+    return Squares(centers, rng.random(count) < 0.5)
 
 
 def mask_boundary(mask: Mask) -> list[Array]:
@@ -118,10 +118,10 @@ def squares_on_mask(
     changed = np.zeros_like(region)
     missing = target
     squares = squares_along(mask_boundary(region) if boundary is None else boundary, length, rng)
-    for centre, adds in zip(squares.centres, squares.adds, strict=True):
+    for center, adds in zip(squares.centers, squares.adds, strict=True):
         if missing <= 0:
             break
-        missing -= _change_square(region, changed, centre, length, bool(adds), missing)
+        missing -= _change_square(region, changed, center, length, bool(adds), missing)
     if missing > 0:
         raise ValueError(_unreached(share, 1.0 - missing / target, length, "px"))
     return region ^ changed
@@ -133,11 +133,11 @@ def _checked_side(side: float) -> float:
     return float(side)
 
 
-def _change_square(region: Mask, changed: Mask, centre: Array, side: float, adds: bool, most: int) -> int:
+def _change_square(region: Mask, changed: Mask, center: Array, side: float, adds: bool, most: int) -> int:
     """Mark up to `most` pixels of one square as changed, in place; how many were."""
     height, width = region.shape
-    low = np.ceil(centre - 0.5 * side).astype(int)
-    high = np.maximum(np.ceil(centre + 0.5 * side).astype(int), low + 1)
+    low = np.ceil(center - 0.5 * side).astype(int)
+    high = np.maximum(np.ceil(center + 0.5 * side).astype(int), low + 1)
     left, top = np.maximum(low, 0).tolist()
     right, bottom = np.minimum(high, (width, height)).tolist()
     if left >= right or top >= bottom:
@@ -188,7 +188,7 @@ def squares_on_region(
 
 def changed_pieces(region: BaseGeometry, squares: Squares, side: float) -> NDArray[np.object_]:
     """(n,) what each square alone changes of the plane: its part outside the region when it adds, inside otherwise."""
-    corners = squares.centres - 0.5 * side
+    corners = squares.centers - 0.5 * side
     boxes = shapely.box(corners[:, 0], corners[:, 1], corners[:, 0] + side, corners[:, 1] + side)
     pieces = np.empty(len(boxes), dtype=np.object_)
     pieces[squares.adds] = shapely.difference(boxes[squares.adds], region)
@@ -205,7 +205,7 @@ def _pieces_reaching(
     """The least first pieces whose union has the target area; None when all of them have less."""
     laid = int(np.ceil(SQUARES_LAID * target / side**2))
     while True:
-        pieces = changed_pieces(region, Squares(squares.centres[:laid], squares.adds[:laid]), side)
+        pieces = changed_pieces(region, Squares(squares.centers[:laid], squares.adds[:laid]), side)
         area = _union_area(pieces, grid)
         if area >= target:
             return pieces[: _least_count(pieces, area, target, grid)]
@@ -246,10 +246,10 @@ def _fitting_piece(
     # Squares that miss the target by a rounding leave nothing to place.
     if missing <= 0.0:
         return shapely.Polygon()
-    centre, adds = squares.centres[index], squares.adds[index]
+    center, adds = squares.centers[index], squares.adds[index]
 
     def piece(size: float) -> BaseGeometry:
-        square = shapely.box(*(centre - 0.5 * size), *(centre + 0.5 * size))
+        square = shapely.box(*(center - 0.5 * size), *(center + 0.5 * size))
         part = square.difference(region, grid_size=grid) if adds else square.intersection(region, grid_size=grid)
         left: BaseGeometry = as_multipolygon(part).difference(before, grid_size=grid)
         # Lines beside polygons, where the square touches what is there, are refused by the overlay.
@@ -392,13 +392,13 @@ class MiscalibratedCamera(Camera):
         return tuple((self.principal + self.shift + self.focal_scale * (pixels - self.principal)).T)
 
 
-def miscalibrate(camera: Camera, focal_share: float, centre_px: float, rng: np.random.Generator) -> MiscalibratedCamera:
+def miscalibrate(camera: Camera, focal_share: float, center_px: float, rng: np.random.Generator) -> MiscalibratedCamera:
     """The camera with normal errors in its focal length and principal point.
 
-    Standard deviations: `focal_share` of the focal length (as a share), `centre_px` of each coordinate of the point.
+    Standard deviations: `focal_share` of the focal length (as a share), `center_px` of each coordinate of the point.
     """
-    for name, deviation in (("focal_share", focal_share), ("centre_px", centre_px)):
+    for name, deviation in (("focal_share", focal_share), ("center_px", center_px)):
         if deviation < 0.0:
             raise ValueError(f"{name} is {deviation}; a standard deviation must be 0 or more")
     # The exponential keeps the focal length positive however large the error.
-    return MiscalibratedCamera(camera, float(np.exp(rng.normal(0.0, focal_share))), rng.normal(0.0, centre_px, size=2))
+    return MiscalibratedCamera(camera, float(np.exp(rng.normal(0.0, focal_share))), rng.normal(0.0, center_px, size=2))

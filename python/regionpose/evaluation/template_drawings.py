@@ -145,8 +145,8 @@ def stored_form(rings: Rings) -> Rings:
     turned = [ring if (signed_area(ring) > 0.0) == (i == 0) else ring[::-1] for i, ring in enumerate(flipped)]
     scaled = [ring * scale for ring in turned]
     areas = np.array([signed_area(ring) for ring in scaled])
-    centre = areas @ np.array([ring_centroid(ring) for ring in scaled]) / areas.sum()
-    return [ring - centre for ring in scaled]
+    center = areas @ np.array([ring_centroid(ring) for ring in scaled]) / areas.sum()
+    return [ring - center for ring in scaled]
 
 
 def template_record(name: str, symmetry_order: int, mirror: bool, rings: Rings) -> dict[str, Any]:

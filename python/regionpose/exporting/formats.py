@@ -9,14 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import (
+    Camera,
+    FisheyeCamera,
+    OcamCamera,
+    PinholeCamera,
+    UnifiedCamera,
+    camera_to_colmap,
+)
+from regionpose.cameras.colmap import CORNER_TO_CENTER
 from regionpose.exporting.view import ExportedView
 
 Array = NDArray[np.float64]
 Files = dict[str, str]
-
-CORNER_TO_CENTRE = 0.5
-"""Pixels: COLMAP, nerfstudio and MeshLab count from the first pixel's corner, OpenCV from its centre."""
 
 GRAPHICS_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])
 """Axes of OpenGL's cameras: x right, y up, looking along -z."""
@@ -87,13 +92,13 @@ def _opencv_matrix(name: str, values: Array) -> str:
 
 
 def _opencv_coefficients(camera: PinholeCamera | FisheyeCamera) -> Array:
-    held = camera.k if isinstance(camera, FisheyeCamera) else camera.distortion or (0.0,) * 5
+    held = camera.distortion or (0.0,) * 5
     return np.array([held], dtype=np.float64)
 
 
 def _colmap(view: ExportedView) -> Files:
     camera, image = view.known_camera("COLMAP"), view.known_image("COLMAP")
-    model, parameters = _colmap_model(camera)
+    model, _, _, parameters = camera_to_colmap(camera)
     x, y, z, w = view.pose.rotation.as_quat(canonical=True)
     placed = _row([w, x, y, z, *view.pose.translation])
     cameras = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixels from the first one's corner\n"
@@ -102,30 +107,16 @@ def _colmap(view: ExportedView) -> Files:
     return {"cameras.txt": cameras, "images.txt": images, "points3D.txt": ""}
 
 
-def _colmap_model(camera: Camera) -> tuple[str, list[float]]:
-    """COLMAP's model and its parameters of a camera; ValueError where it has none."""
-    if isinstance(camera, FisheyeCamera):
-        return "OPENCV_FISHEYE", [*_corner_intrinsics(camera), *camera.k]
-    if not isinstance(camera, PinholeCamera):
-        raise ValueError(f"COLMAP: found a {type(camera).__name__}; needed a pinhole or a fisheye camera")
-    k1, k2, p1, p2, *rest = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
-    if any(rest):
-        return "FULL_OPENCV", [*_corner_intrinsics(camera), k1, k2, p1, p2, *rest]
-    if any((k1, k2, p1, p2)):
-        return "OPENCV", [*_corner_intrinsics(camera), k1, k2, p1, p2]
-    return "PINHOLE", _corner_intrinsics(camera)
-
-
 def _corner_intrinsics(camera: PinholeCamera | FisheyeCamera) -> list[float]:
-    return [camera.fx, camera.fy, camera.cx + CORNER_TO_CENTRE, camera.cy + CORNER_TO_CENTRE]
+    return [camera.fx, camera.fy, camera.cx + CORNER_TO_CENTER, camera.cy + CORNER_TO_CENTER]
 
 
 def _nerfstudio(view: ExportedView) -> Files:
     camera, image = view.known_camera("nerfstudio"), view.known_image("nerfstudio")
-    model, _ = _colmap_model(camera)
+    model = camera_to_colmap(camera)[0]
     assert isinstance(camera, PinholeCamera | FisheyeCamera)
     fx, fy, cx, cy = _corner_intrinsics(camera)
-    held = camera.k if isinstance(camera, FisheyeCamera) else camera.distortion
+    held = camera.distortion
     names = ("k1", "k2", "k3", "k4") if isinstance(camera, FisheyeCamera) else ("k1", "k2", "p1", "p2", "k3")
     if any(held[len(names) :]):
         raise ValueError(f"nerfstudio: found {len(held)} coefficients of distortion; needed at most {len(names)}")
@@ -149,7 +140,7 @@ def _kalibr(view: ExportedView) -> Files:
     if isinstance(camera, OcamCamera) or not isinstance(camera, PinholeCamera | FisheyeCamera | UnifiedCamera):
         raise ValueError(f"Kalibr: found a {type(camera).__name__}; needed a pinhole, fisheye or unified camera")
     fisheye = isinstance(camera, FisheyeCamera)
-    held = list(camera.k if isinstance(camera, FisheyeCamera) else camera.distortion or (0.0,) * 4)
+    held = list(camera.distortion or (0.0,) * 4)
     if any(held[4:]):
         raise ValueError(f"Kalibr: found {len(held)} coefficients of distortion; needed at most 4")
     xi = [camera.xi] if isinstance(camera, UnifiedCamera) else []
@@ -183,15 +174,15 @@ def _meshlab(view: ExportedView) -> Files:
     camera = _undistorted(view, "MeshLab")
     rows = np.eye(4)
     rows[:3, :3] = GRAPHICS_FROM_OPTICAL @ view.pose.rotation.as_matrix()
-    centre = np.append(-view.pose.camera_center, 1.0)
+    center = np.append(-view.pose.camera_center, 1.0)
     attributes = {
-        "TranslationVector": _row(centre),
+        "TranslationVector": _row(center),
         "RotationMatrix": _row(rows.ravel()),
         "FocalMm": _number(camera.fx * SENSOR_PIXEL_MM),
         "PixelSizeMm": _row([SENSOR_PIXEL_MM, SENSOR_PIXEL_MM * camera.fx / camera.fy]),
         "ViewportPx": f"{camera.width} {camera.height}",
         # Counted from the lower left corner.
-        "CenterPx": _row([camera.cx + CORNER_TO_CENTRE, (camera.height or 0) - camera.cy - CORNER_TO_CENTRE]),
+        "CenterPx": _row([camera.cx + CORNER_TO_CENTER, (camera.height or 0) - camera.cy - CORNER_TO_CENTER]),
         "LensDistortion": "0 0",
         "CameraType": "0",
         "BinaryData": "0",

@@ -1,8 +1,8 @@
 // Points in 3D: drag turns, right drag or Ctrl shifts, the wheel zooms, a click sends its ray.
 const STILL = 4;
 const VERTEX = `#version 300 es
-in vec3 place; in vec3 colour; uniform mat4 view; uniform float size; uniform vec4 own; out vec3 shade;
-void main() { gl_Position = view * vec4(place, 1.0); gl_PointSize = clamp(size / gl_Position.w, 1.6, 9.0); shade = own.a > 0.5 ? own.rgb : colour; }`;
+in vec3 place; in vec3 color; uniform mat4 view; uniform float size; uniform vec4 own; out vec3 shade;
+void main() { gl_Position = view * vec4(place, 1.0); gl_PointSize = clamp(size / gl_Position.w, 1.6, 9.0); shade = own.a > 0.5 ? own.rgb : color; }`;
 const FRAGMENT = `#version 300 es
 precision mediump float; in vec3 shade; out vec4 pixel; void main() { pixel = vec4(shade, 1.0); }`;
 const sub = (a, b) => a.map((v, i) => v - b[i]), dot = (a, b) => a.reduce((s, v, i) => s + v * b[i], 0);
@@ -16,20 +16,20 @@ export default {
     <div v-if="failed" class="cv-failed">{{ failed }}</div>
     <div v-if="busy" class="pv-busy"><span></span>{{ busy }}</div>
   </div>`,
-  props: {points: String, colours: String, shapes: Array, eye: Array, zenith: Array, reach: Number, busy: String},
+  props: {points: String, colors: String, shapes: Array, eye: Array, zenith: Array, reach: Number, busy: String},
   data: () => ({failed: '', held: null}),
-  watch: { colours() { this.fetchColours(); }, shapes() { this.fillLines(); this.draw(); } },
+  watch: { colors() { this.fetchColors(); }, shapes() { this.fillLines(); this.draw(); } },
   async mounted() {
     const gl = this.gl = this.$refs.canvas.getContext('webgl2', {antialias: true, preserveDrawingBuffer: true});
     if (!gl) { this.failed = 'This browser shows no WebGL2; pick in the range image.'; return; }
     this.target = [0, 0, 0]; this.upward = unit(this.zenith); this.frame(this.eye);
     this.program = this.built(gl);
-    this.buffers = {place: gl.createBuffer(), colour: gl.createBuffer(), line: gl.createBuffer()};
+    this.buffers = {place: gl.createBuffer(), color: gl.createBuffer(), line: gl.createBuffer()};
     this.lines = []; this.count = 0;
     const places = new Float32Array(await (await fetch(this.points)).arrayBuffer());
     this.count = places.length / 3;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.place); gl.bufferData(gl.ARRAY_BUFFER, places, gl.STATIC_DRAW);
-    await this.fetchColours();
+    await this.fetchColors();
     this.fillLines();
     this.seen = new ResizeObserver(() => this.draw()); this.seen.observe(this.$refs.box);
     this.draw();
@@ -41,15 +41,15 @@ export default {
       for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
         const s = gl.createShader(kind); gl.shaderSource(s, text); gl.compileShader(s); gl.attachShader(p, s);
       }
-      gl.bindAttribLocation(p, 0, 'place'); gl.bindAttribLocation(p, 1, 'colour'); gl.linkProgram(p);
+      gl.bindAttribLocation(p, 0, 'place'); gl.bindAttribLocation(p, 1, 'color'); gl.linkProgram(p);
       if (!gl.getProgramParameter(p, gl.LINK_STATUS)) this.failed = gl.getProgramInfoLog(p);
       return p;
     },
-    async fetchColours() {
+    async fetchColors() {
       const gl = this.gl;
       if (!gl || !this.buffers) return;
-      const colours = new Uint8Array(await (await fetch(this.colours)).arrayBuffer());
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.colour); gl.bufferData(gl.ARRAY_BUFFER, colours, gl.STATIC_DRAW);
+      const colors = new Uint8Array(await (await fetch(this.colors)).arrayBuffer());
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.color); gl.bufferData(gl.ARRAY_BUFFER, colors, gl.STATIC_DRAW);
       this.draw();
     },
     fillLines() {
@@ -93,7 +93,7 @@ export default {
       gl.uniform4f(own, 0, 0, 0, 0);
       gl.enableVertexAttribArray(0); gl.enableVertexAttribArray(1);
       gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.place); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.colour); gl.vertexAttribPointer(1, 3, gl.UNSIGNED_BYTE, true, 0, 0);
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.color); gl.vertexAttribPointer(1, 3, gl.UNSIGNED_BYTE, true, 0, 0);
       gl.drawArrays(gl.POINTS, 0, this.count);
       gl.disableVertexAttribArray(1); gl.vertexAttrib3f(1, 1, 1, 1); gl.disable(gl.DEPTH_TEST);
       gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.line); gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from regionpose.clouds import Cloud
-from regionpose.fusion import coloured_cloud
 from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
-from regionpose.pick.range_view import RangeView, depth_and_intensity, greys
+from regionpose.pick.range_view import RangeView, depth_and_intensity, grays
 from regionpose.pick.session import Session
 from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
+from regionpose.pictures.colors import colored_cloud
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -41,7 +41,7 @@ MEMBER_SHARE = 0.65
 UNSEEN_LIGHT = 0.35
 """Light that is left of points that the camera doesn't see, beside those with the photo's colours."""
 
-COLOURINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Colour", "photo": "Photo"}
+COLORINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Colour", "photo": "Photo"}
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Desk:
         self.session = session
         self.revision = self.pictured = 0
         self.outcome = Outcome()
-        self.colouring = "depth"
+        self.coloring = "depth"
         self.files: dict[str, Served] = {}
         self._lock = threading.RLock()
         self._wake = threading.Event()
@@ -77,9 +77,9 @@ class Desk:
         self._sample = places[sample]
         self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
         self.cloud = _part(session.cloud, self._shown)
-        self.middle = np.median(self.cloud.points[self._sample], axis=0)
+        self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._rays: RayIndex | None = None
-        self._colours: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
+        self._colors: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
         self._serve_still()
         self._serve_cloud()
         self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
@@ -93,12 +93,12 @@ class Desk:
         self._wake.set()
 
     @property
-    def colourings(self) -> dict[str, str]:
+    def colorings(self) -> dict[str, str]:
         """The ways to colour the cloud that there are now, and what the page calls them."""
         cloud = self.cloud
-        there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colours is not None}
-        there["photo"] = self.outcome.state == "ready" or "photo" in self._colours
-        return {key: title for key, title in COLOURINGS.items() if there[key]}
+        there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colors is not None}
+        there["photo"] = self.outcome.state == "ready" or "photo" in self._colors
+        return {key: title for key, title in COLORINGS.items() if there[key]}
 
     def edit(self, action: Callable[[Session], object]) -> None:
         """Change the session; errors as of the session, which is unchanged then."""
@@ -135,17 +135,17 @@ class Desk:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""
         with self._lock:
             if self._rays is None:
-                self._rays = RayIndex.of(self.session.cloud.points)
+                self._rays = RayIndex.of(self.session.cloud.local_points)
         return self._world(self._rays.nearest(origin + self.middle, direction))
 
     def _world(self, index: int) -> Array:
-        return np.asarray(self.session.cloud.points[index] + self.session.cloud.origin)
+        return np.asarray(self.session.cloud.local_points[index] + self.session.cloud.origin)
 
-    def colour_by(self, colouring: str) -> None:
-        """Colour the cloud in one of the ways of `colourings`."""
+    def color_by(self, coloring: str) -> None:
+        """Colour the cloud in one of the ways of `colorings`."""
         with self._lock:
-            if colouring in self.colourings and colouring != self.colouring:
-                self.colouring = colouring
+            if coloring in self.colorings and coloring != self.coloring:
+                self.coloring = coloring
                 self._serve_cloud()
                 self.revision += 1
 
@@ -157,7 +157,7 @@ class Desk:
         """The outlines that the pose projects into the photo, for the page."""
         held = {picked.key for picked in self.session.regions}
         return [
-            {"color": colour_of(key), "lines": lines} for key, lines in self.outcome.projected.items() if key in held
+            {"color": color_of(key), "lines": lines} for key, lines in self.outcome.projected.items() if key in held
         ]
 
     def range_shapes(self) -> list[dict[str, Any]]:
@@ -173,7 +173,7 @@ class Desk:
         rings = picked.world.chosen.side.region.rings
         selected = picked.key == self.session.sketch.selected
         lines = [line(ring) for ring in rings]
-        return {"key": picked.key, "name": picked.name, "color": colour_of(picked.key), "selected": selected} | {
+        return {"key": picked.key, "name": picked.name, "color": color_of(picked.key), "selected": selected} | {
             "lines": lines
         }
 
@@ -188,44 +188,44 @@ class Desk:
         photo = Image.fromarray(self.session.image)
         photo.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
         self.files["photo.jpg"] = Served(_encoded(photo, "JPEG"), "image/jpeg")
-        points = self.cloud.points[self._sample]
+        points = self.cloud.local_points[self._sample]
         self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
 
     def _serve_cloud(self) -> None:
         """The range image and the colours of the shown points, with the regions' own points in their colours."""
-        colours = self._marked(self._colours_of(self.colouring))
-        picture = Image.fromarray(self.range_view.picture(self.cloud.points, colours, self._pictured))
+        colors = self._marked(self._colors_of(self.coloring))
+        picture = Image.fromarray(self.range_view.picture(self.cloud.local_points, colors, self._pictured))
         self.pictured += 1
         self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
-        self.files["colours.bin"] = Served(colours[self._sample].tobytes(), "application/octet-stream")
+        self.files["colors.bin"] = Served(colors[self._sample].tobytes(), "application/octet-stream")
 
-    def _marked(self, colours: Bytes) -> Bytes:
-        marked = colours.copy()
+    def _marked(self, colors: Bytes) -> Bytes:
+        marked = colors.copy()
         for picked in self.session.regions:
             if picked.world is not None and picked.world.chosen.side.indices is not None:
                 indices = _places_in(self._shown, picked.world.chosen.side.indices)
-                own = np.array([int(colour_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
+                own = np.array([int(color_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
                 marked[indices] = np.round(MEMBER_SHARE * own + (1.0 - MEMBER_SHARE) * marked[indices])
         return marked
 
-    def _colours_of(self, colouring: str) -> Bytes:
+    def _colors_of(self, coloring: str) -> Bytes:
         cloud = self.cloud
-        if colouring == "photo":
-            return self._photo_colours()
-        if colouring not in self._colours:
-            own = colouring == "own" and cloud.colours is not None
-            shades = cloud.colours if own else np.repeat(np.round(255.0 * greys(cloud))[:, None], 3, axis=1)
-            self._colours[colouring] = np.asarray(shades, dtype=np.uint8)
-        return self._colours[colouring]
+        if coloring == "photo":
+            return self._photo_colors()
+        if coloring not in self._colors:
+            own = coloring == "own" and cloud.colors is not None
+            shades = cloud.colors if own else np.repeat(np.round(255.0 * grays(cloud))[:, None], 3, axis=1)
+            self._colors[coloring] = np.asarray(shades, dtype=np.uint8)
+        return self._colors[coloring]
 
-    def _photo_colours(self) -> Bytes:
+    def _photo_colors(self) -> Bytes:
         """The photo's colours on the points that the camera sees by the last pose, the others dark."""
         run = self.outcome.run
         if run is None:
-            return self._colours_of("depth")
-        cloud, visible = coloured_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
-        dark = np.round(UNSEEN_LIGHT * self._colours_of("depth")).astype(np.uint8)
-        return dark if cloud.colours is None else np.where(visible[:, None], cloud.colours, dark).astype(np.uint8)
+            return self._colors_of("depth")
+        cloud, visible = colored_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
+        dark = np.round(UNSEEN_LIGHT * self._colors_of("depth")).astype(np.uint8)
+        return dark if cloud.colors is None else np.where(visible[:, None], cloud.colors, dark).astype(np.uint8)
 
     def _work(self) -> None:
         """Estimate whenever the pairs have changed and no edit came for a moment."""
@@ -255,11 +255,11 @@ class Desk:
             if _pairs(session.regions) == _pairs(self.session.regions):
                 self.outcome = outcome
                 self.revision += 1
-                if self.colouring == "photo":
+                if self.coloring == "photo":
                     self._serve_cloud()
 
 
-def colour_of(key: int) -> str:
+def color_of(key: int) -> str:
     """The colour of a region, as the page writes it."""
     return PALETTE[key % len(PALETTE)]
 
@@ -278,8 +278,8 @@ def _places(count: int, *chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
 def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
     """The points of a cloud with these indices."""
     return Cloud(
-        cloud.points[indices],
-        colours=None if cloud.colours is None else cloud.colours[indices],
+        cloud.local_points[indices],
+        colors=None if cloud.colors is None else cloud.colors[indices],
         intensity=None if cloud.intensity is None else cloud.intensity[indices],
         origin=cloud.origin,
     )
@@ -311,7 +311,7 @@ def _photo_shape(picked: Picked, selected: int | None) -> dict[str, Any]:
     assert picked.image is not None
     part = picked.image.chosen
     rings = part.rings if part.is_polygon else [rounded(ring) for ring in part.region.rings]
-    shape = {"key": picked.key, "name": picked.name, "color": colour_of(picked.key), "rings": rings}
+    shape = {"key": picked.key, "name": picked.name, "color": color_of(picked.key), "rings": rings}
     hidden = part.hidden if part.is_polygon else []
     return shape | {"selected": picked.key == selected, "polygon": part.is_polygon, "hidden": hidden}
 

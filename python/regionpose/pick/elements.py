@@ -41,7 +41,7 @@ class CloudView(Element, component="cloud_view.js"):
         """A view from `eye`, metres, of points within `reach` of zero; `zenith`: the direction up."""
         super().__init__()
         self._props.update(
-            points="files/points.bin", colours="", shapes=[], eye=eye, zenith=zenith, reach=reach, busy=""
+            points="files/points.bin", colors="", shapes=[], eye=eye, zenith=zenith, reach=reach, busy=""
         )
 
     def show(self, **props: Any) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.drawing import projected_lines
+from regionpose.pictures.overlays import projected_lines
 from regionpose.scene import SceneEstimate
 from regionpose.scene.verdict import Verdict, verdict
 

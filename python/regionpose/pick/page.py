@@ -11,7 +11,7 @@ import numpy as np
 from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
-from regionpose.pick.desk import Desk, colour_of
+from regionpose.pick.desk import Desk, color_of
 from regionpose.pick.elements import CloudView, PictureView
 from regionpose.pick.parts import Picked
 from regionpose.pick.session import Session
@@ -89,7 +89,7 @@ class Page:
 
     def _cloud(self) -> None:
         desk = self.desk
-        reach = float(np.percentile(np.linalg.norm(desk.cloud.points - desk.middle, axis=1), 90))
+        reach = float(np.percentile(np.linalg.norm(desk.cloud.local_points - desk.middle, axis=1), 90))
         up, ahead = desk.range_view.axes.up, desk.range_view.axes.ahead
         eye = -1.3 * reach * ahead + 0.9 * reach * up
         with ui.element("div").classes("rp-card"):
@@ -97,7 +97,7 @@ class Page:
                 ui.html('<span class="rp-title">Cloud</span>', sanitize=False)
                 self.tabs = _toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
                 ui.element("div").classes("rp-grow")
-                self.colouring = _toggle(desk.colourings, desk.colouring, self._colour)
+                self.coloring = _toggle(desk.colorings, desk.coloring, self._color)
             with ui.element("div").classes("rp-view"):
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
@@ -136,7 +136,7 @@ class Page:
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.save.set_enabled(session.is_changed)
-        self.colouring.set_options(self.desk.colourings, value=self.desk.colouring)
+        self.coloring.set_options(self.desk.colorings, value=self.desk.coloring)
         self._show_photo()
         self._show_cloud()
         self._show_rows()
@@ -152,7 +152,7 @@ class Page:
     def _show_cloud(self) -> None:
         stamp = f"?{self.desk.pictured}"
         self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes())
-        self.solid.show(colours=f"files/colours.bin{stamp}", shapes=self.desk.solid_shapes())
+        self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.desk.solid_shapes())
         self.cloud_hint.set_content(cloud_hint(self.selected))
 
     def _show_rows(self) -> None:
@@ -175,7 +175,7 @@ class Page:
         row = ui.element("div").classes("rp-row" + (" rp-on" if key == self.session.sketch.selected else ""))
         row.on("click", lambda: self._edit(lambda session: session.select(key)))
         with row:
-            ui.element("div").classes("rp-dot").style(f"background:{colour_of(key)}")
+            ui.element("div").classes("rp-dot").style(f"background:{color_of(key)}")
             name = ui.input(value=picked.name).props("dense borderless").classes("rp-name")
             name.on("change", lambda: self._edit(lambda session: session.rename(key, name.value)))
             name.on("click.stop")
@@ -308,9 +308,9 @@ class Page:
         self.solid.set_visibility(self.tabs.value == "solid")
         self.range.set_visibility(self.tabs.value == "range")
 
-    async def _colour(self) -> None:
-        if self.colouring.value != self.desk.colouring:
-            await run.io_bound(self.desk.colour_by, str(self.colouring.value))
+    async def _color(self) -> None:
+        if self.coloring.value != self.desk.coloring:
+            await run.io_bound(self.desk.color_by, str(self.coloring.value))
             self._refresh()
 
     async def _key(self, event: KeyEventArguments) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.image_region import ImageRegion
+from regionpose.regions.image import ImageRegion
 from regionpose.scene.sides import WorldSide
 
 Array = NDArray[np.float64]

@@ -99,9 +99,9 @@ def _shade(scan: Scan, seed: Array) -> float | None:
     cloud = scan.cloud
     if cloud is None or cloud.intensity is None:
         return None
-    indices = grow_plane(cloud.points, seed - scan.origin)
+    indices = grow_plane(cloud.local_points, seed - scan.origin)
     low, high = np.percentile(cloud.intensity, RANGE_PERCENTILES)
-    places, levels = cloud.points[indices], cloud.intensity[indices]
+    places, levels = cloud.local_points[indices], cloud.intensity[indices]
     neighbours = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
     start = int(np.argmin(np.sum((places - (seed - scan.origin)) ** 2, axis=1)))
     found = [(_purity(levels, neighbours, start, share * (high - low)), share) for share in SHADES]

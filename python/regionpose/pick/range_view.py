@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from regionpose.clouds import Cloud
-from regionpose.drawing import depth_colours
+from regionpose.pictures.overlays import depth_colors
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -84,8 +84,8 @@ class RangeView:
     @classmethod
     def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
         """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
-        axes = _axes(cloud.points, place, up)
-        azimuth, elevation, ranges = _directions(cloud.points, place, axes)
+        axes = _axes(cloud.local_points, place, up)
+        azimuth, elevation, ranges = _directions(cloud.local_points, place, axes)
         cut = _widest_gap(azimuth)
         azimuth = (cut - azimuth) % 360.0
         top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
@@ -125,7 +125,7 @@ class RangeView:
         azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
         return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
 
-    def picture(self, points: Array, colours: Bytes, shown: Cells) -> Bytes:
+    def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colours (n, 3), edges of depth shaded.
 
         `shown` (h, w): which of these points each pixel shows, -1 for none.
@@ -136,24 +136,24 @@ class RangeView:
         drawn[:] = BACKGROUND
         ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
         ranges[held] = np.linalg.norm(points[own] - self.place, axis=1)
-        drawn[held] = np.round(colours[own] * _light(ranges)[held, None]).astype(np.uint8)
+        drawn[held] = np.round(colors[own] * _light(ranges)[held, None]).astype(np.uint8)
         return drawn
 
 
 def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
     """Colours (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
-    ranges = np.linalg.norm(cloud.points - place, axis=1)
+    ranges = np.linalg.norm(cloud.local_points - place, axis=1)
     near, far = np.percentile(ranges, [1.0, 99.0])
-    table = depth_colours()
+    table = depth_colors()
     share = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)
-    colours = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
+    colors = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
     if cloud.intensity is None:
-        return np.asarray(colours, dtype=np.uint8)
-    shaded: Bytes = np.round(colours * (0.55 + 0.45 * greys(cloud))[:, None]).astype(np.uint8)
+        return np.asarray(colors, dtype=np.uint8)
+    shaded: Bytes = np.round(colors * (0.55 + 0.45 * grays(cloud))[:, None]).astype(np.uint8)
     return shaded
 
 
-def greys(cloud: Cloud) -> Array:
+def grays(cloud: Cloud) -> Array:
     """The intensity (n,) of a cloud's points in [0, 1], by rank: scanners have scales of their own."""
     if cloud.intensity is None:
         return np.ones(len(cloud))

@@ -48,7 +48,7 @@ def outcome_html(outcome: Outcome) -> str:
         # No pose is certain.
         (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
         (f"{np.max(estimate.rotation_sigma_deg):.3f}°", "rotation, 1 sigma"),
-        (f"{1000.0 * np.max(estimate.translation_sigma):.0f} mm", "place, 1 sigma"),
+        (f"{1000.0 * np.max(estimate.translation_sigma_m):.0f} mm", "place, 1 sigma"),
         (f"{100.0 * estimate.overlap_error:.1f} %", "overlap error"),
     ]
     told = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, write_ply
-from regionpose.drawing import overlay_depth, overlay_regions, overlay_steps, save_png
-from regionpose.fusion import coloured_cloud
+from regionpose.pictures.colors import colored_cloud
+from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps, save_png
+from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
-from regionpose.report import Figure, Report, report_html
 from regionpose.scene.estimate import SceneEstimate, Stages, given_pose
 from regionpose.scene.loading import Scene
+from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
 from regionpose.scene.verdict import verdict
-from regionpose.splat import splatted, viewpoints
 
-Colours = NDArray[np.uint8]
+Colors = NDArray[np.uint8]
 
 RESULT, REPORT, OVERLAY, BEFORE = "result.json", "report.html", "overlay.png", "overlay_before.png"
 DEPTH, EDGES, CLOUD = "depth.png", "edges.png", "cloud.ply"
@@ -83,8 +83,8 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
         drawn = pictures(run)
     views: list[Figure] = []
     if run.sides.cloud is not None:
-        with stages.stage("colours"):
-            cloud, visible = coloured_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.local_pose)])
+        with stages.stage("colors"):
+            cloud, visible = colored_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
             views = cloud_views(run, cloud, visible)
         writers[CLOUD] = lambda path: write_ply(path, cloud)
     judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
@@ -118,7 +118,7 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
         )
     made[OVERLAY] = Figure(after, caption)
     if sides.cloud is not None:
-        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.points)
+        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
     if run.witness is not None:
         made[EDGES] = Figure(overlay_steps(sides.image, run.witness.alignment), EDGES_CAPTION)
@@ -130,7 +130,7 @@ def overlay_of(
     pose: Pose,
     errors: Sequence[float] | NDArray[np.float64],
     shares: Sequence[float] = (),
-) -> Colours:
+) -> Colors:
     """The image with both sides of each region at a pose, and their overlap errors, or shares of samples instead."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
@@ -144,24 +144,24 @@ def overlay_of(
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:
     """The coloured cloud from two viewpoints beside the camera's; points without colour are grey."""
-    if not visible.any() or cloud.colours is None:
+    if not visible.any() or cloud.colors is None:
         return []
     pose = run.local_pose
     up = run.sides.scene.model.prior.up
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
-    colours = np.where(visible[:, None], cloud.colours, _greys(cloud)[:, None]).astype(np.uint8)
-    views = viewpoints(cloud.points[visible], pose.camera_center, direction)
+    colors = np.where(visible[:, None], cloud.colors, _grays(cloud)[:, None]).astype(np.uint8)
+    views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)
     captions = (
         "The coloured cloud, seen from the camera's left",
         "The coloured cloud, seen from the camera's right and above",
     )
     return [
-        Figure(splatted(cloud.points, colours, view), f"{caption}; grey: not in the image.")
+        Figure(splatted(cloud.local_points, colors, view), f"{caption}; grey: not in the image.")
         for view, caption in zip(views, captions, strict=True)
     ]
 
 
-def _greys(cloud: Cloud) -> NDArray[np.float64]:
+def _grays(cloud: Cloud) -> NDArray[np.float64]:
     """A grey (n,) of each point: its intensity where it is known."""
     if cloud.intensity is None:
         return np.full(len(cloud), 255.0 * UNSEEN)

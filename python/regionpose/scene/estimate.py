@@ -10,16 +10,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
-from regionpose.image_region import ImageRegion
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.options import Solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.sample_fit import SampleFit, sample_fit
+from regionpose.estimation.sides import overlap_errors
+from regionpose.estimation.single import estimate_pose
+from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
-from regionpose.prior import Prior
-from regionpose.sample_fit import SampleFit, sample_fit
+from regionpose.regions.image import ImageRegion
 from regionpose.sanity import check_camera, check_regions, check_unit
 from regionpose.scene.loading import Scene
-from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
+from regionpose.scene.models import CameraFromWorld, QuaternionPose, SolverItem, WorldFromCamera
 from regionpose.scene.sensors import (
     Picture,
     SensorOrigin,
@@ -32,7 +36,6 @@ from regionpose.scene.sensors import (
 )
 from regionpose.scene.sides import Scan, WorldSide, image_side, scene_origin, world_side
 from regionpose.scene.witness import SceneWitness, witnessed
-from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose, observed_regions
 from regionpose.witness import (
     Alignment,
     Photo,
@@ -67,8 +70,8 @@ class Stages:
 class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
-    `cloud.points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the scanner stood, isn't.
-    `warnings`: what speaks against them before any pose is known.
+    `cloud.local_points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the
+    scanner stood, isn't. `warnings`: what speaks against them before any pose is known.
     """
 
     scene: Scene
@@ -85,6 +88,11 @@ class SceneSides:
     def names(self) -> tuple[str, ...]:
         """The regions' names."""
         return tuple(region.name for region in self.scene.model.regions)
+
+    def overlap_errors(self, pose: Pose) -> tuple[float, Array]:
+        """The overlap error of all regions and of each (k,) at a pose in the cloud's world; as of the solver's."""
+        regions = [side.region for side in self.world_sides]
+        return overlap_errors(self.camera, self.image_regions, regions, pose.about(self.origin))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +115,13 @@ class SceneEstimate:
     @property
     def local_pose(self) -> Pose:
         """The pose for points about the scene's local origin."""
-        return _moved(self.estimate.pose, -self.sides.origin)
+        return self.estimate.pose.about(self.sides.origin)
 
     @property
     def local_initial(self) -> Pose | None:
         """The initial pose that the scene gives, for points about the local origin; None when it gives none."""
         given = given_pose(self.sides.scene)
-        return None if given is None else _moved(given, -self.sides.origin)
+        return None if given is None else given.about(self.sides.origin)
 
     @property
     def sample_fits(self) -> tuple[SampleFit | None, ...]:
@@ -125,8 +133,8 @@ class SceneEstimate:
     @property
     def errors_before(self) -> Array:
         """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
-        pose = self.local_initial
-        return np.full(len(self.sides.names), np.nan) if pose is None else overlap_errors(self.sides, pose)[1]
+        pose = given_pose(self.sides.scene)
+        return np.full(len(self.sides.names), np.nan) if pose is None else self.sides.overlap_errors(pose)[1]
 
 
 def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
@@ -149,7 +157,22 @@ def scene_sides(scene: Scene, stages: Stages | None = None) -> SceneSides:
 
 
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
-    """The pose of a scene; SceneError for bad input, PoseError where no pose shows every region."""
+    """The pose of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        As of `load_scene`.
+    stages : Stages, optional
+        Told when each stage of the run begins; keeps the seconds of each.
+
+    Raises
+    ------
+    SceneError
+        A ValueError, for bad input, naming the line.
+    PoseError
+        A ValueError, where no pose shows every region.
+    """
     stages = stages or Stages()
     return estimate_sides(scene_sides(scene, stages), stages)
 
@@ -187,19 +210,17 @@ class RestOfScene:
     def __init__(self, sides: SceneSides, cloud: Cloud) -> None:
         """Take the sides of a scene that has a cloud."""
         self._origin = sides.origin
-        self._frame = SceneFrame(Photo.of(sides.image), cloud.points, sides.camera, sides.image_regions)
+        self._frame = SceneFrame(Photo.of(sides.image), cloud.local_points, sides.camera, sides.image_regions)
 
     def align(self, pose: Pose) -> Alignment:
         """How well they agree at a pose."""
         frame = self._frame
-        return check_alignment(
-            frame.image, frame.points, frame.camera, _moved(pose, -self._origin), regions=frame.regions
-        )
+        return check_alignment(frame.image, frame.points, frame.camera, pose.about(self._origin), regions=frame.regions)
 
     def refine(self, estimate: PoseEstimate) -> SceneRefinement:
         """The pose of an estimate refined by them."""
-        found = refine_with_scene(_moved(estimate.pose, -self._origin), estimate.covariance, [self._frame])
-        return replace(found, pose=_moved(found.pose, self._origin), before=estimate.pose)
+        found = refine_with_scene(estimate.pose.about(self._origin), estimate.covariance, [self._frame])
+        return replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
 
 
 def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:
@@ -208,7 +229,7 @@ def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:
     run = replace(run, refinement=refinement)
     if not refinement.refined:
         return run
-    whole, errors = overlap_errors(run.sides, _moved(refinement.pose, -run.sides.origin))
+    whole, errors = run.sides.overlap_errors(refinement.pose)
     estimate = replace(
         run.estimate,
         pose=refinement.pose,
@@ -222,26 +243,8 @@ def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:
 
 def _explained(error: ValueError, sides: SceneSides) -> ValueError:
     """The error about a scene without a pose, with what spoke against its regions beforehand: often the cause."""
-    # The verdict is on what this module makes.
-    from regionpose.scene.verdict import with_names
-
-    remarks = "; ".join(with_names(warning.message, sides.names) for warning in sides.warnings)
+    remarks = "; ".join(warning.message_for(sides.names) for warning in sides.warnings)
     return type(error)(f"{error}; {remarks}") if remarks else error
-
-
-def overlap_errors(sides: SceneSides, pose: Pose) -> tuple[float, Array]:
-    """The overlap error of all regions and of each (k,) at a pose for points about the local origin, as `PoseEstimate`
-    has them.
-
-    Fractions; NaN where a region can't be projected.
-    """
-    problem = _core.Problem(
-        observed_regions(sides.camera, sides.image_regions, "boundary"),
-        [side.region.core for side in sides.world_sides],
-        system="plane",
-        integration="boundary",
-    )
-    return problem.overlap_errors(pose.rotation.as_matrix(), pose.translation)
 
 
 def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
@@ -255,37 +258,36 @@ def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
         sides.image_regions,
         [side.region for side in sides.world_sides],
         prior=prior.about(sides.origin),
-        start=model.start,
-        system=model.system,
-        integration=model.integration,
-        refine=None if model.refine == "none" else "contour",
-        driver=model.driver,
+        solver=_solver(model),
     )
-    alternatives = tuple(
-        replace(other, translation=_moved(other, sides.origin).translation) for other in local.alternatives
-    )
+    alternatives = tuple(replace(other, pose=other.pose.about(-sides.origin)) for other in local.alternatives)
     warnings = (*local.warnings, *sides.warnings)
-    return replace(local, pose=_moved(local.pose, sides.origin), alternatives=alternatives, warnings=warnings)
+    return replace(local, pose=local.pose.about(-sides.origin), alternatives=alternatives, warnings=warnings)
+
+
+def _solver(item: SolverItem) -> Solver:
+    """How the scene asks for its pose to be computed."""
+    return Solver(
+        system=item.system,
+        integration=item.integration,
+        mesh_size=item.mesh_size,
+        start=item.start,
+        refine=None if item.refine == "none" else "contour",
+        driver=item.driver,
+    )
 
 
 def checked(sides: SceneSides) -> SceneSides:
     """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
     size = (sides.image.shape[1], sides.image.shape[0])
     sparse = (
-        PoseWarning("sparse-sampling", f"region {index}: {remark}")
+        PoseWarning("sparse-sampling", "{0}: {remark}", (index,), {"remark": remark})
         for index, side in enumerate(sides.world_sides)
         for remark in side.remarks
     )
     regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
     unit = () if sides.cloud is None else check_unit(sides.cloud)
     return replace(sides, warnings=(*check_camera(sides.camera, size), *unit, *regions, *sparse))
-
-
-def _moved(pose: Pose, origin: Array) -> Pose:
-    """The pose for world points `origin` further on. Its covariance is the same: increments are in the camera's
-    frame.
-    """
-    return Pose(pose.rotation, pose.translation - pose.rotation.as_matrix() @ origin)
 
 
 def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
@@ -321,11 +323,9 @@ def given_pose(scene: Scene) -> Pose | None:
 
 
 def _written_pose(given: CameraFromWorld | WorldFromCamera) -> Pose:
-    from scipy.spatial.transform import Rotation
-
     item = given.camera_from_world if isinstance(given, CameraFromWorld) else given.world_from_camera
     if isinstance(item, QuaternionPose):
-        pose = Pose(Rotation.from_quat(item.quat_xyzw), np.asarray(item.translation_m))
+        pose = Pose.from_quat(item.quat_xyzw, item.translation_m)
     else:
         pose = Pose.from_matrix(item.matrix)
     return pose if isinstance(given, CameraFromWorld) else pose.inverse()

@@ -35,11 +35,20 @@ class Scene:
 
 
 def load_scene(path: str | Path) -> Scene:
-    """The checked scene of the YAML or JSON file at `path`; no other file is opened.
+    """The checked scene of a YAML or JSON file; no other file is opened.
 
-    FileNotFoundError when it is missing; SceneError, a ValueError, as `scene.yaml:14: regions[1].image.seed: found 3
-    numbers;
-    needed [x, y]` for the first thing wrong in it.
+    Parameters
+    ----------
+    path : str or Path
+        Of the scene file.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where it is missing.
+    SceneError
+        A ValueError, as `scene.yaml:14: regions[1].image.seed: found 3 numbers; needed [x, y]` for the first thing
+        wrong.
     """
     document = read_document(path)
     if not isinstance(document.value, dict):

@@ -134,7 +134,7 @@ class InlineFisheye(_Intrinsics):
     """A Kannala-Brandt camera, as OpenCV's fisheye module."""
 
     model: Literal["fisheye"]
-    k: Coefficients4 = Field(default_factory=lambda: [0.0] * 4)
+    distortion: Coefficients4 = Field(default_factory=lambda: [0.0] * 4)
 
 
 class InlineUnified(_Intrinsics):
@@ -441,11 +441,15 @@ class SolverItem(Item):
 
     system: Literal["plane", "sphere"] = "plane"
     integration: Literal["boundary", "mesh", "pixels"] = "boundary"
+    mesh_size: Annotated[
+        Positive | None,
+        Field(description="edge length of the mesh's triangles over the root of the region's area, with mesh alone"),
+    ] = None
     refine: Annotated[
         Literal["contour", "scene", "none"],
         Field(description="scene: on the regions' contours, then on the edges of the rest of photo and cloud"),
     ] = "contour"
-    driver: Literal["scipy", "native"] = "scipy"
+    driver: Annotated[Literal["scipy", "native"] | None, Field(description="scipy when left out")] = None
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
     ] = "global"

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from regionpose.estimation.warning import PoseWarning
 from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, SceneSides
@@ -45,10 +46,10 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "covariance": estimate.covariance,
         "covariance_convention": COVARIANCE_CONVENTION,
         "rotation_sigma_deg": estimate.rotation_sigma_deg,
-        "translation_sigma_m": estimate.translation_sigma,
+        "translation_sigma_m": estimate.translation_sigma_m,
         "confidence": estimate.confidence,
         "overlap_error": estimate.overlap_error,
-        "boundary_noise_px": estimate.boundary_noise,
+        "boundary_noise_px": estimate.boundary_noise_px,
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
         "scene_refinement": refinement_values(run),
@@ -63,7 +64,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
             }
             for other in estimate.alternatives
         ],
-        "warnings": [{"code": warning.code, "message": warning.message} for warning in estimate.warnings],
+        "warnings": [warning_values(warning, run.sides.names) for warning in estimate.warnings],
         "converged": estimate.converged,
         "termination": estimate.termination,
         "evaluations": estimate.evaluations,
@@ -84,6 +85,16 @@ def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
     values["translation_m"] = pose.translation
     values["matrix"] = pose.matrix
     return values
+
+
+def warning_values(warning: PoseWarning, names: tuple[str, ...]) -> dict[str, Any]:
+    """A warning with the names of its regions."""
+    return {
+        "code": warning.code,
+        "message": warning.message_for(names),
+        "regions": [names[index] for index in warning.regions],
+        "values": dict(warning.values),
+    }
 
 
 def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:

@@ -97,7 +97,7 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
         return None if given is None else SensorOrigin(np.array(given, dtype=np.float64), "the scene's sensor_origin")
     if cloud is None or cloud.sensor_origin is None:
         return None
-    return SensorOrigin(cloud.origin + cloud.sensor_origin, "the cloud's file")
+    return SensorOrigin(cloud.sensor_origin, "the cloud's file")
 
 
 def read_picture(path: Path) -> Picture:

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.clouds import Cloud, read_cloud
-from regionpose.image_region import ImageRegion
-from regionpose.outline import SparseSamplingWarning
 from regionpose.reading import read_array
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.outline import SparseSamplingWarning
+from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
 from regionpose.scene.sensors import Picture, SensorOrigin, named
-from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -183,7 +183,7 @@ def _mesh(path: Path, origin: Array) -> WorldSide:
     cloud = read_cloud(path)
     if cloud.triangles is None:
         raise ValueError(f"{path}: found points without triangles; needed a mesh")
-    surface = SimpleNamespace(vertices=cloud.points + (cloud.origin - origin), faces=cloud.triangles)
+    surface = SimpleNamespace(vertices=cloud.local_points + (cloud.origin - origin), faces=cloud.triangles)
     return WorldSide(WorldRegion.from_mesh(surface), outline_because="it is given as a mesh")
 
 
@@ -192,7 +192,7 @@ def _grown_plane(item: WorldSeed, scan: Scan) -> WorldSide:
 
     if scan.cloud is None:
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
-    points, seed = scan.cloud.points, np.asarray(item.seed) - scan.origin
+    points, seed = scan.cloud.local_points, np.asarray(item.seed) - scan.origin
     if item.intensity_tolerance is None:
         indices = grow_plane(points, seed, min_width=item.min_width)
     else:
@@ -226,7 +226,7 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
             "found intensity_tolerance with a cloud without intensity; needed a cloud that has it, or no such key"
         )
     count = min(SEED_NEIGHBOURS, len(cloud))
-    squares = np.sum((cloud.points - seed) ** 2, axis=1)
+    squares = np.sum((cloud.local_points - seed) ** 2, axis=1)
     around = np.argpartition(squares, count - 1)[:count]
     return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
 
@@ -237,7 +237,7 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     path = scene.file(item.points)
     if path.suffix.lower() not in {".npy", ".npz"}:
         other = read_cloud(path)
-        return _placed(other.points + (other.origin - scan.origin), item, scan)
+        return _placed(other.local_points + (other.origin - scan.origin), item, scan)
     values = read_array(path)
     if values.ndim == 2 and values.dtype.kind in "biuf":
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
@@ -246,10 +246,10 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
 
 def _placed(points: Array, item: WorldPoints, scan: Scan) -> WorldSide:
     """The side of points (n, 3) about the origin, which may be some of the cloud's."""
-    indices = None if scan.cloud is None else _found_in(scan.cloud.points, points)
+    indices = None if scan.cloud is None else _found_in(scan.cloud.local_points, points)
     if scan.cloud is None or indices is None:
         return _outlined(points, item, scan, "its points aren't the cloud's")
-    return _scanned(scan.cloud.points, indices, item, scan)
+    return _scanned(scan.cloud.local_points, indices, item, scan)
 
 
 def _found_in(cloud: Array, points: Array) -> Indices | None:
@@ -294,4 +294,4 @@ def _indexed(indices: Indices, item: WorldPoints, scan: Scan) -> WorldSide:
     if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
         found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
         raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
-    return _scanned(cloud.points, indices, item, scan)
+    return _scanned(cloud.local_points, indices, item, scan)

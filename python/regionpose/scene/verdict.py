@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,10 +67,10 @@ def verdict(run: SceneEstimate) -> Verdict:
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple(
-        (with_names(warning.message, run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
+        (warning.message_for(run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
     )
     fit = _fit(run)
-    turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma))
+    turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
     sigma = f"{turn:.3f} deg and {shift:.1f} mm"
     if not codes:
         return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma} (1 sigma).", ())
@@ -91,13 +90,3 @@ def _fit(run: SceneEstimate) -> str:
         return f"The projected regions differ from the observed ones by {share:.2f} % of their area"
     wrong = sum(len(fit.beyond) + len(fit.within) for fit in fits)
     return f"Of the scan's samples {100.0 * (1.0 - wrong / told):.1f} % lie on their side of the observed outlines"
-
-
-def with_names(message: str, names: tuple[str, ...]) -> str:
-    """A message with `region 2` written as `region 2 (door)`."""
-
-    def named(match: re.Match[str]) -> str:
-        index = int(match[1])
-        return f"{match[0]} ({names[index]})" if index < len(names) else match[0]
-
-    return re.sub(r"\bregion (\d+)", named, message)

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
-from regionpose.solver import PoseEstimate, PoseWarning
 from regionpose.witness import Alignment, weighed
 
 Array = NDArray[np.float64]
@@ -84,17 +85,20 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarnin
     sure = estimate.confidence >= SURE
     kept = [warning for warning in estimate.warnings if not (sure and warning.code in OF_CONFIDENCE)]
     if witness.alignment.log_odds < -AGAINST:
-        kept.append(PoseWarning("scene-disagrees", _disagreement(witness)))
+        kept.append(_disagreement(witness))
     elif not sure and not kept:
-        kept.append(PoseWarning("low-confidence", f"the confidence is {100.0 * estimate.confidence:.1f} %"))
+        text = f"the confidence is {100.0 * estimate.confidence:.1f} %"
+        kept.append(PoseWarning("low-confidence", text, values={"confidence": estimate.confidence}))
     return tuple(kept)
 
 
-def _disagreement(witness: SceneWitness) -> str:
+def _disagreement(witness: SceneWitness) -> PoseWarning:
     alignment = witness.alignment
-    shown = 100.0 * float(np.mean(alignment.agrees))
-    return (
-        f"away from the regions photo and cloud do not agree: {shown:.0f} % of {len(alignment.places)} depth steps of"
-        f" the cloud lie on edges of the photo, {alignment.z:.1f} standard deviations above turned poses; the"
-        f" confidence falls from {100.0 * witness.confidence_before:.1f} %"
+    share, steps, before = float(np.mean(alignment.agrees)), len(alignment.places), witness.confidence_before
+    text = (
+        f"away from the regions photo and cloud do not agree: {100.0 * share:.0f} % of {steps} depth steps of the cloud"
+        f" lie on edges of the photo, {alignment.z:.1f} standard deviations above turned poses; the confidence falls"
+        f" from {100.0 * before:.1f} %"
     )
+    values = {"share": share, "steps": steps, "z": alignment.z, "confidence_before": before}
+    return PoseWarning("scene-disagrees", text, values=values)

@@ -24,15 +24,34 @@ def grow_plane(
     min_width: float | None = None,
     progress: Progress | None = None,
 ) -> Indices:
-    """Indices, ascending, of the points (n, 3) on the connected planar patch around a seed.
+    """Indices, ascending, of the points on the connected planar patch around a seed.
 
-    `seed`: the index of a point, or a position (3,), metres. `distance`: of members from the plane at the most, else
-    three standard deviations of the noise around the seed. `radius`: gaps up to this width are crossed, else from the
-    spacing around the seed across scan lines. `angle_deg`: largest angle between the patch's normal and that of its
-    parts. `min_width`: parts of the patch narrower than this (metres) are left out, such as posts in the plane of a
-    panel, and what only they connect. `progress` is called with a share in [0, 1]. Points that aren't finite are passed
-    over. ValueError for arguments out of range, a seed away from all points, one around which the points lie on no
-    plane, or a patch that is nowhere `min_width` wide.
+    Points that aren't finite are passed over.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Metres.
+    seed : int or (3,) array
+        The index of a point, or a position.
+    distance : float, optional
+        Of members from the plane at the most, metres; three standard deviations of the noise around the seed by
+        default.
+    radius : float, optional
+        Gaps up to this width, metres, are crossed; from the spacing around the seed across scan lines by default.
+    angle_deg : float
+        Largest angle between the patch's normal and that of its parts, degrees.
+    min_width : float, optional
+        Parts of the patch narrower than this, metres, are left out, such as posts in the plane of a panel, and what
+        only they connect.
+    progress : callable, optional
+        Called with a share in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        For arguments out of range, a seed away from all points, one around which the points lie on no plane, or a patch
+        that is nowhere `min_width` wide.
     """
     cloud = checked_cloud(points)
     check_positive(distance=distance, radius=radius, angle_deg=angle_deg, min_width=min_width)

@@ -94,16 +94,37 @@ def grow_image_region(
     coverage: bool = False,
     linear_light: bool = False,
 ) -> Mask | Floats:
-    """Mask (h, w) of the surface around `seed`: the connected pixels whose colour is within `tolerance` of the
-    region's.
+    """The mask of the surface around a seed: the connected pixels whose color is like the region's.
 
-    `image`: (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`. `seed`: (x, y)
-    in pixels, x right, y down. `tolerance`: CIELAB units; without it, the one whose outline shows a high contrast, is
-    short and moves least (after the maximally stable regions of Matas et al. 2002), and among similar ones the
-    smallest. `smoothing`: radius in pixels of a median that wipes out texture thinner than itself, 0 for none, without
-    it 1/400 of the diagonal. `coverage`: return the share of each pixel in [0, 1] (float32) instead of a bool mask,
-    from how the colours of both sides mix in it; `ImageRegion.from_mask` takes either. ValueError for another image, a
-    seed outside it, or a negative option.
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1], sRGB-encoded unless `linear_light`.
+    seed : (2,) array
+        x and y in pixels, x right, y down.
+    tolerance : float, optional
+        CIELAB units; by default the one whose outline shows a high contrast, is short and moves least (after the
+        maximally stable regions of Matas et al. 2002), and among similar ones the smallest.
+    smoothing : float, optional
+        Radius in pixels of a median that wipes out texture thinner than itself, 0 for none; 1/400 of the diagonal by
+        default.
+    fill_holes : bool
+        Whether holes count as the region's; True by default.
+    coverage : bool
+        Return the share of each pixel in [0, 1] (float32) instead of a bool mask, from how the colors of both sides mix
+        in it; `ImageRegion.from_mask` takes either.
+    linear_light : bool
+        Whether the image's values are proportional to light; False by default.
+
+    Returns
+    -------
+    (h, w) array of bool or float32
+        The mask, or the coverage.
+
+    Raises
+    ------
+    ValueError
+        For another image, a seed outside it, or a negative option.
     """
     given = _checked_image(image)
     seed_place = _checked_seed(seed, given.shape)
@@ -130,7 +151,7 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     x, y = _checked_seed(seed, given.shape)
     reduced, growth = _found(given, (x, y), None, None)
     start = int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)
-    steps, scores = _stepped(reduced.lab, start, growth.colour)
+    steps, scores = _stepped(reduced.lab, start, growth.color)
     areas = np.cumsum(np.bincount(steps.ravel(), minlength=len(scores) + 1))[: len(scores)]
     own = round(growth.tolerance / TOLERANCE_STEP)
     kept = [own]
@@ -217,24 +238,24 @@ def _grown(reduced: Reduced, start: tuple[int, int], tolerance: float | None) ->
     return again if again.score >= once.score and again.mask[start] else once
 
 
-def _region_around(lab: Floats, start: tuple[int, int], colour: Floats, tolerance: float | None) -> Growth:
+def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
     """The connected region within a tolerance of a colour."""
-    distances = np.linalg.norm(lab - colour, axis=2)
+    distances = np.linalg.norm(lab - color, axis=2)
     distances[start] = 0.0
     arrivals = _arrivals(distances, start)
     if tolerance is not None:
-        return Growth(np.asarray(arrivals <= tolerance), colour, tolerance, 0.0)
+        return Growth(np.asarray(arrivals <= tolerance), color, tolerance, 0.0)
     steps = _steps(arrivals)
     scores = _scores(steps, lab)
     good = np.flatnonzero(scores >= GOOD_SHARE * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
     best = first[scores[first] >= NEAR_BEST_SHARE * scores[first].max()][0]
-    return Growth(np.asarray(steps <= best), colour, float(best * TOLERANCE_STEP), float(scores[best]))
+    return Growth(np.asarray(steps <= best), color, float(best * TOLERANCE_STEP), float(scores[best]))
 
 
-def _stepped(lab: Floats, start: tuple[int, int], colour: Floats) -> tuple[NDArray[np.int64], Array]:
+def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[NDArray[np.int64], Array]:
     """The step of the tolerance at which growth arrives at each pixel, and the score of the region of each step."""
-    distances = np.linalg.norm(lab - colour, axis=2)
+    distances = np.linalg.norm(lab - color, axis=2)
     distances[start] = 0.0
     steps = _steps(_arrivals(distances, start))
     return steps, _scores(steps, lab)

@@ -19,13 +19,13 @@ from shapely.geometry.polygon import orient
 from skimage.draw import polygon2mask
 
 from regionpose import _core
-from regionpose.image_region import ImageRegion
 from regionpose.reading import read_json, read_pixels, unfolding_error
+from regionpose.regions.image import ImageRegion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CORNER_TO_CENTRE = 0.5
+CORNER_TO_CENTER = 0.5
 """Pixels from the outer corner of the first pixel to its centre."""
 
 OUTSIDE_MARGIN = 1.0
@@ -64,19 +64,44 @@ class _Item(NamedTuple):
 def masks_from_file(path: str | Path, *, image: str | int | None = None) -> dict[str, Mask]:
     """Masks (h, w) by name from a label image (PNG, TIFF, ...), a COCO or a labelme file.
 
-    A label image has one mask per value other than 0 (per colour other than black), named by the value; a single one is
+    A label image has one mask per value other than 0 (per color other than black), named by the value; a single one is
     named after the file. COCO names come from the categories, labelme's from the labels; those of a name that several
-    have get a number each. `image`: id or file name of the image within a COCO file that holds several. Polygons cover
-    the pixels whose centre is inside. FileNotFoundError, or ValueError that names the file and the item.
+    have get a number each. Polygons cover the pixels whose center is inside.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    image : str or int, optional
+        Id or file name of the image within a COCO file that holds several.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where it is missing.
+    ValueError
+        That names the file and the item.
     """
     return {item.name: item.mask() for item in _items(Path(path), image)}
 
 
 def mask_from_file(path: str | Path, label: int | str | None = None, *, image: str | int | None = None) -> Mask:
-    """Mask (h, w) of one region of a file that `masks_from_file` reads.
+    """The mask (h, w) of one region of a file that `masks_from_file` reads.
 
-    `label`: its name there, the value in a label image, or the id of a COCO annotation; not needed where the file holds
-    one region. ValueError that lists what is there when no region or several match.
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    label : int or str, optional
+        Its name there, the value in a label image, or the id of a COCO annotation; not needed where the file holds one
+        region.
+    image : str or int, optional
+        As of `masks_from_file`.
+
+    Raises
+    ------
+    ValueError
+        That lists what is there when no region or several match.
     """
     return _chosen(Path(path), label, image).mask()
 
@@ -85,6 +110,13 @@ def regions_from_file(path: str | Path, *, image: str | int | None = None) -> di
     """Image regions by name, of the files of `masks_from_file`; polygons keep their exact vertices.
 
     Several polygons of one COCO annotation make one region, their union.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    image : str or int, optional
+        As of `masks_from_file`.
     """
     return {item.name: _region_of(item, path) for item in _items(Path(path), image)}
 
@@ -96,9 +128,23 @@ def region_from_file(
     image: str | int | None = None,
     size: tuple[int, int] | None = None,
 ) -> ImageRegion:
-    """One image region of a file, chosen as by `mask_from_file`, with exact vertices as by `regions_from_file`.
+    """One image region of a file, with exact vertices as by `regions_from_file`.
 
-    `size`: (h, w) of the image that the file must belong to; ValueError when it belongs to another size.
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    label : int or str, optional
+        As of `mask_from_file`.
+    image : str or int, optional
+        As of `masks_from_file`.
+    size : tuple of 2 int, optional
+        Height and width of the image that the file must belong to.
+
+    Raises
+    ------
+    ValueError
+        As of `mask_from_file`, and where it belongs to another size.
     """
     item = _chosen(Path(path), label, image)
     if size is not None and item.size != tuple(size):
@@ -125,11 +171,19 @@ def masks_from_segmenter(
     kind: Literal["mask", "probability", "logit"] | None = None,
     coverage: bool = False,
 ) -> list[NDArray[np.bool_] | NDArray[np.float32]]:
-    """Masks (h, w) of a segmenter's array (n, h, w), (n, 1, h, w) or (h, w), or of dictionaries with a "segmentation".
+    """Masks (h, w) of a segmenter's output.
 
-    `kind` says what numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1]
-    probabilities, other floats logits. The outline of probabilities lies at 1/2, of logits at 0. `coverage`: return
-    probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
+    The outline of probabilities lies at 1/2, of logits at 0.
+
+    Parameters
+    ----------
+    masks : (n, h, w), (n, 1, h, w) or (h, w) array, or sequence of mappings
+        The mappings with a "segmentation", as Segment Anything has them.
+    kind : {"mask", "probability", "logit"}, optional
+        What the numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1]
+        probabilities, other floats logits.
+    coverage : bool
+        Return probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
     """
     given = _stacked(_arrays_of(masks))
     held = kind or _guessed_kind(given)
@@ -242,8 +296,8 @@ def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
     if pixels.ndim == 3:
         packed = _packed(pixels)
         del pixels  # Large pictures fit the budget of memory but for this.
-        grey = np.asarray(packed % 256 * 0x010101 == packed).all()
-        return (packed % 256, "{}") if grey else (packed, "#{:06x}")
+        gray = np.asarray(packed % 256 * 0x010101 == packed).all()
+        return (packed % 256, "{}") if gray else (packed, "#{:06x}")
     if pixels.dtype.kind == "f" and not (np.isfinite(pixels).all() and (pixels == np.round(pixels)).all()):
         raise ValueError(f"{path} holds numbers that aren't whole; needed labels")
     return pixels, "{}"
@@ -386,7 +440,7 @@ def _points(given: object, size: tuple[int, int], item: str, least: int) -> Arra
         x, y = points[beyond.any(axis=1)][0]
         raise ValueError(f"{item} has the point ({x:g}, {y:g}); the image has {size[1]} x {size[0]} pixels")
     closed = len(points) > least and (points[0] == points[-1]).all()
-    return (points[:-1] if closed else points) - CORNER_TO_CENTRE
+    return (points[:-1] if closed else points) - CORNER_TO_CENTER
 
 
 def _listed(content: Mapping[str, object], key: str, item: str) -> list[dict[str, object]]:

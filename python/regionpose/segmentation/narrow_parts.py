@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionpose.outline import outline_of_points
+from regionpose.regions.outline import outline_of_points
 
 Array = NDArray[np.float64]
 

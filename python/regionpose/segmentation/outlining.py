@@ -50,7 +50,7 @@ class Growth(NamedTuple):
     """A region at the working size, the colour and tolerance it was grown with, and its score (0 if given)."""
 
     mask: Mask
-    colour: Floats
+    color: Floats
     tolerance: float
     score: float
 
@@ -116,7 +116,7 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
     sampled = _sampled(fields, rows, columns, reduced.factor)
     share, stray = _mixture(_linear(image[rows, columns], linear_light), sampled[:, :3], sampled[:, 3:6])
     clear = (sampled[:, 6] > CONTRAST_FLOOR) & (stray < STRAY_SHARE)
-    allowed = mask[rows, columns] | (_colour_distance(image[rows, columns], growth.colour) <= growth.tolerance)
+    allowed = mask[rows, columns] | (_color_distance(image[rows, columns], growth.color) <= growth.tolerance)
     mask[rows, columns] = np.where(clear, (share >= 0.5) & allowed, mask[rows, columns])
     return mask, _is_textured(light, fields, core, outside, band)
 
@@ -130,11 +130,11 @@ def _linear(values: NDArray[np.generic], linear_light: bool) -> Floats:
     return np.asarray(level if level.shape[-1:] == (3,) else np.repeat(level[..., None], 3, axis=-1))
 
 
-def _colour_distance(values: NDArray[np.generic], colour: Floats) -> Floats:
+def _color_distance(values: NDArray[np.generic], color: Floats) -> Floats:
     """Distance (n,) in CIELAB of sRGB values from a colour (3,)."""
     levels = as_bytes(values)
-    colours = np.repeat(levels[:, None], 3, axis=1) if levels.ndim == 1 else levels
-    return np.asarray(np.linalg.norm(rgb2lab(colours[None])[0] - colour, axis=1), dtype=np.float32)
+    colors = np.repeat(levels[:, None], 3, axis=1) if levels.ndim == 1 else levels
+    return np.asarray(np.linalg.norm(rgb2lab(colors[None])[0] - color, axis=1), dtype=np.float32)
 
 
 def _nearby_mean(light: Floats, chosen: Mask, band: int, *, fallback: Floats) -> tuple[Floats, Mask]:

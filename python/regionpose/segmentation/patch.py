@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from regionpose.outline import ROUNDING, bridging_radius
-from regionpose.plane_fit import robust_plane
+from regionpose.regions.outline import ROUNDING, bridging_radius
+from regionpose.regions.plane_fit import robust_plane
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

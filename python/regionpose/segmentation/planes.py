@@ -81,14 +81,30 @@ def find_planes(
     angle_deg: float = ANGLE_DEG,
     progress: Progress | None = None,
 ) -> list[Indices]:
-    """Index arrays, ascending, of the planar patches of points (n, 3), the largest first; no point is in two.
+    """Index arrays, ascending, of the planar patches of a cloud, the largest first; no point is in two.
 
     A patch is thinner than 0.15 of its width, has noise of at most four times the sensor's, which is taken from the
-    flattest neighbourhoods, and has within three times its members' distance at most a quarter as many points before
-    and behind it as members. A cloud of more than 150 000 points is thinned to one point a voxel, on which patches
-    grow; then each is filled with the points around it. Random choices are seeded: the same cloud gives the same
-    patches. `min_points`: of a patch at the least. `distance`, `radius`, `angle_deg`, `progress`: as in `grow_plane`.
-    ValueError for a cloud that isn't (n, 3) numbers with 3 finite points, or options out of range.
+    flattest neighborhoods, and has within three times its members' distance at most a quarter as many points before and
+    behind it as members. A cloud of more than 150 000 points is thinned to one point a voxel, on which patches grow;
+    then each is filled with the points around it. Random choices are seeded: the same cloud gives the same patches.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Metres.
+    min_points : int
+        Of a patch at the least.
+    distance, radius : float, optional
+        As in `grow_plane`.
+    angle_deg : float
+        As in `grow_plane`.
+    progress : callable, optional
+        Called with a share in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        For a cloud that isn't (n, 3) numbers with 3 finite points, or options out of range.
     """
     cloud = checked_cloud(points)
     check_positive(distance=distance, radius=radius, angle_deg=angle_deg)

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.odds import log_odds
 from regionpose.witness.photo import Photo
 from regionpose.witness.steps import (
@@ -43,10 +43,19 @@ open."""
 class Alignment:
     """How well photo and cloud agree at a pose (docs/math.md, section 18).
 
-    `places` (n, 2): pixels of the photo where the cloud's depth steps are seen; `agrees` (n,): whether an edge stands
-    out there. `score`: the mean strength of edges under them, of the best turn of the camera within a degree; `turn`
-    (3,): that one, a rotation vector about the camera's axes, rad. `turned` (t,): the same scores at poses turned by 3
-    to 8 degrees. `score` is NaN and `turned` empty where too few steps are in view to say anything.
+    Parameters
+    ----------
+    places : (n, 2) array
+        Pixels of the photo where the cloud's depth steps are seen.
+    agrees : (n,) array of bool
+        Whether an edge stands out there.
+    score : float
+        The mean strength of edges under them, of the best turn of the camera within a degree; NaN where too few steps
+        are in view to say anything.
+    turn : (3,) array
+        That turn, a rotation vector about the camera's axes, rad.
+    turned : (t,) array
+        The same scores at poses turned by 3 to 8 degrees; empty where too few steps are in view.
     """
 
     places: Array
@@ -95,12 +104,28 @@ def check_alignment(
     *,
     regions: Sequence[ImageRegion] = (),
 ) -> Alignment:
-    """How well the photo and world points (n, 3), metres, agree at a pose, whatever led to it.
+    """How well photo and cloud agree at a pose, whatever led to it.
 
-    Depth steps of the points as the camera would see them, against edges of the photo (h, w) or (h, w, 3), uint8,
-    uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose. `regions`: those that the pose comes
-    from; steps beside them are left out, since they agree at any pose that the regions allow. ValueError for other
-    shapes.
+    Depth steps of the points as the camera would see them, against edges of the photo.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
+    points : (n, 3) array
+        World coordinates, metres.
+    camera : Camera
+        That took the photo.
+    pose : Pose
+        `camera_from_world`.
+    regions : sequence of ImageRegion
+        Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
+        allow.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
     local = (checked_points(points) - pose.camera_center) @ pose.rotation.as_matrix().T

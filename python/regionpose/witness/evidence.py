@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.photo import Photo, Pictures
 from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, depth_steps, far_turns, seen_steps
 
@@ -33,10 +33,18 @@ SMALL_DEG, SMALL_COUNT = 0.6, 5
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """A photo (h, w) or (h, w, 3), uint8, uint16 or floats in [0, 1], the camera that took it, and the world points
-    (n, 3), metres, of a scan from the same time.
+    """A photo, the camera that took it, and a scan from the same time.
 
-    `regions`: those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1].
+    points : (n, 3) array
+        World coordinates, metres.
+    camera : Camera
+        That took the photo.
+    regions : sequence of ImageRegion
+        Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
     """
 
     image: ArrayLike | Photo
@@ -60,7 +68,7 @@ class Evidence:
 
     def turn(self, rotation: Rotation) -> Pose:
         """Look at the steps that the camera sees turned from the given pose, about its axes; that pose."""
-        pose = Pose(rotation * self._pose.rotation, rotation.apply(self._pose.translation))
+        pose = Pose(rotation * self._pose.rotation, rotation.as_matrix() @ self._pose.translation)
         steps = self._all.turned(rotation)
         seen = seen_steps(self._photo, self._camera, steps, self._known)
         middle = steps.near[seen.numbers] + steps.far[seen.numbers]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter, uniform_filter
 
-from regionpose.fusion import checked_image
+from regionpose.arrays import checked_image
 
 Array = NDArray[np.float64]
 Pictures = NDArray[np.float32]

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from regionpose import _core
+from regionpose.arrays import real_array
 from regionpose.pose import Pose
-from regionpose.ring_arrays import real_array
 from regionpose.witness.evidence import Evidence, SceneFrame
 from regionpose.witness.steps import SEED, far_turns
 
@@ -54,10 +54,22 @@ LEAST_CURVATURE = 0.2
 class SceneRefinement:
     """A pose refined by the rest of the scene, if that says enough.
 
-    `pose`, `covariance` (6, 6) of its left increment, rad and metres: the refined ones if `refined`, else the given
-    ones. `before`: the given pose. `log_odds`: logarithm of the odds that edges lie where a pose about the given one
-    puts the steps, rather than by chance; `chance`: the largest about poses that are turned by 3 to 8 degrees, NaN
-    where none was tried. `steps` (k,): how many depth steps of each frame were looked at.
+    Parameters
+    ----------
+    pose : Pose
+        The refined one if `refined`, else the given one.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    before : Pose
+        The given one.
+    log_odds : float
+        Logarithm of the odds that edges lie where a pose about the given one puts the steps, rather than by chance.
+    chance : float
+        The largest about poses that are turned by 3 to 8 degrees, NaN where none was tried.
+    refined : bool
+        Whether the edges say enough.
+    steps : tuple of int
+        How many depth steps of each frame were looked at.
     """
 
     pose: Pose
@@ -82,10 +94,24 @@ class SceneRefinement:
 def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
     """The pose near a given one at which the depth steps of the frames' points lie on the edges of their photos.
 
-    `pose` and `covariance` (6, 6) are those of an estimate of the regions, or of a rig's; all frames of the `scene`
-    share the pose. The edges' likelihood and the given pose's distribution are maximised together. The refined pose is
-    taken if the edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about
-    each of 9 turned poses (docs/math.md, eq. 18.6 to 18.9). ValueError for other shapes.
+    The edges' likelihood and the given pose's distribution are maximised together. The refined pose is taken if the
+    edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about each of 9
+    turned poses
+    (docs/math.md, eq. 18.6 to 18.9).
+
+    Parameters
+    ----------
+    pose : Pose
+        Of an estimate of the regions, or of a rig.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    scene : sequence of SceneFrame
+        All of which share the pose.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     root, frames = _root(covariance), [Evidence(frame, pose) for frame in scene]
     shares = [frame.share(SPREADS_PX[-1]) for frame in frames]
@@ -154,7 +180,7 @@ class _Posterior:
 
     def units(self, pose: Pose) -> Array:
         """The increment (6,) from the prior's pose in units of its deviations."""
-        return np.asarray(np.linalg.solve(self._root, increment_between(self._prior, pose)), dtype=np.float64)
+        return np.asarray(np.linalg.solve(self._root, self._prior.increment_to(pose)), dtype=np.float64)
 
     def _costs(self, units: Array, spread_px: float) -> tuple[Array, Array]:
         """Negative log densities (t,) of increments (t, 6) in units of the prior's deviations, and their slopes."""
@@ -209,7 +235,7 @@ def _spread_of(peaks: Sequence[_Peak], best: _Peak) -> Array:
     """The covariance (6, 6) about the best of peaks, each of which counts by its mass."""
     masses = np.array([peak.mass for peak in peaks])
     shares = np.exp(masses - logsumexp(masses))
-    ways = [increment_between(best.pose, peak.pose) for peak in peaks]
+    ways = [best.pose.increment_to(peak.pose) for peak in peaks]
     return np.asarray(
         sum(
             share * (peak.covariance + np.outer(way, way)) for share, peak, way in zip(shares, peaks, ways, strict=True)
@@ -232,9 +258,3 @@ def moved(pose: Pose, increment: Array) -> Pose:
     """The pose after a left increment (6,): a rotation vector, rad, then a translation, metres."""
     rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
     return Pose.from_parts(rotation, translation)
-
-
-def increment_between(start: Pose, end: Pose) -> Array:
-    """The left increment (6,) from one pose to another."""
-    turn = end.rotation * start.rotation.inv()
-    return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
+from regionpose.arrays import real_array
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
-from regionpose.ring_arrays import real_array
+from regionpose.regions.image import ImageRegion
 from regionpose.witness.photo import DIRECTIONS, Photo
 
 Array = NDArray[np.float64]

@@ -11,6 +11,7 @@ mod moments;
 mod prior;
 mod regions;
 mod solve;
+mod warnings;
 mod witness;
 
 /// Kernels of regionpose.

@@ -19,6 +19,7 @@ use regionpose::verdict::estimate;
 use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error};
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
+use crate::warnings::{Told, told};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
     PyValueError::new_err(format!("{option} is {found:?}; it needs to be {needed}"))
@@ -227,10 +228,10 @@ impl Estimate {
             .collect()
     }
 
-    /// (code, sentence) of each warning.
+    /// (code, sentence, regions, values by name) of each warning; `{0}` in the sentence stands for the first region.
     #[getter]
-    fn warnings(&self) -> Vec<(&'static str, String)> {
-        self.0.warnings.iter().map(|warning| (warning.code(), warning.to_string())).collect()
+    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Told<'py>>> {
+        self.0.warnings.iter().map(|warning| told(py, warning)).collect()
     }
 
     #[getter]
@@ -404,12 +405,20 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 /// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
 /// view, and what is wrong with it for one that is refused.
 #[pyfunction]
-#[pyo3(signature = (problems, priors, *, threads = None, refine = "contour"))]
+#[pyo3(signature = (
+    problems, priors, *, threads = None, system = "plane", integration = "boundary", mesh_size = None, start = "global",
+    refine = "contour"
+))]
+#[allow(clippy::too_many_arguments)]
 pub fn estimate_batch<'py>(
     py: Python<'py>,
     problems: Vec<PySides<'_>>,
     priors: Vec<Option<Prior>>,
     threads: Option<&Bound<'_, PyAny>>,
+    system: &str,
+    integration: &str,
+    mesh_size: Option<f64>,
+    start: &str,
     refine: Option<&str>,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
     if problems.len() != priors.len() {
@@ -419,12 +428,14 @@ pub fn estimate_batch<'py>(
         )));
     }
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
-    let tasks = problems.iter().zip(priors).map(|((observed, worlds), prior)| {
-        Ok((Sides::new(observed, worlds), parsed_options("global", prior, refine)?))
-    });
+    let (system, integration) = (parsed_system(system)?, parsed_integration(integration, mesh_size)?);
+    let tasks = problems
+        .iter()
+        .zip(priors)
+        .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), parsed_options(start, prior, refine)?)));
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
     let solve = |(sides, options): &(Sides, Options)| {
-        sides.problem(System::Plane, Integration::Boundary).map(|problem| problem.estimate_with(options))
+        sides.problem(system, integration).map(|problem| problem.estimate_with(options))
     };
     // A problem that panics costs its own answer, not those of the others.
     let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| solve(task)));

@@ -10,7 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.contours import Contours, contours_of, distance_derivatives, distances_of, outline_derivatives
+from regionpose.estimation.contours import (
+    Contours,
+    contours_of,
+    distance_derivatives,
+    distances_of,
+    outline_derivatives,
+)
 from regionpose.evaluation.studies.problems import Problem, world_region
 from regionpose.pose import Pose
 

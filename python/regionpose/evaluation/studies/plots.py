@@ -144,9 +144,9 @@ def _styles(count: int) -> list[dict[str, Any]]:
     """Line styles of increasing lightness."""
     from matplotlib import colormaps
 
-    colours = colormaps["viridis"](np.linspace(0.0, LIGHTEST, count))
-    cycles = zip(colours, itertools.cycle(DASHES), itertools.cycle(MARKERS), strict=False)
-    return [{"color": colour, "linestyle": dash, "marker": marker, "markersize": 4} for colour, dash, marker in cycles]
+    colors = colormaps["viridis"](np.linspace(0.0, LIGHTEST, count))
+    cycles = zip(colors, itertools.cycle(DASHES), itertools.cycle(MARKERS), strict=False)
+    return [{"color": color, "linestyle": dash, "marker": marker, "markersize": 4} for color, dash, marker in cycles]
 
 
 def _sorted_figure(results: Results, chart: Chart) -> Figure:

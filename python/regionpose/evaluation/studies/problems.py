@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
+from regionpose.estimation.prior import Prior
 from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabelled
 from regionpose.evaluation.masks import (
     Patch,
@@ -36,11 +37,10 @@ from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
-from regionpose.image_region import ImageRegion
-from regionpose.mask import MaskWindow, traced_mask
 from regionpose.pose import Pose
-from regionpose.prior import Prior
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.mask import MaskWindow, traced_mask
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 
@@ -122,10 +122,10 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
 def known_beforehand(scene: Scene, condition: Condition, rng: np.random.Generator) -> Prior | None:
     """What the condition lets be known of the pose beforehand, with its errors."""
     if condition.prior == "initial":
-        degrees, metres = INITIAL_SIGMA
+        degrees, meters = INITIAL_SIGMA
         turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
         true = Pose.from_parts(scene.rotation, scene.translation)
-        rough = Pose(turn * true.rotation, turn.apply(true.translation) + rng.normal(0.0, metres, size=3))
+        rough = Pose(turn * true.rotation, turn.as_matrix() @ true.translation + rng.normal(0.0, meters, size=3))
         return Prior(initial=rough, initial_sigma=INITIAL_SIGMA)
     if condition.prior == "near":
         place = Pose.from_parts(scene.rotation, scene.translation).camera_center

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from regionpose.estimation.answer import PoseEstimate
 from regionpose.evaluation.masks import ProjectionError, project_region
 from regionpose.evaluation.measures import is_solved, overlap_error, pose_errors
 from regionpose.evaluation.studies.bounds import PoseBound
 from regionpose.evaluation.studies.conditions import CONDITION_TYPES, Condition, Value
 from regionpose.evaluation.studies.problems import Problem
 from regionpose.pose import Pose
-from regionpose.solver import PoseEstimate
 
 Array = NDArray[np.float64]
 Row = dict[str, Value]
@@ -101,7 +101,7 @@ def solved_row(
         "outlier_named": outlier_named(problem, estimate),
         "confidence": float(estimate.confidence),
         "observed_overlap_error": float(estimate.overlap_error),
-        "boundary_noise_px": float(estimate.boundary_noise),
+        "boundary_noise_px": float(estimate.boundary_noise_px),
         **_sigmas(estimate),
         "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], covariances[rank]),
         "bound_rotation_deg": None if bound is None else bound.rotation_deg,
@@ -178,7 +178,7 @@ def mahalanobis_squared(problem: Problem, pose: Pose, covariance: Array) -> floa
     The increment is `omega = log(R_true R^T)`, `tau = t_true - exp(omega) t`; NaN for a covariance without an inverse.
     """
     turn = Rotation.from_matrix(problem.scene.rotation) * pose.rotation.inv()
-    increment = np.concatenate([turn.as_rotvec(), problem.scene.translation - turn.apply(pose.translation)])
+    increment = np.concatenate([turn.as_rotvec(), problem.scene.translation - turn.as_matrix() @ pose.translation])
     try:
         return float(increment @ np.linalg.solve(covariance, increment))
     except np.linalg.LinAlgError:
@@ -186,7 +186,7 @@ def mahalanobis_squared(problem: Problem, pose: Pose, covariance: Array) -> floa
 
 
 def _sigmas(estimate: PoseEstimate) -> Row:
-    turns, shifts = estimate.rotation_sigma_deg.tolist(), estimate.translation_sigma.tolist()
+    turns, shifts = estimate.rotation_sigma_deg.tolist(), estimate.translation_sigma_m.tolist()
     return {
         **{f"sigma_rotation_{axis}_deg": value for axis, value in zip(AXES, turns, strict=True)},
         **{f"sigma_translation_{axis}_m": value for axis, value in zip(AXES, shifts, strict=True)},

@@ -12,6 +12,9 @@ from time import perf_counter
 from typing import Any, Literal
 
 from regionpose import _core
+from regionpose.estimation.options import Solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.single import estimate_pose
 from regionpose.evaluation.setups import Setup, fisheye_setup, omnidirectional_setup, perspective_setup
 from regionpose.evaluation.studies.bounds import pose_bound
 from regionpose.evaluation.studies.conditions import (
@@ -24,8 +27,6 @@ from regionpose.evaluation.studies.conditions import (
 )
 from regionpose.evaluation.studies.problems import Problem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
-from regionpose.prior import Prior
-from regionpose.solver import estimate_pose
 
 ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
 ProblemMaker = Callable[[Setup, Condition, int], Problem]
@@ -138,8 +139,10 @@ class Study:
                 warnings.simplefilter("always")
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
-            options = estimate_options(problem, condition.solver)
-            estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions, **options)
+            prior, solver = estimate_options(problem, condition.solver)
+            estimate = estimate_pose(
+                problem.camera, problem.image_regions, problem.world_regions, prior=prior, solver=solver
+            )
             ended = perf_counter()
             bound = pose_bound(problem) if self.bounds else None
             row = solved_row(problem, estimate, prepared - started, ended - prepared, bound)
@@ -148,11 +151,11 @@ class Study:
             return failed_row(error, problem)
 
 
-def estimate_options(problem: Problem, solver: str) -> dict[str, Any]:
-    """Options of `estimate_pose` for a problem: the condition's, what these say of a prior added to what is known."""
+def estimate_options(problem: Problem, solver: str) -> tuple[Prior, Solver]:
+    """Prior and solver for a problem: the condition's options, what these say of a prior added to what is known."""
     options = solver_options(solver)
-    known, told = problem.prior or Prior(), options.pop("prior", {})
-    return {**options, "prior": replace(known, **told)}
+    told = options.pop("prior", {})
+    return replace(problem.prior or Prior(), **told), Solver(**options)
 
 
 def versions() -> dict[str, str]:

@@ -9,11 +9,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from regionpose.arrays import signed_area
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.ring_arrays import signed_area
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 

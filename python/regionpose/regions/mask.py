@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
+from regionpose.arrays import read_only
 
 Array = NDArray[np.float64]
 
@@ -17,9 +18,19 @@ Array = NDArray[np.float64]
 class MaskWindow:
     """The part of a mask that holds any coverage; all other pixels are empty.
 
-    `coverage`: (rows, columns) of the window, bool for a binary mask, else floats in [0, 1]. `offset`: column and row
-    (x, y) of its first pixel in the image. `shape`: (h, w) of the whole mask. ValueError for a window of another shape
-    or one that leaves the image.
+    Parameters
+    ----------
+    coverage : (rows, columns) array
+        Of the window, bool for a binary mask, else floats in [0, 1]; kept read-only.
+    offset : tuple of 2 int
+        Column and row (x, y) of its first pixel in the image.
+    shape : tuple of 2 int
+        Height and width of the whole mask.
+
+    Raises
+    ------
+    ValueError
+        For a window of another shape or one that leaves the image.
     """
 
     coverage: NDArray[Any]
@@ -27,7 +38,7 @@ class MaskWindow:
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        """Check that the window lies in the image."""
+        """Check that the window lies in the image, and keep a copy that nobody can write to."""
         if self.coverage.ndim != 2:
             raise ValueError(f"coverage has shape {self.coverage.shape}; needed (rows, columns)")
         (rows, columns), (left, top), (height, width) = self.coverage.shape, self.offset, self.shape
@@ -36,6 +47,7 @@ class MaskWindow:
                 f"a window of {rows} rows and {columns} columns at (x, y) = {self.offset} leaves the image of shape"
                 f" {self.shape}; needed one inside"
             )
+        object.__setattr__(self, "coverage", read_only(self.coverage))
 
     def full(self) -> NDArray[Any]:
         """The whole mask (h, w), of the coverage's type."""
@@ -57,6 +69,7 @@ def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
     held = given[top:bottom, left:right]
     coverage = held != 0 if binary else _native(held).copy()
+    coverage.setflags(write=False)
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 
 

@@ -12,16 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from skimage.color import lab2rgb, rgb2lab
 
+from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
 from regionpose.clouds.whole_file import whole_file
-from regionpose.fusion import checked_image, project_points
-from regionpose.image_region import ImageRegion
-from regionpose.pens import (
+from regionpose.estimation.sample_fit import sample_fit
+from regionpose.pictures.colors import project_points
+from regionpose.pictures.pens import (
     CASING,
     STRIP_ROWS,
     Box,
     Bytes,
-    Colour,
+    Color,
     Font,
     Text,
     draw_dots,
@@ -32,20 +33,20 @@ from regionpose.pens import (
     written,
 )
 from regionpose.pose import Pose
-from regionpose.sample_fit import sample_fit
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 from regionpose.witness import Alignment
-from regionpose.world_region import WorldRegion
 
 Array = NDArray[np.float64]
 
-OBSERVED: Colour = (64, 176, 255)
-PROJECTED: Colour = (255, 140, 0)
-AGREES: Colour = (0, 230, 90)
-DISAGREES: Colour = (255, 0, 200)
-OUTSIDE: Colour = (255, 255, 255)
+OBSERVED: Color = (64, 176, 255)
+PROJECTED: Color = (255, 140, 0)
+AGREES: Color = (0, 230, 90)
+DISAGREES: Color = (255, 0, 200)
+OUTSIDE: Color = (255, 255, 255)
 """A blue, an orange and white: told apart with every common colour blindness (after Okabe and Ito 2008)."""
 
-PAPER: Colour = (255, 255, 255)
+PAPER: Color = (255, 255, 255)
 
 LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
@@ -90,9 +91,28 @@ def overlay_regions(
     """The image (h, w, 3) with the projected regions' contours over the observed ones.
 
     Of regions with samples those are drawn as well that lie on the wrong side of the observed contour: orange ones
-    belong within it, white ones beyond. Each region has its label (its number without `labels`) beside it. Edges
-    are followed through the camera's distortion; parts that it doesn't see are left out. ValueError when the numbers of
-    regions and labels differ.
+    belong within it, white ones beyond. Edges are followed through the camera's distortion; parts that it doesn't see
+    are left out.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took it.
+    pose : Pose
+        `camera_from_world`.
+    image_regions : sequence of ImageRegion or None
+        The observed ones.
+    world_regions : sequence of WorldRegion
+        The projected ones.
+    labels : sequence of str
+        Written beside each region; its number without.
+
+    Raises
+    ------
+    ValueError
+        Where the numbers of regions and labels differ.
     """
     picture = checked_image(image).copy()
     observed = _checked_pairs(image_regions, world_regions, labels)
@@ -105,10 +125,10 @@ def overlay_regions(
     draw_lines(picture, arcs, width, PROJECTED)
     pairs = zip(observed, world_regions, strict=False)
     fits = [fit for pair in pairs if (fit := sample_fit(camera, pose, *pair)) is not None]
-    for wrong, colour in (([fit.beyond for fit in fits], PROJECTED), ([fit.within for fit in fits], OUTSIDE)):
+    for wrong, color in (([fit.beyond for fit in fits], PROJECTED), ([fit.within for fit in fits], OUTSIDE)):
         places = np.concatenate([np.empty((0, 2)), *wrong])
         draw_dots(picture, places, 2.0 * width, CASING)
-        draw_dots(picture, places, 1.4 * width, colour)
+        draw_dots(picture, places, 1.4 * width, color)
     names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
     return _annotated(picture, names, projected, lines, width, sampled=bool(fits))
 
@@ -132,27 +152,45 @@ def overlay_depth(
     limits: tuple[float, float] | None = None,
     radius: float | None = None,
 ) -> Bytes:
-    """The image (h, w), grey and dimmed, with world points (n, 3) coloured by their distance from the camera, and
-    beside its right side a strip with the scale: (h, w + strip, 3).
+    """The image, gray and dimmed, with world points colored by their distance from the camera, and a strip with the
+    scale beside its right side: (h, w + strip, 3).
 
-    Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colours run evenly in
-    lightness and hue over the logarithm of the distance, light is near; the scale shows metres. `limits`: its nearest
-    and farthest distance, else percentiles 1 and 99.
-    `radius` of a dot in pixels, else by the image's size. ValueError for limits that aren't increasing and positive.
+    Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colors run evenly in
+    lightness and hue over the logarithm of the distance, light is near; the scale shows metres.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took it.
+    pose : Pose
+        `camera_from_world`.
+    points : (n, 3) array
+        World coordinates.
+    limits : tuple of 2 float, optional
+        Nearest and farthest distance of the scale, metres; percentiles 1 and 99 by default.
+    radius : float, optional
+        Of a dot, pixels; by the image's size by default.
+
+    Raises
+    ------
+    ValueError
+        For limits that aren't increasing and positive.
     """
-    colours = checked_image(image)
-    pixels, distances = project_points(points, camera, pose, colours.shape[:2], hidden=False)
+    colors = checked_image(image)
+    pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)
     seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
     near, far = _checked_limits(limits, distances[seen])
-    dot = DOT_SHARE * float(np.hypot(*colours.shape[:2])) if radius is None else radius
-    depth = _depth_image(pixels[seen], distances[seen], colours.shape[:2], dot)
-    picture = _dimmed(colours)
+    dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius is None else radius
+    depth = _depth_image(pixels[seen], distances[seen], colors.shape[:2], dot)
+    picture = _dimmed(colors)
     for top in range(0, len(depth), STRIP_ROWS):
         strip = depth[top : top + STRIP_ROWS]
         covered = np.isfinite(strip)
         share = np.log(far / strip[covered]) / np.float32(np.log(far / near))
         shades = np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
-        picture[top : top + STRIP_ROWS][covered] = depth_colours()[shades]
+        picture[top : top + STRIP_ROWS][covered] = depth_colors()[shades]
     return _with_bar(picture, near, far)
 
 
@@ -162,20 +200,20 @@ def overlay_steps(image: ArrayLike, alignment: Alignment) -> Bytes:
     """
     picture = checked_image(image).copy()
     radius = STEP_SHARE * float(np.hypot(*picture.shape[:2]))
-    for agrees, colour in ((False, DISAGREES), (True, AGREES)):
-        draw_dots(picture, alignment.places[alignment.agrees == agrees], radius, colour)
+    for agrees, color in ((False, DISAGREES), (True, AGREES)):
+        draw_dots(picture, alignment.places[alignment.agrees == agrees], radius, color)
     return picture
 
 
-def _dimmed(colours: Bytes) -> Bytes:
+def _dimmed(colors: Bytes) -> Bytes:
     """The image in grey, (h, w, 3), its brightness reduced."""
     levels = np.round(BACKGROUND_SHARE * np.arange(256)).astype(np.uint8)
-    grey = levels[np.asarray(Image.fromarray(colours).convert("L"))]
-    return np.repeat(grey[..., None], 3, axis=2)
+    gray = levels[np.asarray(Image.fromarray(colors).convert("L"))]
+    return np.repeat(gray[..., None], 3, axis=2)
 
 
 @lru_cache(maxsize=1)
-def depth_colours() -> Bytes:
+def depth_colors() -> Bytes:
     """Colour table (256, 3), far to near: equal steps are about equally visible.
 
     Lightness and hue of CIELAB run together at a constant chroma, and the table is spaced by the length of that path.
@@ -278,7 +316,7 @@ def _inside(points: Array, picture: Bytes) -> Array:
 
 
 def _legend(
-    picture: Bytes, font: Font, pad: int, width: float, lines: Array, entries: Sequence[tuple[str, Colour]]
+    picture: Bytes, font: Font, pad: int, width: float, lines: Array, entries: Sequence[tuple[str, Color]]
 ) -> tuple[list[Text], Box]:
     """Draw the legend's panel and line samples; its texts, and the box it takes."""
     line = text_size(font, "Ag|")[1] + pad
@@ -290,10 +328,10 @@ def _legend(
     box = min(corners, key=lambda corner: _covered(corner, lines, []))
     draw_panel(picture, box)
     texts: list[Text] = []
-    for index, (note, colour) in enumerate(entries):
+    for index, (note, color) in enumerate(entries):
         left, top = box[0] + pad, box[1] + pad + index * line
         y = top + 0.5 * (line - pad)
-        draw_lines(picture, [np.array([(left, y), (left + sample - pad, y)])], 1.5 * width, colour)
+        draw_lines(picture, [np.array([(left, y), (left + sample - pad, y)])], 1.5 * width, color)
         texts.append(((left + sample, top), note, PAPER))
     return texts, box
 
@@ -379,7 +417,7 @@ def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
     picture = np.concatenate([picture, strip], axis=1)
     shades = np.linspace(0, TABLE_SIZE - 1, length).astype(np.uint8)
     bar = picture[top : top + length, left : left + thick]
-    bar[:] = depth_colours()[shades][: bar.shape[0], None]
+    bar[:] = depth_colors()[shades][: bar.shape[0], None]
     texts: list[Text] = []
     for tick in ticks:
         y = top + int(np.log(far / tick) / np.log(far / near) * (length - 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from typing import NamedTuple
 
@@ -13,8 +14,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from regionpose import _core
-from regionpose.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
-from regionpose.ring_arrays import signed_area
+from regionpose.arrays import signed_area
+from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
 
 Array = NDArray[np.float64]
 
@@ -63,8 +64,19 @@ SPARSE_SHARE = 0.05
 """Share of the patch that samples may miss, or its area be unsure of, before that is said. A convention."""
 
 
+PACKAGE = __name__.partition(".")[0]
+
+
 class SparseSamplingWarning(UserWarning):
     """An outline of samples too sparse to show the patch."""
+
+
+def _warn(message: str) -> None:
+    """Warn at the line outside of the package that led here."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == PACKAGE:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, SparseSamplingWarning, stacklevel=level)
 
 
 class Outline(NamedTuple):
@@ -232,11 +244,9 @@ def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
     rows = round(float(np.ptp((even - even.mean(axis=0)) @ width.T, axis=0).min()) / spacing) + 1
     deviation = 1.0 / (np.sqrt(6.0) * rows)
     if deviation > SPARSE_SHARE:
-        warnings.warn(
+        _warn(
             f"about {rows} rows of samples, {spacing / shrunk:.2g} m apart, cross the patch: its area is known to"
-            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing",
-            SparseSamplingWarning,
-            stacklevel=3,
+            f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing"
         )
 
 
@@ -246,11 +256,9 @@ def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
     shapely.prepare(around)
     lost = 1.0 - float(shapely.intersects_xy(around, even[:, 0], even[:, 1]).mean())
     if lost > SPARSE_SHARE:
-        warnings.warn(
+        _warn(
             f"{100.0 * lost:.0f} % of {len(even)} points lie outside the outline: the patch falls into parts where it"
-            " is narrower than two gaps between samples",
-            SparseSamplingWarning,
-            stacklevel=3,
+            " is narrower than two gaps between samples"
         )
 
 
@@ -259,8 +267,8 @@ def _refuse_one_line(points: Array) -> None:
     freedom = len(points) - 3
     if freedom < 1:
         return
-    centred = points - points.mean(axis=0)
-    along, across = (centred @ np.linalg.svd(centred, full_matrices=False)[2].T).T
+    centerd = points - points.mean(axis=0)
+    along, across = (centerd @ np.linalg.svd(centerd, full_matrices=False)[2].T).T
     parabola = np.vander(along / np.abs(along).max(), 3)
     off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
     step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))

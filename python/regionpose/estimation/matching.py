@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
-from regionpose.prior import Prior
-from regionpose.solver import (
-    PoseError,
-    PoseEstimate,
-    PoseWarning,
-    Refine,
-    check_camera,
-    checked_regions,
-    core_prior,
-    estimate_pose,
-    observed_regions,
-)
-from regionpose.world_region import WorldRegion
+from regionpose.estimation.answer import PoseError, PoseEstimate
+from regionpose.estimation.batch import core_batch
+from regionpose.estimation.options import Solver, checked_solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.sides import check_camera, checked_regions, core_prior, observed_regions
+from regionpose.estimation.single import estimate_pose
+from regionpose.estimation.warning import PoseWarning
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]
@@ -63,11 +57,19 @@ AMBIGUITY = 25.0
 class RegionMatches:
     """Which image region is which world region, and the pose that says so.
 
-    `pairs`: (image index, world index), by image index; `unmatched_image`, `unmatched_world`: the indices left over.
-    `estimate`: of the pairs in this order, so that its k-th region is `pairs[k]`. `alternatives`: other pairs that
-    explain the image about as well, best first. `warnings`: "ambiguous-matching" where there are any,
-    "unconfirmed-matching" where a single pair was found among several regions; those of the pose are in
-    `estimate.warnings`.
+    Parameters
+    ----------
+    pairs : tuple of (int, int)
+        Image index and world index, by image index.
+    unmatched_image, unmatched_world : tuple of int
+        The indices left over.
+    estimate : PoseEstimate
+        Of the pairs in this order, so that its k-th region is `pairs[k]`.
+    alternatives : tuple of pairs
+        Others that explain the image about as well, best first.
+    warnings : tuple of PoseWarning
+        "ambiguous-matching" where there are alternatives, "unconfirmed-matching" where a single pair was found among
+        several regions; those of the pose are in `estimate.warnings`.
     """
 
     pairs: Pairs
@@ -84,7 +86,7 @@ def match_regions(
     world_regions: Sequence[WorldRegion],
     *,
     prior: Prior | None = None,
-    refine: Refine | None = "contour",
+    solver: Solver | None = None,
     threads: int | None = None,
 ) -> RegionMatches:
     """The pairs of image and world regions that one pose explains best, and the pose.
@@ -93,14 +95,39 @@ def match_regions(
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
     wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`) or without a partner stay
-    unmatched. `prior` decides between assignments that explain about as much, as `estimate_pose` does between poses;
-    `refine` as there; `threads` (all cores when None) changes the time alone.
+    unmatched. Other assignments that the prior leaves are told in `alternatives` and a warning.
 
-    Assignments that the prior leaves are told in `alternatives` and a warning. ValueError for bad input; PoseError (a
-    ValueError) where no image region looks like any world region.
+    Parameters
+    ----------
+    camera : Camera
+        That saw the image regions.
+    image_regions : sequence of ImageRegion
+        What the image shows, pixels, in any order.
+    world_regions : sequence of WorldRegion
+        What the world holds, metres, in any order.
+    prior : Prior, optional
+        What is known of the pose; it decides between assignments that explain about as much.
+    solver : Solver, optional
+        How the poses are computed; its driver is that of the pose of all pairs, the others are native.
+    threads : int, optional
+        How many work at once; all cores when None. It changes the time alone.
+
+    Returns
+    -------
+    RegionMatches
+        The pairs, the pose of all, and other assignments.
+
+    Raises
+    ------
+    ValueError
+        For bad input.
+    PoseError
+        A ValueError, where no image region looks like any world region.
+
     """
+    options = checked_solver(solver)
     images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
-    sides = _Sides.of(camera, images, worlds, core_prior(prior))
+    sides = _Sides.of(camera, images, worlds, core_prior(prior), options)
     sides.check()
     consensuses, least = _consensuses(sides, threads)
     if not consensuses:
@@ -108,10 +135,10 @@ def match_regions(
             f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
             f" pair has an overlap error of {100.0 * least:.1f} %; needed up to {100.0 * MATCHED_OVERLAP:.0f} %"
         )
-    assignments = _completed(sides, _best(sides, consensuses), refine)
+    assignments = _completed(sides, _best(sides, consensuses))
     pairs = assignments[0]
     paired = [images[i] for i, _ in pairs], [worlds[j] for _, j in pairs]
-    estimate = estimate_pose(camera, *paired, prior=prior, refine=refine)
+    estimate = estimate_pose(camera, *paired, prior=prior, solver=options)
     return RegionMatches(
         pairs=pairs,
         unmatched_image=tuple(sorted({*range(len(images))} - {i for i, _ in pairs})),
@@ -140,16 +167,22 @@ class _Sides:
     areas: Array
     facing: Array
     prior: _core.Prior | None
+    solver: Solver
 
     @classmethod
     def of(
-        cls, camera: Camera, images: list[ImageRegion], worlds: list[WorldRegion], prior: _core.Prior | None
+        cls,
+        camera: Camera,
+        images: list[ImageRegion],
+        worlds: list[WorldRegion],
+        prior: _core.Prior | None,
+        solver: Solver,
     ) -> _Sides:
         """Both sides as this camera sees them."""
         check_camera(camera, images)
         if not (images and worlds):
             raise ValueError(f"there are {len(images)} image and {len(worlds)} world regions; needed at least one each")
-        observed = observed_regions(camera, images, "boundary")
+        observed = observed_regions(camera, images, solver.integration)
         moments = [_core.spherical_moments(region.bearings(camera), 1) for region in images]
         sums = np.array([[m[1, 0, 0], m[0, 1, 0], m[0, 0, 1]] for m in moments])
         return cls(
@@ -162,20 +195,23 @@ class _Sides:
             areas=np.array([region.area for region in worlds]),
             facing=np.array([_facing(region.core) for region in worlds]),
             prior=prior,
+            solver=solver,
         )
 
     def check(self) -> None:
         """Nothing; ValueError for an image region that the core refuses."""
-        for index in range(len(self.observed)):
-            try:
-                self.problem([(index, 0)])
-            except ValueError as error:
-                raise ValueError(f"image region {index}: {str(error).removeprefix('region 0: ')}") from error
+        try:
+            self.problem([(index, 0) for index in range(len(self.observed))])
+        except ValueError as error:
+            raise ValueError(f"image {error}") from error
 
     def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
         """The problem of these pairs."""
         observed, worlds = [self.observed[i] for i, _ in pairs], [self.worlds[j] for _, j in pairs]
-        return _core.Problem(observed, worlds, system="plane", integration="boundary")
+        solver = self.solver
+        return _core.Problem(
+            observed, worlds, system=solver.system, integration=solver.integration, mesh_size=solver.mesh_size
+        )
 
     def near(self, pose: _core.Solution) -> list[Pair]:
         """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""
@@ -191,12 +227,16 @@ class _Sides:
         # Above the sum of all others: a refused pair is taken only where nothing else is left.
         out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
         costs = np.where(refused, out_of_reach, gaps + ratios)
+        # Loaded when first used, as scipy's driver is.
+        from scipy.optimize import linear_sum_assignment
+
         rows, columns = linear_sum_assignment(costs)
         order = np.argsort(costs[rows, columns], kind="stable")
         return [(int(i), int(j)) for i, j in zip(rows[order], columns[order], strict=True) if not refused[i, j]]
 
-    def solved(self, pairs: Iterable[Pair], start: _core.Solution, refine: Refine | None = None) -> _Consensus | None:
+    def solved(self, pairs: Iterable[Pair], start: _core.Solution, *, refined: bool = False) -> _Consensus | None:
         """The consensus of all the pairs, solved from a pose; None unless each of them fits."""
+        refine = self.solver.refine if refined else None
         ordered = tuple(sorted(pairs))
         initial = _core.Prior(initial=(start.rotation, start.translation))
         estimate = self.problem(ordered).estimate(start="paper", prior=initial, refine=refine)
@@ -262,7 +302,8 @@ def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], 
 def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:
     """Overlap error and consensus of one image region with each world region, one for each pose, best first."""
     problems = [([sides.observed[image]], [world]) for world in sides.worlds]
-    estimates = _core.estimate_batch(problems, [sides.prior] * len(problems), threads=threads, refine=None)
+    priors, moments = [sides.prior] * len(problems), replace(sides.solver, refine=None)
+    estimates = core_batch(problems, priors, moments, threads)
     single = [
         (solution.overlap_error, _Consensus.of(((image, world),), solution, estimate.boundary_noise))
         for world, estimate in enumerate(estimates)
@@ -288,7 +329,7 @@ def _grown(sides: _Sides, alone: _Consensus, needed: float) -> _Consensus:
 
 
 def _extended(
-    sides: _Sides, consensus: _Consensus, near: list[Pair], needed: float = 0.0, refine: Refine | None = None
+    sides: _Sides, consensus: _Consensus, near: list[Pair], needed: float = 0.0, *, refined: bool = False
 ) -> _Consensus:
     """The consensus and those of the pairs, one after the other, that fit together with it."""
     images, worlds = (set(side) for side in zip(*consensus.pairs, strict=True))
@@ -296,7 +337,7 @@ def _extended(
     for tried, pair in enumerate(free):
         if len(consensus.pairs) + len(free) - tried < needed:
             break
-        consensus = sides.solved([*consensus.pairs, pair], consensus.pose, refine) or consensus
+        consensus = sides.solved([*consensus.pairs, pair], consensus.pose, refined=refined) or consensus
     return consensus
 
 
@@ -317,12 +358,12 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
     return sorted(left, key=lambda each: -each.score)
 
 
-def _completed(sides: _Sides, consensuses: list[_Consensus], refine: Refine | None) -> list[Pairs]:
+def _completed(sides: _Sides, consensuses: list[_Consensus]) -> list[Pairs]:
     """The different pairs of the consensuses, in order, with what joins them at a refined pose."""
     distinct: dict[Pairs, _Consensus] = {}
     for each in consensuses:
         distinct.setdefault(each.pairs, each)
-    completed = [_extended(sides, each, sides.near(each.pose), refine=refine) for each in distinct.values()]
+    completed = [_extended(sides, each, sides.near(each.pose), refined=True) for each in distinct.values()]
     return list(dict.fromkeys(each.pairs for each in completed))
 
 
@@ -334,10 +375,10 @@ def _penalty(prior: _core.Prior | None, pose: _core.Solution) -> float:
 def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:
     warnings = []
     if len(assignments) > 1:
-        message = f"{len(assignments) - 1} other assignment(s) explain the image about as well"
-        warnings.append(PoseWarning("ambiguous-matching", message))
+        text = "{others} other assignment(s) explain the image about as well"
+        warnings.append(PoseWarning("ambiguous-matching", text, values={"others": len(assignments) - 1}))
     images, worlds = len(sides.observed), len(sides.worlds)
     if len(assignments[0]) == 1 and images * worlds > 1:
-        message = f"a single pair of {images} image and {worlds} world regions was found: no other confirms it"
-        warnings.append(PoseWarning("unconfirmed-matching", message))
+        text = "a single pair of {images} image and {worlds} world regions was found: no other confirms it"
+        warnings.append(PoseWarning("unconfirmed-matching", text, values={"images": images, "worlds": worlds}))
     return tuple(warnings)

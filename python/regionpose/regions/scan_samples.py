@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from regionpose.outline import LEAST_APPROACH, PlaneSamples, bridging_radius
+from regionpose.regions.outline import LEAST_APPROACH, PlaneSamples, bridging_radius
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.mask import MaskWindow, checked_mask, traced_mask
+from regionpose.regions.mask import MaskWindow, checked_mask, traced_mask
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Colours = NDArray[np.uint8]
+Colors = NDArray[np.uint8]
 
 MOST_POINTS = 400_000
 """Points drawn at most, evenly chosen: more would not show in a picture of this size."""
@@ -43,20 +43,20 @@ class View:
         return np.stack([right, np.cross(forward, right), forward])
 
 
-def splatted(points: Array, colours: Colours, view: View, width: int = 960, height: int = 600) -> Colours:
+def splatted(points: Array, colors: Colors, view: View, width: int = 960, height: int = 600) -> Colors:
     """The picture (height, width, 3) of points (n, 3) with colours (n, 3), seen from `view`."""
     step = max(1, -(-len(points) // MOST_POINTS))
-    points, colours = points[::step], colours[::step]
+    points, colors = points[::step], colors[::step]
     seen = (points - view.eye) @ view.rotation.T
     distance = float(np.linalg.norm(view.target - view.eye))
     kept = seen[:, 2] > NEAREST * distance
-    seen, colours = seen[kept], colours[kept]
+    seen, colors = seen[kept], colors[kept]
     focal = 0.5 * width / np.tan(np.radians(0.5 * view.field_deg))
     pixels = focal * seen[:, :2] / seen[:, 2:] + [0.5 * width, 0.5 * height]
     inside = ((pixels > -LARGEST_SPLAT) & (pixels < [width + LARGEST_SPLAT, height + LARGEST_SPLAT])).all(axis=1)
-    pixels, depths, colours = pixels[inside], seen[inside, 2], colours[inside]
+    pixels, depths, colors = pixels[inside], seen[inside, 2], colors[inside]
     sides = np.clip(np.ceil(2.5 * distance / depths), 2, LARGEST_SPLAT).astype(np.int64)
-    return _painted(pixels.astype(np.int64), depths, sides, colours, (height, width))
+    return _painted(pixels.astype(np.int64), depths, sides, colors, (height, width))
 
 
 def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[View, View]:
@@ -83,8 +83,8 @@ def _orbited(target: Array, arm: Array, up: Array, turn_deg: float, raise_deg: f
 
 
 def _painted(
-    corners: NDArray[np.int64], depths: Array, sides: NDArray[np.int64], colours: Colours, shape: tuple[int, int]
-) -> Colours:
+    corners: NDArray[np.int64], depths: Array, sides: NDArray[np.int64], colors: Colors, shape: tuple[int, int]
+) -> Colors:
     """Squares painted from the farthest to the nearest."""
     height, width = shape
     picture = np.empty((height, width, 3), dtype=np.uint8)
@@ -103,7 +103,7 @@ def _painted(
         cell, rank, owner = np.concatenate(cells), np.concatenate(ranks), np.concatenate(owners)
         nearest = np.lexsort((rank, cell))
         first = np.unique(cell[nearest], return_index=True)[1]
-        picture.reshape(-1, 3)[cell[nearest][first]] = colours[owner[nearest][first]]
+        picture.reshape(-1, 3)[cell[nearest][first]] = colors[owner[nearest][first]]
     return picture
 
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from regionpose import _core
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
-from regionpose.contours import (
+from regionpose.estimation.contours import (
     Contours,
     Distances,
     correlation_length,
@@ -72,12 +72,25 @@ SMALLEST_SINGULAR = 1e-12
 class CameraRefinement:
     """What the contours say about a camera.
 
-    `camera`: the one to use. `outcome`: "refined"; "confirmed" where the given camera is within the noise, and kept;
-    "weak" where the geometry cannot tell, and the given camera is kept. `parameters`: names, in order; `given`,
-    `found`: (p,) their values, focal lengths and centre in pixels; `covariance`: (6 + p, 6 + p) of `[omega (rad), tau
-    (metres), parameters]`, found jointly; `pose`: the one that belongs to `camera`. `weak`: the parameters that are not
-    determined. `residual_px`: robust standard deviation of the distances between contours and outlines, pixels, with
-    the given camera and with the parameters found.
+    Parameters
+    ----------
+    camera : Camera
+        The one to use.
+    pose : Pose
+        The one that belongs to it.
+    outcome : {"refined", "confirmed", "weak"}
+        "confirmed" where the given camera is within the noise, "weak" where the geometry cannot tell; it is kept then.
+    parameters : tuple of str
+        Names, in order.
+    given, found : (p,) array
+        Their values, focal lengths and center in pixels.
+    covariance : (6 + p, 6 + p) array
+        Of `[omega (rad), tau (metres), parameters]`, found jointly.
+    weak : tuple of str
+        The parameters that are not determined.
+    residual_px : tuple of 2 float
+        Robust standard deviation of the distances between contours and outlines, pixels, with the given camera and with
+        the parameters found.
     """
 
     camera: Camera
@@ -259,7 +272,7 @@ def _inverse_normal(jacobian: Array) -> Array:
 def _coefficients(camera: Camera) -> tuple[float, ...]:
     """Coefficients of distortion, of which the first two are k1 and k2."""
     if isinstance(camera, FisheyeCamera):
-        return camera.k
+        return camera.distortion
     assert isinstance(camera, PinholeCamera)
     return camera.distortion or (0.0,) * 4
 
@@ -280,6 +293,4 @@ def _with_parameters(camera: Camera, names: Sequence[str], values: Array) -> Cam
     if not set(names) & set(PARAMETERS["distortion"]):
         return replace(camera, **lens)
     coefficients = (changed["k1"], changed["k2"], *_coefficients(camera)[2:])
-    if isinstance(camera, FisheyeCamera):
-        return replace(camera, **lens, k=coefficients)
     return replace(camera, **lens, distortion=coefficients)

@@ -190,9 +190,9 @@ def _regions(regions: Sequence[Mapping[str, Any]]) -> str:
 def _truth(errors: Mapping[str, Any] | None) -> str:
     if errors is None:
         return ""
-    centre = 1000.0 * errors["camera_center_m"]
+    center = 1000.0 * errors["camera_center_m"]
     turn = f"{errors['rotation_deg']:.4f} deg in rotation"
-    return f"<p>Against the truth: {turn}, {centre:.2f} mm in the camera's centre.</p>"
+    return f"<p>Against the truth: {turn}, {center:.2f} mm in the camera's centre.</p>"
 
 
 def _pose(name: str, pose: Mapping[str, Any]) -> str:

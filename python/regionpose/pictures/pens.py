@@ -10,14 +10,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
-Colour = tuple[int, int, int]
+Color = tuple[int, int, int]
 Box = tuple[int, int, int, int]
 """Left, top, right, bottom in pixels; the last two are excluded."""
 
-Text = tuple[tuple[int, int], str, Colour]
+Text = tuple[tuple[int, int], str, Color]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
-CASING: Colour = (16, 16, 20)
+CASING: Color = (16, 16, 20)
 PANEL_OPACITY = 0.72
 
 TEXT_SHARE, SMALLEST_TEXT = 1 / 75, 13
@@ -27,7 +27,7 @@ SUPERSAMPLING, STRIP_ROWS = 4, 512
 """Lines are drawn four times as large and averaged, in strips, so that a large image needs little memory."""
 
 
-def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Colour, opacity: float = 1.0) -> None:
+def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, color: Color, opacity: float = 1.0) -> None:
     """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, strip by strip."""
     height, across = picture.shape[:2]
     for top in range(0, height, STRIP_ROWS):
@@ -43,10 +43,10 @@ def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, colour: Col
         for line in touching:
             places = (line + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
             pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
-        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, opacity)
+        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), color, opacity)
 
 
-def draw_dots(picture: Bytes, places: Array, radius: float, colour: Colour) -> None:
+def draw_dots(picture: Bytes, places: Array, radius: float, color: Color) -> None:
     """Fill anti-aliased circles of a radius (pixels) around places (n, 2) of the picture, strip by strip."""
     height, across = picture.shape[:2]
     for top in range(0, height, STRIP_ROWS):
@@ -59,13 +59,13 @@ def draw_dots(picture: Bytes, places: Array, radius: float, colour: Colour) -> N
         for x, y in (touching + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5:
             reach = radius * SUPERSAMPLING
             pen.ellipse((float(x - reach), float(y - reach), float(x + reach), float(y + reach)), fill=255)
-        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), colour, 1.0)
+        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), color, 1.0)
 
 
-def _blend(area: Bytes, ink: Bytes, colour: Colour, opacity: float) -> None:
+def _blend(area: Bytes, ink: Bytes, color: Color, opacity: float) -> None:
     rows, columns = np.nonzero(ink)
     share = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
-    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(colour, dtype=np.float32) * share)
+    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(color, dtype=np.float32) * share)
 
 
 def font_for(picture: Bytes) -> Font:
@@ -95,7 +95,7 @@ def written(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
     """The picture with texts; each place is the upper left corner of its line."""
     page = Image.fromarray(picture)
     pen = ImageDraw.Draw(page)
-    for place, text, colour in items:
+    for place, text, color in items:
         left, top, _, _ = font.getbbox("Ag|")
-        pen.text((place[0] - left, place[1] - top), text, fill=colour, font=font)
+        pen.text((place[0] - left, place[1] - top), text, fill=color, font=font)
     return np.array(page)

@@ -15,15 +15,37 @@ from regionpose.pose import Pose
 class Prior:
     """What is known of the pose `camera_from_world` of a camera beforehand; each part stands by itself.
 
-    `up`: world direction (3,) that is up in the image, known to `up_sigma_deg` degrees (15 without it). `initial`: a
-    rough pose; with `initial_sigma`, standard deviations (degrees, metres) of the camera's rotation and place along
-    each axis, it rules out what lies elsewhere, without them it is a start and chooses between poses that fit alike.
-    `camera_near`: a place (3,) of the world, metres, that the camera stands near, such as the scanner's, known to
-    `camera_near_sigma_m` metres along each axis (2 without it); directions to the regions are a start from there.
-
     A prior decides between poses that fit about alike and moves none; one that no fitting pose agrees with is warned of
-    (docs/math.md, section 10). ValueError, naming the field, for what is no direction, pose or place, for a deviation
-    that isn't positive, and for one of what isn't given. Hashable; equal to a prior of the same numbers.
+    (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
+
+    Parameters
+    ----------
+    up : (3,) array, optional
+        World direction that is up in the image.
+    up_sigma_deg : float, optional
+        How well it is known, degrees; 15 without it.
+    initial : Pose, optional
+        A rough pose. Without `initial_sigma` it is a start and chooses between poses that fit alike.
+    initial_sigma : tuple of 2 float, optional
+        Standard deviations (degrees, metres) of the camera's rotation and place along each axis; it then rules out what
+        lies elsewhere.
+    camera_near : (3,) array, optional
+        A place of the world, metres, that the camera stands near, such as the scanner's; directions to the regions are
+        a start from there.
+    camera_near_sigma_m : float, optional
+        How well it is known along each axis, metres; 2 without it.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, for what is no direction, pose or place, for a deviation that isn't positive, and for one of
+        what isn't given.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> rp.Prior(up=[0, 0, 1], up_sigma_deg=5.0)
+    Prior(up=(0.0, 0.0, 1.0), up_sigma_deg=5.0)
     """
 
     up: ArrayLike | None = None
@@ -67,7 +89,7 @@ class Prior:
         pose, near = self.initial, self.camera_near
         return replace(
             self,
-            initial=None if pose is None else Pose(pose.rotation, pose.transform(shift)),
+            initial=None if pose is None else pose.about(shift),
             camera_near=None if near is None else np.asarray(near) - shift,
         )
 

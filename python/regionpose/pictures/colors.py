@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
+from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
@@ -69,14 +70,34 @@ class _Projection(NamedTuple):
 def colorize(
     points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
 ) -> tuple[Bytes, Mask]:
-    """Colours (n, 3), uint8, of world points (n, 3) in an image (h, w) or (h, w, 3), and which points (n,) the camera
-    sees.
+    """Colors of world points in an image, and which points the camera sees.
 
-    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. Points
-    hide what lies behind the surface they sample by more than `depth_tolerance` of its distance; the surface closes
-    the gaps between neighbours at a like distance, however sparse (a morphological closing of the depth image, layer
-    by layer). Up to a gap beside its outermost points it still hides what is half as far again. `image`: uint8,
-    uint16 or floats in [0, 1]. ValueError for other shapes or types.
+    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. The surface
+    that points sample closes the gaps between neighbors at a like distance, however sparse (a morphological closing of
+    the depth image, layer by layer). Up to a gap beside its outermost points it still hides what is half as far again.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took the image.
+    pose : Pose
+        `camera_from_world`.
+    depth_tolerance : float
+        Points hide what lies behind the surface they sample by more than this share of its distance.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        For other shapes or types.
     """
     return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
 
@@ -88,12 +109,32 @@ def blend_colors(
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
 ) -> tuple[Bytes, Mask]:
-    """Colours (n, 3), uint8, of world points (n, 3) in several images, and which points (n,) any of the cameras sees.
+    """Colors of world points in several images, and which points any of the cameras sees.
 
-    The weighted mean of the images' colours. An image weighs `cos(angle) / distance^2`, its share of pixels per area
-    up to the focal length; the angle is the one between the ray and the point's normal (n, 3), of either side, and
-    counts as 0 without a normal. Visibility as in `colorize`. Views are taken one by one, so that they needn't be in
-    memory together. ValueError without a view.
+    The weighted mean of the images' colors. An image weighs `cos(angle) / distance^2`, its share of pixels per area up
+    to the focal length; the angle is the one between the ray and the point's normal, and counts as 0 without a normal.
+    Visibility as in `colorize`.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    views : iterable of (image, camera, pose)
+        As of `colorize`; taken one by one, so that they needn't be in memory together.
+    normals : (n, 3) array, optional
+        Of the points, of either side.
+    depth_tolerance : float
+        As of `colorize`.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        Without a view, and for other shapes or types.
     """
     given = _checked_points(points)
     facing = None if normals is None else _checked_normals(normals, len(given))
@@ -102,13 +143,13 @@ def blend_colors(
     count = 0
     for image, camera, pose in views:
         count += 1
-        colours = checked_image(image)
-        projection = _projected(given, camera, pose, colours.shape[:2])
-        seen = np.flatnonzero(_visible(projection, colours.shape[:2], tolerance))
+        colors = checked_image(image)
+        projection = _projected(given, camera, pose, colors.shape[:2])
+        seen = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
         weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
         if facing is not None:
             weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
-        sums[seen] += weight[:, None] * _sampled(colours, projection.pixels[seen])
+        sums[seen] += weight[:, None] * _sampled(colors, projection.pixels[seen])
         weights[seen] += weight
     if count == 0:
         raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
@@ -117,34 +158,19 @@ def blend_colors(
     return np.round(sums, out=sums).astype(np.uint8), visible
 
 
-def coloured_cloud(
+def colored_cloud(
     cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colours of images, and which points (n,) any of the cameras sees.
 
-    Poses are for points about the cloud's origin. Points that aren't seen keep their colour, or are black; the field
+    Points that aren't seen keep their colour, or are black; the field
     `visible` (0, 1) tells. Colours as of `blend_colors`.
     """
-    colours, visible = blend_colors(cloud.points, views, normals=normals)
-    if cloud.colours is not None:
-        colours[~visible] = cloud.colours[~visible]
-    return replace(cloud, colours=colours, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
-
-
-def checked_image(image: ArrayLike) -> Bytes:
-    """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1] as (h, w, 3) uint8; ValueError for others."""
-    given = np.asarray(image)
-    if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
-        raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
-    if given.dtype == np.uint16:
-        given = (given >> 8).astype(np.uint8)
-    elif given.dtype.kind == "f":
-        if not (given.min() >= 0.0 and given.max() <= 1.0):
-            raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
-        given = np.round(given * 255.0).astype(np.uint8)
-    if given.dtype != np.uint8:
-        raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
-    return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))
+    near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
+    colors, visible = blend_colors(cloud.local_points, near, normals=normals)
+    if cloud.colors is not None:
+        colors[~visible] = cloud.colors[~visible]
+    return replace(cloud, colors=colors, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
 
 
 def project_points(
@@ -286,7 +312,7 @@ def _sampled(image: Bytes, pixels: Floats) -> Floats:
     """Bilinear colours (n, 3) at pixels (n, 2); beyond the outermost pixel centres, the nearest."""
     height, width = image.shape[:2]
     last = np.array([width - 1, height - 1], dtype=np.float32)
-    colours = np.empty((len(pixels), 3), dtype=np.float32)
+    colors = np.empty((len(pixels), 3), dtype=np.float32)
     for start in range(0, len(pixels), BLOCK):
         places = np.clip(pixels[start : start + BLOCK], 0.0, last)
         corner = places.astype(np.int32)
@@ -294,5 +320,5 @@ def _sampled(image: Bytes, pixels: Floats) -> Floats:
         right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
         upper = image[top, left] * (1.0 - across) + image[top, right] * across
         lower = image[bottom, left] * (1.0 - across) + image[bottom, right] * across
-        colours[start : start + BLOCK] = upper * (1.0 - down) + lower * down
-    return colours
+        colors[start : start + BLOCK] = upper * (1.0 - down) + lower * down
+    return colors

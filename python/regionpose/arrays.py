@@ -1,13 +1,15 @@
-"""Rings and arrays of numbers as they are given: their shapes and types, named where they are wrong."""
+"""Arrays of numbers and rings as they are given: their shapes and types, named where they are wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind", bound=np.generic)
 
 
 def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
@@ -49,6 +51,27 @@ def real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
     return array
 
 
+def finite_array(values: object, item: str, *shapes: tuple[int, ...]) -> Array:
+    """The values as finite floats of one of the shapes."""
+    needed = " or ".join(map(str, shapes))
+    array = real_array(values, item, needed)
+    if array.shape not in shapes:
+        raise ValueError(f"{item} has shape {array.shape}; needed {needed}")
+    floats = array.astype(np.float64)
+    if not np.isfinite(floats).all():
+        raise ValueError(f"{item} is {floats.tolist()}; needed finite numbers {needed}")
+    return floats
+
+
+def read_only(values: NDArray[Kind]) -> NDArray[Kind]:
+    """The array, if it cannot be written to, else a copy of it that can't."""
+    if not values.flags.writeable:
+        return values
+    kept = values.copy()
+    kept.setflags(write=False)
+    return kept
+
+
 def signed_area(ring: Array) -> float:
     """Area of a ring (n, 2), negative where it turns clockwise."""
     # The last edge adds nothing: it ends in the vertex that all are counted from.
@@ -59,3 +82,19 @@ def signed_area(ring: Array) -> float:
 def counter_clockwise(ring: Array) -> Array:
     """The ring (n, 2), turned round where it turns clockwise."""
     return ring if signed_area(ring) > 0.0 else ring[::-1]
+
+
+def checked_image(image: ArrayLike) -> NDArray[np.uint8]:
+    """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1] as (h, w, 3) uint8; ValueError for others."""
+    given = np.asarray(image)
+    if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
+        raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
+    if given.dtype == np.uint16:
+        given = (given >> 8).astype(np.uint8)
+    elif given.dtype.kind == "f":
+        if not (given.min() >= 0.0 and given.max() <= 1.0):
+            raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
+        given = np.round(given * 255.0).astype(np.uint8)
+    if given.dtype != np.uint8:
+        raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
+    return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))

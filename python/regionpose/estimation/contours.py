@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.image_region import ImageRegion
 from regionpose.pose import Pose
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.outline import SparseSamplingWarning, flat_outline, outline_of_points, plane_samples
-from regionpose.ring_arrays import counter_clockwise, real_array, ring_list, signed_area
-from regionpose.scan_samples import enclosed, scan_samples
+from regionpose.arrays import counter_clockwise, real_array, ring_list, signed_area
 
 Array = NDArray[np.float64]
 
@@ -39,21 +37,41 @@ class WorldRegion:
 
     @classmethod
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
-        """The planar region inside the first ring and outside the others; vertices (n, 3), metres, turning either way.
+        """The planar region inside the first ring and outside the others.
 
-        One (n, 3) array stands for one ring. The vertices are moved onto their least squares plane. ValueError for
-        fewer than 3 vertices, values that are not finite, a vertex farther from the plane than 1 % of the extent,
-        crossing edges, no area, or a hole that is not inside the first ring.
+        Parameters
+        ----------
+        rings : (n, 3) array or sequence of such
+            Metres, turning either way; the vertices are moved onto their least squares plane.
+
+        Raises
+        ------
+        ValueError
+            For fewer than 3 vertices, values that are not finite, a vertex farther from the plane than 1 % of the
+            extent, crossing edges, no area, or a hole that is not inside the first ring.
+
+        Examples
+        --------
+        >>> import regionpose as rp
+        >>> rp.WorldRegion.from_polygon([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
+        WorldRegion(area=2, vertices=4)
         """
         return cls(_core.WorldRegion.from_rings(ring_list(rings, 3)))
 
     @classmethod
     def from_polygons(cls, polygons: Sequence[Sequence[ArrayLike]]) -> WorldRegion:
-        """The planar region of several polygons apart from one another, each a list of rings as in `from_polygon`.
+        """The planar region of several polygons apart from one another.
 
-        The vertices are moved onto one least squares plane. ValueError as of `from_polygon`, a message about one
-        polygon led by its number; for vertices farther from the common plane than 1 % of the extent, and for polygons
-        that overlap.
+        Parameters
+        ----------
+        polygons : sequence of sequences of (n, 3) arrays
+            Each a list of rings as in `from_polygon`, metres; the vertices are moved onto one least squares plane.
+
+        Raises
+        ------
+        ValueError
+            As of `from_polygon`, a message about one polygon led by its number; for vertices farther from the common
+            plane than 1 % of the extent, and for polygons that overlap.
         """
         parts = _polygon_list(polygons)
         origin, axes = _common_plane(parts)
@@ -76,14 +94,35 @@ class WorldRegion:
         correct_sampling: bool = True,
         sensor_origin: ArrayLike | None = None,
     ) -> WorldRegion:
-        """The planar region that points (n, 3) sample: their robust plane and the outline of the patch.
+        """The planar region that points sample: their robust plane and the outline of the patch.
 
-        The outline is an alpha shape of `radius` (metres; chosen from the spacing of the points when None). A patch
-        ends between its last sample and the next, which missed it: `correct_sampling` grows the outline to there;
-        without, it runs through the outermost points. With the scanner's position `sensor_origin` (3,) range noise
-        moves the points along their beams alone. ValueError for fewer than 3 points, values that are not finite, points
-        that are identical, on one line or on a single scan line, or a radius that is not positive.
+        The outline is an alpha shape. A patch ends between its last sample and the next, which missed it.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Metres.
+        radius : float, optional
+            Of the alpha shape, metres; chosen from the spacing of the points when None.
+        correct_sampling : bool
+            Grow the outline to where the patch ends (default), or have it run through the outermost points.
+        sensor_origin : (3,) array, optional
+            The scanner's position; range noise moves the points along their beams alone then.
+
+        Raises
+        ------
+        ValueError
+            For fewer than 3 points, values that are not finite, points that are identical, on one line or on a single
+            scan line, or a radius that is not positive.
+
+        Warns
+        -----
+        SparseSamplingWarning
+            Where the samples are too sparse to show the outline.
         """
+        # Outlines need scipy and shapely, which polygons do without: they take longer to load than a pose to estimate.
+        from regionpose.regions.outline import outline_of_points
+
         outline = outline_of_points(
             points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
         )
@@ -91,12 +130,26 @@ class WorldRegion:
 
     @classmethod
     def from_samples(cls, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
-        """The planar region of which places (n, 3) are known to be inside, and (m, 3) to be outside of it, metres.
+        """The planar region of which some places are known to be inside, and others to be outside of it.
 
-        The plane is that of the places inside. The pose is then the mean of those that show each place on its side of
-        the image's contour (docs/math.md, section 17); the outline around the places inside is a start. ValueError as
-        of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
+        The pose is then the mean of those that show each place on its side of the image's contour (docs/math.md,
+        section 17); the outline around the places inside is a start.
+
+        Parameters
+        ----------
+        inside : (n, 3) array
+            Metres; the plane is theirs.
+        outside : (m, 3) array
+            Metres.
+
+        Raises
+        ------
+        ValueError
+            As of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
         """
+        from regionpose.regions.outline import plane_samples
+        from regionpose.regions.scan_samples import enclosed
+
         beside = real_array(outside, "outside", "(m, 3)").astype(np.float64)
         if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
             raise ValueError(f"outside has shape {beside.shape}; needed (m, 3) with at least one place")
@@ -115,15 +168,32 @@ class WorldRegion:
         sensor_origin: ArrayLike | None = None,
         extends: bool = False,
     ) -> WorldRegion:
-        """The planar region of the returns `members` (k,) of a scan (n, 3), by index, and what is known beside it.
+        """The planar region of some returns of a scan, and what is known beside it.
 
-        `members` as `grow_plane` and `find_planes` give them. A beam from the scanner's position `sensor_origin` (3,)
-        that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that is no
-        member, unless it joins members without a gap and the region `extends` there. Beams that ended before the plane
-        say nothing. Without `sensor_origin` the returns on the plane alone tell; where they don't surround the region,
-        or nothing is known beside it, it is that of `from_points`. Points that are not finite are left out. ValueError
-        for indices that are no members of the scan, and as of `from_points`.
+        A beam that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that
+        is no member, unless it joins members without a gap and the region `extends` there. Beams that ended before the
+        plane say nothing. Where the returns on the plane don't surround the region, or nothing is known beside it, it
+        is that of `from_points`. Points that are not finite are left out.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            The whole scan, metres.
+        members : (k,) array of int
+            Indices of the region's returns, as `grow_plane` and `find_planes` give them.
+        sensor_origin : (3,) array, optional
+            The scanner's position, metres; without it the returns on the plane alone tell.
+        extends : bool
+            Whether the region may go on beyond its members; False by default.
+
+        Raises
+        ------
+        ValueError
+            For indices that are no members of the scan, and as of `from_points`.
         """
+        from regionpose.regions.outline import flat_outline, plane_samples
+        from regionpose.regions.scan_samples import scan_samples
+
         cloud = _cloud_array(points)
         numbers = _member_array(members, len(cloud))
         plane = plane_samples(cloud[numbers], sensor_origin)
@@ -140,10 +210,17 @@ class WorldRegion:
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
-        """The region covered by an open triangle mesh (`vertices` (n, 3), `faces` (k, 3)), planar or not.
+        """The region covered by an open triangle mesh, planar or not; it must not hide itself from the camera.
 
-        The surface must not hide itself from the camera. ValueError for a closed mesh, inconsistent triangles, or
-        crossing boundaries.
+        Parameters
+        ----------
+        mesh : TriangleMesh
+            With `vertices` (n, 3), metres, and `faces` (k, 3), as trimesh.Trimesh.
+
+        Raises
+        ------
+        ValueError
+            For a closed mesh, inconsistent triangles, or crossing boundaries.
         """
         if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
@@ -151,10 +228,20 @@ class WorldRegion:
         return cls(_core.WorldRegion.from_mesh(vertices, real_array(mesh.faces, "mesh.faces", "(k, 3)")))
 
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
-        """The same region of which `viewpoint` (3,), metres, lies on the side that the camera sees.
+        """The same region, of which a point lies on the side that the camera sees.
 
         Such as the place of the scanner that saw the region, if it stood on the camera's side. Of a surface that is not
-        planar the mean plane's side counts. ValueError for a point that is on no side, within 0.06 deg of the plane.
+        planar the mean plane's side counts.
+
+        Parameters
+        ----------
+        viewpoint : (3,) array
+            Metres.
+
+        Raises
+        ------
+        ValueError
+            For a point that is on no side, within 0.06 deg of the plane.
         """
         return WorldRegion(self.core.seen_from(viewpoint))
 
@@ -221,6 +308,8 @@ def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Ar
 
 def _start_outline(flat: Array) -> list[Array]:
     """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
+    from regionpose.regions.outline import SparseSamplingWarning, flat_outline
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SparseSamplingWarning)
         return flat_outline(flat)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
+from regionpose.arrays import read_only, ring_list, signed_area
 from regionpose.cameras import Camera
-from regionpose.hidden_edges import marked_edges, marked_lines, traced_beside
-from regionpose.mask import MaskWindow, traced_mask
-from regionpose.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
-from regionpose.ring_arrays import ring_list, signed_area
+from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
+from regionpose.regions.mask import MaskWindow, traced_mask
+from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -30,21 +31,38 @@ ALONG_BORDER = 0.5
 """Slope of an edge against the border up to which it runs along it; short ones that cross the border are steeper."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImageRegion:
-    """A region of the image, bounded by closed rings of pixels (integer = pixel centre, x right, y down).
+    """A region of the image, bounded by closed rings of pixels (an integer is a pixel's center, x right, y down).
 
-    `rings`: (n, 2) arrays, outer rings counter-clockwise in (x, y), holes the other way, the last vertex joined to
-    the first.
-    `mask`: the coverage that the rings were traced from, in its window of the image; None for a polygon.
-    `border`: left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
-    outermost centres; None stands for the camera's.
-    `hidden`: for each ring (n, 2), whether the edges that start at its vertices are hidden, (n,): edges of what stands
-    before the region, or that nobody saw; None where none is.
+    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is compared
+    cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then that of
+    the other edges alone (docs/math.md, section 14). The arrays are read-only.
 
-    Edges of the rings along the border are not the region's own: they carry no weight, and the world region is
-    compared cut at the border in the same way. Nor are hidden ones, behind which the region may go on: the pose is then
-    that of the other edges alone (docs/math.md, section 14).
+    Parameters
+    ----------
+    rings : tuple of (n, 2) arrays
+        Pixels; the last vertex is joined to the first. They are kept with outer rings counter-clockwise in (x, y),
+        holes the other way.
+    mask : MaskWindow, optional
+        The coverage that the rings were traced from, in its window of the image; None for a polygon.
+    border : tuple of 4 float, optional
+        Left, top, right and bottom of what the image shows, pixels: of a mask its own, half a pixel outside the
+        outermost centers; None stands for the camera's.
+    hidden : tuple of (n,) arrays of bool, optional
+        For each ring, whether the edges that start at its vertices are hidden: edges of what stands before the region,
+        or that nobody saw; None where none is.
+
+    Raises
+    ------
+    ValueError
+        For rings that cross or have no area, and marks of another shape.
+
+    Examples
+    --------
+    >>> import regionpose as rp
+    >>> rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]])
+    ImageRegion(area=5000 px, vertices=4, polygon)
     """
 
     rings: tuple[Array, ...]
@@ -59,35 +77,102 @@ class ImageRegion:
         *,
         hidden_edges: Sequence[int] | Sequence[Sequence[int]] = (),
     ) -> ImageRegion:
-        """The region inside the first ring and outside the others; vertices (n, 2) in pixels, turning either way.
+        """The region inside the first ring and outside the others.
 
-        One (n, 2) array stands for one ring. Edges within half a pixel of a side of the camera's image count as on it,
-        unless the region goes on beyond that side: it is then taken at its word. `hidden_edges`: indices of edges that
-        are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its vertex i to the
-        next. Of several rings, a list of such lists. ValueError for a ring with fewer than 3 vertices, values that are
-        not finite, crossing edges, no area, a hole that is not inside the first ring, or an edge that isn't there.
+        Edges within half a pixel of a side of the camera's image count as on it, unless the region goes on beyond that
+        side: it is then taken at its word.
+
+        Parameters
+        ----------
+        rings : (n, 2) array or sequence of such
+            Pixels, turning either way.
+        hidden_edges : sequence of int, or one for each ring
+            Edges that are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its
+            vertex i to the next.
+
+        Raises
+        ------
+        ValueError
+            For a ring with fewer than 3 vertices, values that are not finite, crossing edges, no area, a hole that is
+            not inside the first ring, or an edge that isn't there.
         """
         given = ring_list(rings, 2)
-        checked = tuple(_core.plane_rings(given, polygon=True))
-        return cls(checked, hidden=marked_edges(given, checked, hidden_edges))
+        checked = _core.plane_rings(given, polygon=True)
+        return cls._valid(checked, hidden=marked_edges(given, checked, hidden_edges))
+
+    def __post_init__(self) -> None:
+        """Check rings and marks, and keep copies that nobody can write to."""
+        given = ring_list(self.rings, 2)
+        rings = _core.plane_rings(given, polygon=False)
+        self._keep("rings", rings)
+        if self.hidden is None:
+            return
+        marks = [np.asarray(marks) for marks in self.hidden]
+        if [(each.dtype.kind, each.shape) for each in marks] != [("b", ring.shape[:1]) for ring in given]:
+            raise ValueError("hidden has other shapes; needed (n,) of bool for each ring (n, 2)")
+        edges = [np.flatnonzero(each).tolist() for each in marks]
+        hidden = marked_edges(given, rings, edges if len(edges) > 1 else edges[0])
+        self._keep("hidden", hidden)
+
+    def _keep(self, name: str, arrays: Iterable[NDArray[Any]] | None) -> None:
+        object.__setattr__(self, name, None if arrays is None else tuple(read_only(each) for each in arrays))
+
+    @classmethod
+    def _valid(
+        cls,
+        rings: Iterable[Array],
+        mask: MaskWindow | None = None,
+        border: Border | None = None,
+        hidden: tuple[Marks, ...] | None = None,
+    ) -> ImageRegion:
+        """The region of rings that the core has made or checked."""
+        region = object.__new__(cls)
+        region._keep("rings", rings)
+        region._keep("hidden", hidden)
+        object.__setattr__(region, "mask", mask)
+        object.__setattr__(region, "border", border)
+        return region
 
     @classmethod
     def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
-        """The region of a mask (h, w): bool, two-valued integers (0 and another), or coverage in [0, 1].
+        """The region of a mask.
 
         The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
-        between pixel centres; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
-        is cut there by the border of the image, half a pixel outside the outermost centres. `unknown` (h, w), bool or
-        numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask says, such as
-        an occluder's; the contour beside them is hidden. ValueError for another shape or type, a mask that is empty or
-        wholly unknown, or values outside [0, 1].
+        between pixel centers; vertices within 0.01 px of a line are left out. A mask that meets the border of its array
+        is cut there by the border of the image, half a pixel outside the outermost centers.
+
+        Parameters
+        ----------
+        mask : (h, w) array
+            Bool, two-valued integers (0 and another), or coverage in [0, 1].
+        unknown : (h, w) array, optional
+            Bool, or numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask
+            says, such as an occluder's; the contour beside them is hidden.
+
+        Raises
+        ------
+        ValueError
+            For another shape or type, a mask that is empty or wholly unknown, or values outside [0, 1].
+
+        Examples
+        --------
+        >>> import numpy as np, regionpose as rp
+        >>> rp.ImageRegion.from_mask(np.pad(np.ones((20, 30), dtype=bool), 5))
+        ImageRegion(area=599.5 px, vertices=8, mask of 40 x 30 px)
         """
         if unknown is None:
             (rings, window), hidden = traced_mask(mask), None
         else:
             rings, window, hidden = traced_beside(mask, unknown)
         height, width = window.shape
-        return cls(tuple(rings), window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+        return cls._valid(rings, window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+
+    def __repr__(self) -> str:
+        """Its area and vertices, and what it is made of."""
+        made = "polygon" if self.mask is None else "mask of {} x {} px".format(*self.mask.shape[::-1])
+        hidden = 0 if self.hidden is None else int(sum(np.count_nonzero(marks) for marks in self.hidden))
+        parts = [f"area={self.area:.6g} px", f"vertices={sum(map(len, self.rings))}", made]
+        return f"ImageRegion({', '.join(parts + [f'{hidden} hidden edges'] * bool(hidden))})"
 
     @cached_property
     def area(self) -> float:
@@ -196,10 +281,10 @@ class ImageRegion:
         """
         if self.mask is None:
             raise ValueError("the image region is a polygon; integration over pixels needs a region from a mask")
-        centres, coverage = self.mask.covered_pixels()
+        centers, coverage = self.mask.covered_pixels()
         offsets = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-        corners = np.concatenate([camera.bearings(centres + offset) for offset in offsets])
-        bearings = camera.bearings(centres)
+        corners = np.concatenate([camera.bearings(centers + offset) for offset in offsets])
+        bearings = camera.bearings(centers)
         if not (np.isfinite(bearings).all() and np.isfinite(corners).all()):
             raise ValueError("the mask holds pixels along which the camera's model sees no ray")
         solid_angles = _core.quad_solid_angles(corners.reshape(4, -1, 3).transpose(1, 0, 2).reshape(-1, 3))

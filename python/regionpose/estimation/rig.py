@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.contours import Contours, contours_of, distances_of, robust_sigma
-from regionpose.image_region import ImageRegion
-from regionpose.intrinsics import CameraPart, CameraRefinement, ContourProblem, parameter_names, refined_camera
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.contours import Contours, contours_of, distances_of, robust_sigma
+from regionpose.estimation.intrinsics import (
+    CameraPart,
+    CameraRefinement,
+    ContourProblem,
+    parameter_names,
+    refined_camera,
+)
+from regionpose.estimation.options import Solver, checked_solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.single import estimate_pose
+from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
-from regionpose.prior import Prior
-from regionpose.solver import PoseEstimate, PoseWarning, estimate_pose
-from regionpose.world_region import WorldRegion
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 
@@ -27,7 +35,17 @@ OUTLIER_RATIO = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One exposure of a rig: its image regions, the world region of each in the rig's frame, a name."""
+    """One exposure of a rig.
+
+    Parameters
+    ----------
+    image_regions : sequence of ImageRegion
+        What the image shows.
+    world_regions : sequence of WorldRegion
+        In the rig's frame, metres, each at the place of its image region.
+    name : str
+        Of its own; its number without one.
+    """
 
     image_regions: Sequence[ImageRegion]
     world_regions: Sequence[WorldRegion]
@@ -38,9 +56,17 @@ class Frame:
 class FrameFit:
     """How a frame fits the joint pose.
 
-    `overlap_error`: of all its regions together, a fraction as of `PoseEstimate`; `region_overlap_errors` (k,) region
-    by region. `residual_px`: size of the distances between contours and projected outlines, pixels: root mean square,
-    or robust standard deviation where that is less; infinite where an outline isn't wholly visible.
+    Parameters
+    ----------
+    name : str
+        The frame's.
+    overlap_error : float
+        Of all its regions together, a fraction as of `PoseEstimate`.
+    region_overlap_errors : (k,) array
+        Region by region.
+    residual_px : float
+        Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
+        deviation where that is less; infinite where an outline isn't wholly visible.
     """
 
     name: str
@@ -53,11 +79,25 @@ class FrameFit:
 class Influence:
     """What the other frames say without one.
 
-    `pose`, `covariance`: theirs, (6, 6) of the left increment. From it to the joint pose it is `sigmas` standard
-    deviations (Mahalanobis distance in that covariance), `rotation_deg` degrees, and `shift` metres at the middle of
-    all regions. `residual_px`: of the frame's own distances at their pose, as of `FrameFit`; `expected_px`: what the
-    others' own residuals and the covariance of their pose lead to expect. Infinite
-    where an outline isn't wholly visible there, or the others leave a direction free; `sigmas` is 0 then.
+    Parameters
+    ----------
+    name : str
+        The frame's that is left out.
+    pose : Pose
+        That of the others.
+    covariance : (6, 6) array
+        Of its left increment, rad and metres.
+    sigmas : float
+        Mahalanobis distance from it to the joint pose in that covariance; 0 where the others leave a direction free.
+    rotation_deg : float
+        The angle between both, degrees.
+    shift_m : float
+        How far apart both put the middle of all regions, metres.
+    residual_px : float
+        Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
+        visible.
+    expected_px : float
+        What the others' own residuals and the covariance of their pose lead to expect.
     """
 
     name: str
@@ -65,7 +105,7 @@ class Influence:
     covariance: Array
     sigmas: float
     rotation_deg: float
-    shift: float
+    shift_m: float
     residual_px: float
     expected_px: float
 
@@ -79,11 +119,21 @@ class Influence:
 class RigEstimate:
     """One pose of a camera in a rig, from all frames.
 
-    `estimate`: of all regions together, frame after frame, with `camera`: the given one, or the refined one.
-    `frames`, `influence`: in the frames' order; no influence where there is one frame only. `refinement`: of the
-    camera, None where it wasn't asked for. `warnings`: those of the estimate, "outlier-frame" for each frame that
-    disagrees with the others (found one after the other, the worst first), "weak-camera" where the camera could not be
-    refined.
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        Of all regions together, frame after frame.
+    camera : Camera
+        The given one, or the refined one.
+    frames : tuple of FrameFit
+        In the frames' order.
+    influence : tuple of Influence
+        In the frames' order; none where there is one frame only.
+    refinement : CameraRefinement or None
+        Of the camera, None where it wasn't asked for.
+    warnings : tuple of PoseWarning
+        Those of the estimate, "outlier-frame" for each frame that disagrees with the others (found one after the other,
+        the worst first), "weak-camera" where the camera could not be refined.
     """
 
     estimate: PoseEstimate
@@ -98,28 +148,66 @@ class RigEstimate:
         """The joint pose `camera_from_world`, the world being the rig's frame."""
         return self.estimate.pose
 
+    @property
+    def covariance(self) -> Array:
+        """The covariance (6, 6) of the joint pose's left increment `[omega (rad), tau (metres)]`."""
+        return self.estimate.covariance
+
+    @property
+    def rotation_sigma_deg(self) -> Array:
+        """Standard deviations of the rotation about the camera's axes, (3,), degrees."""
+        return self.estimate.rotation_sigma_deg
+
+    @property
+    def translation_sigma_m(self) -> Array:
+        """Standard deviations of the translation along the camera's axes, (3,), metres."""
+        return self.estimate.translation_sigma_m
+
 
 def estimate_rig(
     camera: Camera,
     frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
     *,
     prior: Prior | None = None,
-    refine: Literal["contour"] | None = "contour",
+    solver: Solver | None = None,
     refine_camera: Sequence[CameraPart] = (),
 ) -> RigEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
-    Each frame is a pair (image_regions, world_regions) or a `Frame`, taken by the same camera and given in the same
-    frame of the rig, such as its lidar's. `prior` and `refine` are those of `estimate_pose`. Every frame is left out in
-    turn and compared with the pose of the others. `refine_camera`, some of "focal" (fx, fy), "center" (cx, cy) and
-    "distortion" (k1, k2), estimates these together with the pose (docs/math.md, section 12), and takes them where they
-    are determined and differ from the given ones by more than noise.
+    Every frame is left out in turn and compared with the pose of the others.
 
-    ValueError for bad input, naming the frame; PoseError (a ValueError) where no pose shows every region.
+    Parameters
+    ----------
+    camera : Camera
+        That took all frames.
+    frames : iterable of Frame or of pairs
+        Each a `Frame` or a pair (image_regions, world_regions), the world regions in the rig's frame, such as its
+        lidar's, metres.
+    prior : Prior, optional
+        What is known of the pose, as of `estimate_pose`.
+    solver : Solver, optional
+        How the poses are computed; its driver is native, unless it says otherwise.
+    refine_camera : sequence of {"focal", "center", "distortion"}
+        Which of fx and fy, cx and cy, k1 and k2 are estimated together with the pose (docs/math.md, section 12), and
+        taken where they are determined and differ from the given ones by more than noise.
+
+    Returns
+    -------
+    RigEstimate
+        The pose, each frame's fit and influence, and the camera.
+
+    Raises
+    ------
+    ValueError
+        For bad input, naming the frame.
+    PoseError
+        A ValueError, where no pose shows every region.
+
     """
+    options = checked_solver(solver)
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    rig = _Rig(camera, prior or Prior(), refine)
+    rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
     estimate = rig.joint(listed)
     refinement = None
     if names:
@@ -146,7 +234,7 @@ class _Rig:
 
     camera: Camera
     prior: Prior
-    refine: Literal["contour"] | None
+    solver: Solver
 
     def started_at(self, pose: Pose) -> _Rig:
         """The same from a pose that is a start alone, in place of the prior's."""
@@ -154,7 +242,7 @@ class _Rig:
 
     def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
         """The pose of all the frames."""
-        return estimate_pose(self.camera, *_sides(frames), prior=self.prior, refine=self.refine, driver="native")
+        return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
 
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
@@ -166,7 +254,7 @@ class _Rig:
             others = [*frames[:index], *frames[index + 1 :]]
             without = self.started_at(joint).joint(others)
             residual, expected = _held_out(self.camera, without, frame, others)
-            increment = _increment(without.pose, joint)
+            increment = without.pose.increment_to(joint)
             found.append(
                 Influence(
                     name=frame.name,
@@ -174,7 +262,7 @@ class _Rig:
                     covariance=without.covariance,
                     sigmas=_sigmas(increment, without.covariance),
                     rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
-                    shift=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
+                    shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
                     residual_px=residual,
                     expected_px=expected,
                 )
@@ -260,12 +348,6 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     return tuple(fits)
 
 
-def _increment(start: Pose, end: Pose) -> Array:
-    """The left increment `[omega (rad), tau (metres)]` that takes one pose to another."""
-    turn = end.rotation * start.rotation.inv()
-    return np.concatenate([turn.as_rotvec(), end.translation - turn.apply(start.translation)])
-
-
 def _sigmas(increment: Array, covariance: Array) -> float:
     """Mahalanobis distance; none where the others leave a direction free."""
     if not np.isfinite(covariance).all():
@@ -311,8 +393,9 @@ def _root_mean_square(values: Array) -> float:
 def _outlier_warning(one: Influence) -> PoseWarning:
     return PoseWarning(
         "outlier-frame",
-        f"{one.name} disagrees with the others: its contours lie {one.residual_px:.1f} px from where their pose puts"
-        f" them, {one.expected_px:.1f} px are to be expected; leave it out or check its pairs",
+        "{name} disagrees with the others: its contours lie {residual_px:.1f} px from where their pose puts them,"
+        " {expected_px:.1f} px are to be expected; leave it out or check its pairs",
+        values={"name": one.name, "residual_px": one.residual_px, "expected_px": one.expected_px},
     )
 
 
@@ -321,5 +404,5 @@ def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
         return []
     sigmas = dict(zip(refinement.parameters, refinement.sigma, strict=True))
     named = ", ".join(f"{name} (standard deviation {sigmas[name]:.2g})" for name in refinement.weak)
-    message = f"the regions don't determine {named}; the camera is left as it was given"
-    return [PoseWarning("weak-camera", message)]
+    text = "the regions don't determine {parameters}; the camera is left as it was given"
+    return [PoseWarning("weak-camera", text, values={"parameters": named})]

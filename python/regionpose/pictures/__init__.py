@@ -1,0 +1,1 @@
+"""Pictures of poses and clouds, and the colors of photos on points."""
