@@ -15,7 +15,7 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	cargo test --quiet
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(STAMP)
 	cargo fmt --all --check
