@@ -144,10 +144,10 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
-    # Which samples lead the starts is not the same: the poses agree to a share of the best held axis's deviation.
-    sigma = float(np.sqrt(np.linalg.eigvalsh(alone.covariance[3:, 3:])[0]))
-    np.testing.assert_allclose(with_them.pose.translation, alone.pose.translation, atol=1e-3 * sigma)
-    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=1e-3)
+    # Beliefs settle to a tenth of a standard deviation, and not the same samples lead the starts.
+    apart = alone.pose.increment_to(with_them.pose)
+    assert apart @ np.linalg.solve(alone.covariance, apart) < 0.02**2
+    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=0.02)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:

@@ -13,9 +13,9 @@ use crate::prior::Gaussian;
 /// From blur to blur.
 const STEP: f64 = 0.5;
 
-/// Standard deviations of how far contours are grown, pixels: from the quality of calibrations to a hand's error, and
-/// half the width of a lidar's beam beside a region of a few metres.
-const GROWTHS: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+/// Standard deviations of how far contours are grown and clean stretches of them are off, pixels: from the quality of
+/// calibrations to a hand's error, and half the width of a lidar's beam beside a region of a few metres.
+const SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
 
 /// Logarithm of odds from which a setting that is farther on tells nothing.
 const NOTHING: f64 = 10.0;
@@ -61,7 +61,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
-        state = samples.settled(state, Setting { blur, growth: 0.0 }, ROUNDS, false)?;
+        state = samples.settled(state, Setting { blur, growth: 0.0, off: 0.0 }, ROUNDS, false)?;
         if blur <= SHARP {
             let State { pose, log_evidence, belief } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
@@ -70,10 +70,10 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     }
 }
 
-/// What all samples leave possible about starts that some of them led on, whatever the blur and the growth. First the
-/// blur falls on from there, then contours may be grown farther and farther, and where they are the blur falls again:
-/// what is grown looks blurred to those who do not know of it. A start that is behind the best by more than `hopeless`,
-/// in logarithms of the evidence, goes no farther.
+/// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
+/// off. First the blur falls on from there, then contours may be grown and then stretches off farther and farther, and
+/// where they are the blur falls again: what is off looks blurred to those who do not know of it. A start that is
+/// behind the best by more than `hopeless`, in logarithms of the evidence, goes no farther.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
@@ -81,16 +81,21 @@ pub fn posteriors(
     hopeless: f64,
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
+    let [least, more @ ..] = SCALES;
     for blur in blurs() {
-        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: GROWTHS[0] }));
+        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: least, off: least }));
     }
     all.retain_mut(|one| one.go_back().is_some());
-    for growth in GROWTHS.into_iter().skip(1) {
+    for growth in more {
         go_on(&mut all, hopeless, |one| Some(Setting { growth, ..one.likeliest()? }));
     }
     all.retain_mut(|one| one.go_back().is_some());
+    for off in more {
+        go_on(&mut all, hopeless, |one| Some(Setting { off, ..one.likeliest()? }));
+    }
+    all.retain_mut(|one| one.go_back().is_some());
     for blur in blurs() {
-        let is_new = |likeliest: &Setting| likeliest.growth > GROWTHS[0] && blur < likeliest.blur;
+        let is_new = |likeliest: &Setting| likeliest.growth.max(likeliest.off) > least && blur < likeliest.blur;
         go_on(&mut all, hopeless, |one| Some(Setting { blur, ..one.likeliest().filter(is_new)? }));
     }
     all.into_iter().filter_map(Going::ended).collect()
@@ -112,11 +117,13 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
     all.retain(|one| most - one.most() <= hopeless);
 }
 
-/// Blur of labels, and how far contours are grown (standard deviation), pixels.
+/// Blur of labels, and how far contours are grown and clean stretches of them are off at least (standard deviations),
+/// pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Setting {
     pub(super) blur: f64,
     pub(super) growth: f64,
+    pub(super) off: f64,
 }
 
 /// A start on its way with all samples.

@@ -17,9 +17,6 @@ use crate::prior::Gaussian;
 /// The finest blur, pixels: contours of binary masks scatter by as much.
 pub(super) const FINEST: f64 = 0.25;
 
-/// How far clean stretches of a contour are off at least, pixels: the quality of calibrations.
-const LEAST_OFF: f64 = 0.1;
-
 /// Largest share of wrong labels: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
 
@@ -97,6 +94,8 @@ pub(super) struct Samples<'a, F> {
     outlines: Vec<Outline>,
     /// How far contours are grown all around, pixels (standard deviation).
     growth: f64,
+    /// How far clean stretches are off at least, pixels (standard deviation).
+    off: f64,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     pub(super) trust: Vec<Trust>,
     certain: Vec<Shown>,
@@ -144,7 +143,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     pub(super) fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
         let (telling, outlines, certain) = (Vec::new(), Vec::new(), Vec::new());
         let trust = vec![Trust::unknown(); regions.len()];
-        Self { regions, others, start, step, joined: false, telling, outlines, growth: 0.0, trust, certain }
+        Self { regions, others, start, step, joined: false, telling, outlines, growth: 0.0, off: 0.0, trust, certain }
     }
 
     /// All samples, trusted so far, those beside one stretch off together.
@@ -152,10 +151,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Self { joined: true, trust, ..Self::some(regions, others, start, 1) }
     }
 
-    fn take_blur(&mut self, blur: f64) {
+    fn take(&mut self, Setting { blur, growth, off }: Setting) {
+        (self.growth, self.off) = (growth, off);
         for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
             let wide = if self.joined { trust.wide } else { FAR_OFF * sampled.size() };
-            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur));
+            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur.max(off)));
         }
     }
 
@@ -164,7 +164,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
         self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
         for outline in &mut self.outlines {
-            let kinds = kinds(&self.trust[outline.region]);
+            let kinds = kinds(&self.trust[outline.region], self.off);
             outline.stretches.iter_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
         }
     }
@@ -181,7 +181,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
         }
         for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
-            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur);
+            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur.max(self.off));
         }
     }
 
@@ -193,11 +193,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Finds the samples that tell something at a pose: whose margins blur, belief and the offset of a stretch that may
     /// be disturbed do not put out of reach.
-    fn look(&mut self, state: &State, Setting { blur, growth }: Setting) {
+    fn look(&mut self, state: &State, setting: Setting) {
         let known = std::mem::take(&mut self.telling);
         let mut known = known.iter().peekable();
-        self.take_blur(blur);
-        self.growth = growth;
+        self.take(setting);
         self.certain = vec![Shown::default(); self.regions.len()];
         let mut seen = Vec::new();
         for (region, sampled) in self.regions.iter().enumerate() {
@@ -215,7 +214,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 }
             }
         }
-        self.sort(seen, &state.belief, blur);
+        self.sort(seen, &state.belief, setting.blur);
         self.join();
     }
 
@@ -235,7 +234,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         for telling in seen {
             let (mean, deviation) = margin(&telling);
             let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
-            if mean.abs() > REACH * deviation.hypot(wide).hypot(self.growth) {
+            if mean.abs() > REACH * deviation.hypot(wide).hypot(self.growth).hypot(self.off) {
                 let label = telling.site.label(&belief);
                 self.certain[telling.region].add(&label, mean < 0.0);
             } else {
@@ -253,7 +252,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
         let outline = |(region, stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
             let stretch = |(number, members)| {
-                let stretch = Stretch::new(number, members, kinds(&self.trust[region]));
+                let stretch = Stretch::new(number, members, kinds(&self.trust[region], self.off));
                 known.get(&(region, number)).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
             };
             Outline { region, growth: self.growth, stretches: stretches.into_iter().map(stretch).collect() }
@@ -426,8 +425,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 }
 
 /// The kinds of a region's stretches: clean ones are off by what blurs them beyond their pixels.
-fn kinds(trust: &Trust) -> Vec<Kind> {
-    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(LEAST_OFF);
+fn kinds(trust: &Trust, least: f64) -> Vec<Kind> {
+    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(least);
     vec![Kind { share: 1.0 - trust.disturbed, off }, Kind { share: trust.disturbed, off: trust.wide }]
 }
 
