@@ -29,8 +29,8 @@ class UnifiedCamera(Camera):
     """The unified camera of Mei and Rives, as Kalibr's omni and OpenCV's omnidir have it.
 
     The point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)` (Mei and Rives 2007;
-    docs/math.md, eq. 9.8). Directions are seen up to `z = -xi` when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or up to
-    the fold of the distortion.
+    docs/math.md, eq. 9.8). Directions are seen up to `z = -xi` when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or
+    up to the fold of the distortion.
 
     Parameters
     ----------
