@@ -111,7 +111,7 @@ class FisheyeCamera(Camera):
         return False
 
     def _radius(self, angle: Array) -> tuple[Array, Array]:
-        """Distance from the centre before the focal lengths, and its derivative by the angle."""
+        """Distance from the center before the focal lengths, and its derivative by the angle."""
         factor = np.asarray([1.0, *self.distortion])
         square = angle * angle
         value = polynomial(factor, square)

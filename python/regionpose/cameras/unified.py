@@ -1,4 +1,4 @@
-"""The unified camera of Mei and Rives: a sphere seen by a perspective camera shifted off its centre."""
+"""The unified camera of Mei and Rives: a sphere seen by a perspective camera shifted off its center."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class UnifiedCamera(Camera):
 def _lift(xi: float, radius: Array | float) -> Array:
     """`z + xi` of the point of the unit sphere seen at `radius` on the plane; NaN outside its outline.
 
-    Of two points on the ray, the one farther from the shifted centre (docs/math.md, eq. 9.9).
+    Of two points on the ray, the one farther from the shifted center (docs/math.md, eq. 9.9).
     """
     square = np.square(radius)
     return np.asarray((xi + np.sqrt(1.0 + (1.0 - xi * xi) * square)) / (1.0 + square))
