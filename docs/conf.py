@@ -36,8 +36,7 @@ exclude_patterns = [
     "_build",
     *(f"gallery/**/*.{ending}" for ending in ("ipynb", "zip", "json", "md5")),
 ]
-# Pages that a pattern of a table of contents names need not be there yet.
-suppress_warnings = ["config.cache", "toc.empty_glob"]
+suppress_warnings = ["config.cache"]
 nitpicky = True
 # Types of annotations that no page describes; links in the pages themselves are all checked.
 nitpick_ignore_regex = [("py:.*", ".*")]
