@@ -57,7 +57,6 @@ sphinx_gallery_conf = {
     "examples_dirs": str(ROOT / "examples" / "python"),
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py",
-    "ignore_pattern": r"scenes_of_examples\.py",
     "abort_on_example_error": True,
     "download_all_examples": False,
     "remove_config_comments": True,
