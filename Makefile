@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint fuzz docs bench clean
+.PHONY: demo test lint fuzz soak docs bench clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -26,9 +26,17 @@ lint: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest regionpose._core
 
-# Mutated files through every reader, for SECONDS; what is found is kept in fuzz/found.
+# Mutated files through every reader and random inputs through the crate, for SECONDS together with the build, which shares
+# that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
 fuzz: $(STAMP)
-	$(BIN)/python fuzz/readers.py --seconds $(SECONDS) --seed $(SEED) --keep fuzz/found
+	end=$$(($$(date +%s) + $(SECONDS))); \
+	cargo build --quiet --profile test --example fuzz && \
+	$(BIN)/python fuzz/readers.py --seconds $$(((end - $$(date +%s)) / 2)) --seed $(SEED) --keep fuzz/found && \
+	cargo run --quiet --profile test --example fuzz -- --seconds $$((end - $$(date +%s))) --seed $(SEED)
+
+# Very many estimates, files and commands in one process: memory and handles stay as they are.
+soak: $(STAMP)
+	$(BIN)/python fuzz/soak.py
 
 # The site, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
 docs: $(STAMP)

@@ -34,6 +34,7 @@ __all__ = [
     "quad_solid_angles",
     "spherical_moments",
     "triangulate",
+    "work_done",
 ]
 __version__: Final[str]
 
@@ -128,6 +129,9 @@ def estimate_batch(
     """Estimates of many problems by the native solver, each with its prior, in order; None for one without a pose in
     view, and what is wrong with it for one that is refused.
     """
+
+def work_done() -> int:
+    """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
 
 @final
 class ObservedRegion:
@@ -269,7 +273,7 @@ class Solution:
 
     @property
     def overlap_error(self) -> float:
-        """The paper's delta of all regions together, a fraction; NaN where a region cannot be projected."""
+        """The paper's delta of all regions together, a fraction."""
 
     @property
     def region_overlap_errors(self) -> NDArray[np.float64]:
@@ -369,8 +373,12 @@ class Problem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The paper's residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None out of view."""
 
+    @property
+    def work(self) -> int:
+        """What one look at all of the problem counts as in `work_done`."""
+
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[float, NDArray[np.float64]]:
-        """Overlap error of all regions together at a pose, and of each (k,); NaN where one cannot be projected."""
+        """Overlap error of all regions together at a pose, and of each (k,)."""
 
     def estimate(
         self,

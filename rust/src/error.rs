@@ -200,6 +200,9 @@ pub enum Error {
         /// Smallest radius that keeps a triangle.
         smallest: f64,
     },
+    /// Nobody waits for the result any more.
+    #[error("the work was stopped; it needs somebody who waits for it")]
+    Stopped,
     /// An option or a size lies outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
     OutOfRange {

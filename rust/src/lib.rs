@@ -43,6 +43,8 @@ pub mod batch;
 #[doc(hidden)]
 pub mod contour;
 #[doc(hidden)]
+pub mod effort;
+#[doc(hidden)]
 pub mod equations;
 #[doc(hidden)]
 pub mod error;

@@ -171,7 +171,7 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(integration="mesh", mesh_size=0.0), "mesh_size is 0.0; needed a positive and finite number"),
     (lambda: solve(integration="mesh", mesh_size=-1.0), "mesh_size is -1.0; needed a positive"),
     (lambda: solve(integration="mesh", mesh_size=np.nan), "mesh_size is nan; needed a positive and finite number"),
-    (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 1000000 triangles"),
+    (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 100000 triangles"),
     (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is 'fine'; needed a number, or None"),
     (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
     (lambda: solve(refine="edges"), "refine is 'edges'; needed \"contour\" or None"),

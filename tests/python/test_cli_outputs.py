@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
@@ -137,6 +138,45 @@ def test_a_link_in_the_output_folder_is_replaced_and_not_followed(tmp_path: Path
     write_files(out, {"result.json": text_writer("new")}, force=True)
     assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
     assert not (out / "result.json").is_symlink()
+
+
+def test_a_link_in_the_place_of_a_dead_run_s_folder_is_not_followed(tmp_path: Path) -> None:
+    mine, out = tmp_path / "mine", tmp_path / "out"
+    mine.mkdir()
+    out.mkdir()
+    (mine / "notes.txt").write_text("mine", encoding="utf-8")
+    (out / ".regionpose-x").symlink_to(mine)
+    write_files(out, {"a": text_writer("new")}, force=False)
+    assert (mine / "notes.txt").read_text(encoding="utf-8") == "mine"
+    assert (out / "a").read_text(encoding="utf-8") == "new"
+
+
+def test_an_output_folder_that_is_a_link_is_written_to(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "out").symlink_to(tmp_path / "real")
+    assert write_files(tmp_path / "out", {"a": text_writer("new")}, force=False) == [tmp_path / "out" / "a"]
+    assert [path.name for path in (tmp_path / "real").iterdir()] == ["a"]
+
+
+def limited(scene: Path, out: Path, most: int) -> subprocess.CompletedProcess[str]:
+    """A run of the command whose files may hold so many bytes each: what a full disk does, without one."""
+    resource = pytest.importorskip("resource")
+    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out), "--force", "--quiet"]
+    limit = functools.partial(resource.setrlimit, resource.RLIMIT_FSIZE, (most, most))
+    return subprocess.run(command, capture_output=True, text=True, preexec_fn=limit)
+
+
+@pytest.mark.parametrize("most", [0, 100, 4096])
+def test_what_the_disk_does_not_hold_leaves_the_old_files(most: int, tmp_path: Path) -> None:
+    """Whatever file meets the limit first, a table or a picture."""
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("mine", encoding="utf-8")
+    done = limited(scene, out, most)
+    assert done.returncode == 2 and "file too large" in done.stderr.lower(), done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in out.iterdir()] == ["report.html"]
+    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
 
 
 def test_region_names_stay_in_the_output_folder(tmp_path: Path) -> None:

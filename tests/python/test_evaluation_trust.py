@@ -66,12 +66,12 @@ def test_a_region_elsewhere_is_the_same_shape_in_its_plane() -> None:
 def test_one_region_is_wrong_on_one_side(side: Any, wrong: Any) -> None:
     right = draw_problem(PERSPECTIVE, Condition(planes=3, side=side), 1)
     problem = draw_problem(PERSPECTIVE, Condition(planes=3, side=side, wrong=wrong), 1)
-    assert problem.wrong is not None and right.wrong is None
+    assert len(problem.wrong) == 1 and not right.wrong
     changed = {
         "2d": [not same(a.rings, b.rings) for a, b in zip(problem.image_regions, right.image_regions, strict=True)],
         "3d": [not same(a.rings, b.rings) for a, b in zip(problem.world_regions, right.world_regions, strict=True)],
     }
-    assert np.flatnonzero(changed.pop(side)).tolist() == [problem.wrong]
+    assert np.flatnonzero(changed.pop(side)).tolist() == list(problem.wrong)
     assert not any(*changed.values())
     assert problem.scene.names == right.scene.names, "the scene stays the true one"
 
@@ -87,7 +87,7 @@ def test_a_wrong_region_is_named() -> None:
     problem = draw_problem(perspective_setup(), Condition(planes=4, wrong="shape"), 0)
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
     assert outlier_named(problem, estimate) == "right"
-    others = [place for place in range(4) if place != problem.wrong]
+    others = [place for place in range(4) if place not in problem.wrong]
     named = PoseWarning("outlier-region", f"region {others[0]} does not belong to this pose")
     assert outlier_named(problem, replace(estimate, warnings=(*estimate.warnings, named))) == "wrong"
     poor = PoseWarning("poor-overlap", f"region {others[0]} projected with this pose misses")
@@ -147,7 +147,9 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
         made_row(rotation_deg=0.1, templates_right="hook"),
         made_row(rotation_deg=0.1, templates_right="hook;star", warnings="ambiguous"),
         made_row(rotation_deg=0.1, templates_right="square;star", warnings="ambiguous"),
-        made_row(rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="right"),
+        made_row(
+            rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="right", regions_wrong=1
+        ),
         made_row(rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="wrong"),
         made_row(rotation_deg=3.0, templates_right="hook"),
         made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
@@ -321,13 +323,13 @@ def test_a_wrong_region_and_a_lost_boundary_bound_nothing() -> None:
     setup = perspective_setup()
     right = draw_problem(setup, Condition(planes=2), 1)
     wrong = draw_problem(setup, Condition(planes=2, wrong="place", side="2d"), 1)
-    assert wrong.wrong is not None
-    other = 1 - wrong.wrong
+    (first,) = wrong.wrong
+    other = 1 - first
     one = replace(
         right, kept=[other], image_regions=[right.image_regions[other]], world_regions=[right.world_regions[other]]
     )
     np.testing.assert_array_equal(undisturbed_pieces(wrong)[0], undisturbed_pieces(one)[0])
-    none = replace(wrong, kept=[wrong.wrong], image_regions=[wrong.image_regions[wrong.wrong]], wrong=0)
+    none = replace(wrong, kept=[first], image_regions=[wrong.image_regions[first]], wrong=(0,))
     assert pose_bound(none).rotation_deg == pose_bound(none).translation_m == float("inf")
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from base64 import b64decode
 from html import escape
 from html.parser import HTMLParser
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from regionpose.pictures.splat import BACKGROUND, View, splatted, viewpoints
-from regionpose.scene import SceneEstimate, estimate_scene, load_scene, scene_result
+from regionpose.scene import SceneError, SceneEstimate, estimate_scene, load_scene, scene_result
 from regionpose.scene.report import Figure, Report, data_url, report_html
 from scene_files import scene_values, write_scene
 
@@ -69,6 +70,25 @@ def test_region_names_are_text_alone(name: str, tmp_path: Path) -> None:
         html = page(estimate_scene(load_scene(write_scene(tmp_path, values))))
         elements.append([tag for tag in re.findall(r"<[^>]*>", html) if "base64" not in tag])
         assert escape(given) in html
+    assert elements[0] == elements[1]
+
+
+@pytest.mark.parametrize(("name", "said"), [("a\nb", r"U\+000A"), ("\u202egpj.exe", r"U\+202E"), ("x" * 10_000, "200")])
+def test_region_names_that_no_line_holds_are_refused(name: str, said: str, tmp_path: Path) -> None:
+    values = scene_values()
+    values["regions"][0]["name"] = name
+    with pytest.raises(SceneError, match=said):
+        load_scene(write_scene(tmp_path, values))
+
+
+@pytest.mark.parametrize("name", ["<img src=x onerror=alert(1)>.png", "\"'&lt;\n\u202egpj.png", "9" * 240 + ".png"])
+def test_file_names_are_text_alone(name: str, tmp_path: Path) -> None:
+    elements = []
+    for given in ("plain.png", name):
+        path = write_scene(tmp_path, scene_values() | {"image": given})
+        shutil.copy(tmp_path / "image.png", tmp_path / given)
+        html = page(estimate_scene(load_scene(path)))
+        elements.append([tag for tag in re.findall(r"<[^>]*>", html) if "base64" not in tag])
     assert elements[0] == elements[1]
 
 

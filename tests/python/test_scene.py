@@ -337,7 +337,9 @@ def test_overlap_errors_at_another_pose_are_the_area_that_differs(tmp_path: Path
         other = shapely.Polygon(CAMERA.project(pose.transform(plate)))
         # The solver's areas are solid angles; within a small region they are in proportion to the pixels'.
         assert error == pytest.approx(truth.symmetric_difference(other).area / truth.area, rel=0.05)
-    assert np.isnan(sides.overlap_errors(rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))[1]).all()
+    # Behind the camera nothing is shown: all of each region is missed.
+    whole, errors = sides.overlap_errors(rp.Pose(POSE.rotation, POSE.translation - [0.0, 0.0, 9.0]))
+    assert whole == 1.0 and (errors == 1.0).all()
 
 
 def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) -> None:

@@ -155,6 +155,27 @@ fn a_region_that_does_not_belong_is_named_and_leaves_the_pose_alone() {
 }
 
 #[test]
+fn every_region_that_a_sure_pose_contradicts_is_named() {
+    for seed in 60..66 {
+        let scene = Scene::random(&mut Random::new(seed), layout(4));
+        let mut observed = one_turned(&scene, 1);
+        observed[2] = one_turned(&scene, 2).swap_remove(2);
+        let estimate = estimated(&scene, &observed, Refinement::Contour);
+        assert!(scene.errors(&estimate.best.pose).0 < 1e-3, "seed {seed}");
+        let mut named: Vec<usize> = estimate
+            .warnings
+            .iter()
+            .filter_map(|warning| match warning {
+                Warning::OutlierRegion { region, .. } | Warning::PoorOverlap { region, .. } => Some(*region),
+                _ => None,
+            })
+            .collect();
+        named.sort_unstable();
+        assert_eq!(named, [1, 2], "seed {seed}");
+    }
+}
+
+#[test]
 fn two_regions_that_disagree_are_less_certain_than_two_that_are_bitten() {
     for seed in 90..94 {
         let scene = Scene::random(&mut Random::new(seed), layout(2));

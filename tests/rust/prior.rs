@@ -367,9 +367,6 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
     };
     let judged = |converged: bool| problem.search(&Options::default()).judged(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());
-    assert_eq!(
-        judged(false)[0].to_string(),
-        "the least squares did not converge: the limit of evaluations was reached"
-    );
+    assert_eq!(judged(false)[0].to_string(), "the search did not converge: the limit of evaluations was reached");
     assert_eq!(judged(false)[0].code(), "not-converged");
 }

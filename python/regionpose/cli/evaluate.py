@@ -32,7 +32,7 @@ Name = Annotated[
     str,
     typer.Argument(
         help="perspective, omnidirectional, integration, regions, degeneracy, initialization, occlusion, truncation,"
-        " lidar, calibration, outlier, trust or priors."
+        " lidar, calibration, outlier, trust, mistakes or priors."
     ),
 ]
 Scenes = Annotated[int, typer.Option("--scenes", help="Scenes of each condition.")]

@@ -54,7 +54,7 @@ def overlap_errors(
     Returns
     -------
     float, (k,) array
-        Of all regions together and of each, fractions; NaN where a region can't be projected.
+        Of all regions together and of each, fractions; 1 where nothing of a region is shown.
 
     Raises
     ------

@@ -37,7 +37,7 @@ from regionpose.evaluation.setups import (
     random_direction,
     turn_within,
 )
-from regionpose.evaluation.templates import Template, TemplateSet, load_templates
+from regionpose.evaluation.templates import Template, TemplateSet, load_templates, polygon_template
 
 WorldFrame = Literal["first", "arbitrary"]
 
@@ -152,7 +152,7 @@ class Layout:
     `world`: "first" (the first plane's frame) or "arbitrary" (any rotation, the origin up to 5 m off along each axis).
     `front`: False turns each plane over with probability 1/2, so that it is seen from behind.
     `max_view_angle_deg`: no region is seen at a larger angle between its normal and the line of sight; from 75 to 90
-    deg a 1 m region is but a few tens of pixels wide.
+    deg a 1 m region is but a few tens of pixels wide. `longer_side_m`: of random polygons; templates have 1 m.
     """
 
     planes: int = 1
@@ -161,6 +161,7 @@ class Layout:
     world: WorldFrame = "first"
     front: bool = True
     max_view_angle_deg: float = MAX_VIEW_ANGLE_DEG
+    longer_side_m: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the counts and the name of the world frame."""
@@ -241,8 +242,12 @@ Placed = tuple[list[list[Array]], list[shapely.Polygon]]
 
 def _draw_templates(layout: Layout, rng: np.random.Generator) -> list[tuple[Template, ...]]:
     """The templates of each plane."""
-    pool = load_templates(layout.templates)
     count = layout.planes * layout.regions_per_plane
+    if layout.templates == "polygons":
+        drawn = [polygon_template(rng, layout.longer_side_m) for _ in range(count)]
+        each = layout.regions_per_plane
+        return [tuple(drawn[first : first + each]) for first in range(0, count, each)]
+    pool = load_templates(layout.templates)
     rounds = [rng.permutation(len(pool)) for _ in range(-(-count // len(pool)))]
     picked = np.concatenate(rounds)[:count].reshape(layout.planes, layout.regions_per_plane)
     return [tuple(pool[i] for i in row) for row in picked.tolist()]

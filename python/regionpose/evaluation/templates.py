@@ -11,7 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-TemplateSet = Literal["asymmetric", "symmetric", "all"]
+from regionpose.evaluation.polygons import random_polygon
+
+TemplateSet = Literal["asymmetric", "symmetric", "all", "polygons"]
+
+POLYGON = "polygon"
+"""Name of a shape that was drawn at random (`polygons.py`)."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +56,21 @@ def all_templates() -> tuple[Template, ...]:
     return tuple(templates)
 
 
+def polygon_template(rng: np.random.Generator, longer_side: float = 1.0) -> Template:
+    """A random polygon whose longer side has that length, metres."""
+    return Template(POLYGON, 1, False, (random_polygon(rng, longer_side),))
+
+
+def is_symmetric(name: str) -> bool:
+    """Whether the shape of that name is symmetric."""
+    return name != POLYGON and template_named(name).symmetric
+
+
 def load_templates(which: TemplateSet = "all") -> tuple[Template, ...]:
-    """The templates of one set: "asymmetric" has no symmetry at all, "symmetric" is the rest, "all" both."""
+    """The templates of one set: "asymmetric" has no symmetry at all, "symmetric" is the rest, "all" both.
+
+    Random polygons ("polygons") have no list: `polygon_template` draws each.
+    """
     if which == "all":
         return all_templates()
     if which not in ("asymmetric", "symmetric"):

@@ -132,7 +132,7 @@ class SceneEstimate:
 
     @property
     def errors_before(self) -> Array:
-        """Each region's overlap error (k,) at the initial pose; NaN where there is none, or it shows no overlap."""
+        """Each region's overlap error (k,) at the initial pose; NaN where there is none."""
         pose = given_pose(self.sides.scene)
         return np.full(len(self.sides.names), np.nan) if pose is None else self.sides.overlap_errors(pose)[1]
 

@@ -5,6 +5,7 @@
 
 mod arrays;
 mod contours;
+mod interrupts;
 mod masks;
 mod mesh;
 mod moments;
@@ -33,7 +34,7 @@ mod _core {
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose, work_done};
     #[pymodule_export]
     use crate::witness::{depth_steps, edge_agreement, edge_evidence};
 

@@ -4,9 +4,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use regionpose::batch::in_parallel;
+use regionpose::effort;
 use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares;
 use regionpose::equations::residual::Evaluation;
@@ -17,6 +18,7 @@ use regionpose::search::candidates::{self, Options, Refinement, Start};
 use regionpose::verdict::estimate;
 
 use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error};
+use crate::interrupts::{detached, detached_threads};
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
 use crate::warnings::{Told, told};
@@ -261,14 +263,20 @@ impl Problem {
         let integration: String = scalar("integration", integration, "\"boundary\", \"mesh\" or \"pixels\"")?;
         let mesh_size: Option<f64> = optional("mesh_size", mesh_size, "a number, or None")?;
         let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration, mesh_size)?);
-        py.detach(|| sides.problem(system, integration)).map(Self).map_err(value_error)
+        detached(py, || sides.problem(system, integration))?.map(Self).map_err(value_error)
+    }
+
+    /// What one look at all of the problem counts as in `work_done`.
+    #[getter]
+    fn work(&self) -> u64 {
+        self.0.work()
     }
 
     /// The poses that may be the answer, and the equations to polish them by.
     #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
     fn search(&self, py: Python<'_>, start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine)?;
-        Ok(Search(py.detach(|| self.0.search(&options))))
+        detached(py, || self.0.search(&options)).map(Search)
     }
 
     /// The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None where a region is out
@@ -284,7 +292,7 @@ impl Problem {
         evaluation.map(|evaluation| residual_jacobian(py, &evaluation)).transpose()
     }
 
-    /// Overlap error of all regions together at a pose, and of each (k,); NaN where one cannot be projected.
+    /// Overlap error of all regions together at a pose, and of each (k,).
     fn overlap_errors<'py>(
         &self,
         py: Python<'py>,
@@ -306,7 +314,7 @@ impl Problem {
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine)?;
-        Ok(py.detach(|| self.0.estimate_with(&options)).map(Estimate))
+        Ok(detached(py, || self.0.estimate_with(&options))?.map(Estimate))
     }
 }
 
@@ -355,9 +363,9 @@ impl Search {
     }
 
     /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
-    fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> Option<Estimate> {
+    fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        py.detach(|| self.0.clone().judged(minima)).map(Estimate)
+        Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate))
     }
 }
 
@@ -402,6 +410,12 @@ impl Sides {
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
+/// What this thread has counted so far of the work that bounds searches: edges that were looked at.
+#[pyfunction]
+pub fn work_done() -> u64 {
+    effort::done()
+}
+
 /// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
 /// view, and what is wrong with it for one that is refused.
 #[pyfunction]
@@ -437,13 +451,19 @@ pub fn estimate_batch<'py>(
     let solve = |(sides, options): &(Sides, Options)| {
         sides.problem(system, integration).map(|problem| problem.estimate_with(options))
     };
-    // A problem that panics costs its own answer, not those of the others.
-    let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| solve(task)));
-    let results = py.detach(|| in_parallel(&tasks, threads, guarded)).map_err(value_error)?;
-    let answer = |result: std::thread::Result<regionpose::error::Result<Option<estimate::Estimate>>>| match result {
-        Ok(Ok(found)) => Ok(found.map(Estimate).into_pyobject(py)?.into_any()),
-        Ok(Err(error)) => Ok(error.to_string().into_pyobject(py)?.into_any()),
+    let results = detached_threads(py, |stop| {
+        // Nobody sees the answers of a batch that was interrupted.
+        let waited_for =
+            |task: &(Sides, Options)| if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
+        // A problem that panics costs its own answer, not those of the others.
+        let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| waited_for(task)));
+        in_parallel(&tasks, threads, guarded)
+    });
+    let answer = |result: std::thread::Result<Option<regionpose::error::Result<_>>>| match result {
+        Ok(Some(Ok(found))) => Ok(Option::map(found, Estimate).into_pyobject(py)?.into_any()),
+        Ok(Some(Err(error))) => Ok(error.to_string().into_pyobject(py)?.into_any()),
+        Ok(None) => Err(PyKeyboardInterrupt::new_err(())),
         Err(_) => Ok("the solver failed on this problem; this is a defect of regionpose".into_pyobject(py)?.into_any()),
     };
-    results.into_iter().map(answer).collect()
+    results?.map_err(value_error)?.into_iter().map(answer).collect()
 }

@@ -1,16 +1,24 @@
 //! The boundary of a world region as a chart sees it: its vertices moved and projected a few at a time.
 
-use std::ops::Range;
+use std::ops::{Index, Range};
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use super::pieces::edges;
+use crate::effort;
 use crate::geometry::pose::Pose;
+use crate::geometry::rings::bounding_box;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::view::border::{edge_before, near_plane};
 
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put: beyond every piece. A convention.
 const FAR: f64 = 1e9;
+
+/// Consecutive edges that a box is put around: a convention.
+const GROUP: usize = 16;
+
+/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
+const ROUNDING: f64 = 1e-9;
 
 /// Rings of the world about a problem's origin.
 #[derive(Debug, Clone)]
@@ -38,6 +46,11 @@ impl Boundary {
         let following = |ring: &Range<usize>| (ring.start + 1..ring.end).chain([ring.start]).map(|k| k as u32);
         let next = rings.iter().flat_map(following).collect();
         Self { groups: vertices.chunks(LANES).map(group).collect(), next, rings }
+    }
+
+    /// The number of vertices, and of edges.
+    pub(super) fn count(&self) -> usize {
+        self.next.len()
     }
 
     /// How far each vertex lies before the plane of a chart at a pose, `rotation` being `chart_from_camera`.
@@ -114,6 +127,11 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
+    /// The number of vertices, and of edges.
+    pub(super) fn count(&self) -> usize {
+        self.boundary.count()
+    }
+
     /// Whether all vertices lie before the camera.
     pub(super) fn is_before_camera(&self) -> bool {
         self.vertices.iter().all(|vertex| vertex.at[2] > 0.0)
@@ -157,6 +175,63 @@ pub(super) struct Edge {
     start: Vector2<f64>,
     step: Vector2<f64>,
     inverse: f64,
+}
+
+/// Edges, and a box around every [`GROUP`] of them.
+pub(super) struct Edges {
+    all: Vec<Edge>,
+    boxes: Vec<EdgeBox>,
+}
+
+impl Edges {
+    pub(super) fn new(all: Vec<Edge>) -> Self {
+        Self { boxes: all.chunks(GROUP).map(EdgeBox::of).collect(), all }
+    }
+
+    /// The first of the edges nearest to a point; a box farther than one that was found holds none. Counts what it looks at.
+    pub(super) fn nearest(&self, point: &Vector2<f64>) -> usize {
+        let (mut best, mut looked) = ((f64::INFINITY, 0), self.boxes.len());
+        for (group, (edges, around)) in self.all.chunks(GROUP).zip(&self.boxes).enumerate() {
+            if around.square(point) > best.0 {
+                continue;
+            }
+            looked += edges.len();
+            for (place, edge) in edges.iter().enumerate() {
+                let square = edge.offset(point).1.norm_squared();
+                best = if square < best.0 { (square, group * GROUP + place) } else { best };
+            }
+        }
+        effort::spend(looked);
+        best.1
+    }
+}
+
+impl Index<usize> for Edges {
+    type Output = Edge;
+
+    fn index(&self, edge: usize) -> &Edge {
+        &self.all[edge]
+    }
+}
+
+/// A box around some edges, with room for what distances are rounded by.
+struct EdgeBox {
+    low: Vector2<f64>,
+    high: Vector2<f64>,
+}
+
+impl EdgeBox {
+    fn of(edges: &[Edge]) -> Self {
+        let (low, high) = bounding_box(edges.iter().flat_map(|edge| [edge.start, edge.start + edge.step]));
+        let room = Vector2::repeat(ROUNDING * low.amax().max(high.amax()));
+        Self { low: low - room, high: high + room }
+    }
+
+    /// Squared distance of a point: no edge within is nearer.
+    fn square(&self, point: &Vector2<f64>) -> f64 {
+        let outside = |axis: usize| (self.low[axis] - point[axis]).max(point[axis] - self.high[axis]).max(0.0);
+        outside(0).powi(2) + outside(1).powi(2)
+    }
 }
 
 /// The place on an edge nearest to a point.

@@ -5,6 +5,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::long_run;
 use super::fit::ContourFit;
 use super::readings::{Contour, Reading};
+use crate::equations::information::{Information, free, honest};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
@@ -27,8 +28,7 @@ struct Row {
 /// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
 /// left free.
 pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
-    let free = Matrix6::from_element(f64::INFINITY);
-    let Some((rows, counts)) = rows_of(contours, fit) else { return free };
+    let Some((rows, counts)) = rows_of(contours, fit) else { return free() };
     let held: f64 = rows.iter().map(|row| row.weight).sum();
     let steepness = (rows.iter().map(|row| row.slope).sum::<f64>() / held).max(LEAST_SLOPE);
     let pulls: Vec<f64> = rows.iter().map(|row| row.reading.distance * row.weight).collect();
@@ -38,13 +38,14 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
         information.ger(row.weight * steepness, &row.derivative, &row.derivative, 1.0);
         single.ger(pull * pull, &row.derivative, &row.derivative, 1.0);
     }
-    let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else { return free };
+    let Some(information) = Information::holding(&information) else { return free() };
+    let inverse = information.covariance();
     let runs = runs_scatter(&rows);
     // A run that is off as a whole is one measurement, whatever the number of its pieces.
     let alike = (inverse * runs).trace() / (inverse * single).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
     let independent = (held / correlation.max(alike).max(1.0)).max(PARAMETERS + 1.0);
-    inverse * (single * correlation + runs) * inverse * (independent / (independent - PARAMETERS))
+    honest(&(information.covariance_with(&(single * correlation + runs)) * (independent / (independent - PARAMETERS))))
 }
 
 fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usize>)> {

@@ -7,6 +7,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::correlation;
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
+use crate::effort;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -236,8 +237,12 @@ impl<'a> Sketch<'a> {
         Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()) }
     }
 
-    /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view.
+    /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view, and the largest number
+    /// where no effort is left to look.
     pub fn misfit(&self, pose: &Pose) -> f64 {
+        if effort::is_spent() {
+            return f64::MAX;
+        }
         let readings = Readings::at(self.contours, pose, self.step);
         readings.map_or(f64::INFINITY, |readings| -readings.mean_log_density(&self.mixture))
     }
@@ -256,6 +261,9 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
         let mixture = distances.mixture_of(scale, distances.root_mean_square());
         if mixture.likelihood > likeliest.0 {
             likeliest = (mixture.likelihood, pose);
+        }
+        if effort::is_spent() {
+            break;
         }
         // The comparison fails for a scale that is not finite, too.
         let last = !(scale > FINEST_SCALE && scale.is_finite());

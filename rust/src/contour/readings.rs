@@ -6,8 +6,9 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::boundary::{Boundary, Edge, Foot, Seen};
+use super::boundary::{Boundary, Edge, Edges, Foot, Seen};
 use super::pieces::{self, Piece, pieces};
+use crate::effort;
 use crate::equations::normal_equations::{NormalEquations, WeightedRow};
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_field::EdgeField;
@@ -23,6 +24,9 @@ const CROSSING: f64 = 4.0;
 /// Sine of the angle between a plane and the ray to it (9 degrees) below which the nearest edge on the plane need not be the
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
+
+/// What a piece counts as, in edges that are looked at: its cell's edges, its foot, and its density in the mixtures that follow.
+const EDGES_OF_PIECE: usize = 32;
 
 /// Pieces of all contours that a first look takes, and of each at least: conventions.
 const SKETCHED: usize = 120;
@@ -104,6 +108,11 @@ impl Contour {
         self.few
     }
 
+    /// What reading all pieces counts as.
+    pub fn work(&self) -> usize {
+        self.boundary.count() + EDGES_OF_PIECE * pieces::count(&self.outline, self.size)
+    }
+
     /// Side, in pixels, of a square of the region's area.
     pub fn size(&self) -> f64 {
         self.size
@@ -131,6 +140,7 @@ impl Contour {
     /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
     pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
         let view = self.view(pose)?;
+        self.count_work(&view, step);
         into.extend(self.pieces(step).map(|piece| {
             let index = self.nearest(&view, &piece.mean);
             self.reading(&view.edge(index), index, piece).0
@@ -141,6 +151,7 @@ impl Contour {
     /// The same with the derivatives of each distance by the left increment.
     pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
         let view = self.view(pose)?;
+        self.count_work(&view, 1);
         let back = self.rotation.inverse();
         into.extend(self.pieces(1).map(|piece| {
             let index = self.nearest(&view, &piece.mean);
@@ -164,6 +175,7 @@ impl Contour {
         into: &mut NormalEquations,
     ) -> Option<()> {
         let view = self.view(pose)?;
+        self.count_work(&view, step);
         let pairs = self.pieces(step).zip(before);
         let rows: Vec<WeightedRow> = pairs
             .map(|(piece, before)| {
@@ -175,6 +187,11 @@ impl Contour {
             .collect();
         *into += NormalEquations::weighted(&rows).turned(&self.rotation);
         Some(())
+    }
+
+    /// Counts the vertices that a view projects, and the pieces that are read against it.
+    fn count_work(&self, view: &View<'_>, step: usize) {
+        effort::spend(view.seen.count() + EDGES_OF_PIECE * self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.
@@ -196,7 +213,7 @@ impl Contour {
         let sight = sight.filter(|sight| sight.slant > OBLIQUE);
         match seen.is_before_camera() {
             true => Some(View { seen, sight, edges: OnceCell::new() }),
-            false if self.cut => Some(View { edges: seen.edges_before()?.into(), seen, sight }),
+            false if self.cut => Some(View { edges: Edges::new(seen.edges_before()?).into(), seen, sight }),
             false => None,
         }
     }
@@ -208,9 +225,7 @@ impl Contour {
         if let (Some((_, field)), Some(place)) = (&self.plane, place) {
             return field.nearest_edge(&place);
         }
-        let edges = view.edges();
-        let square = |index: &usize| edges[*index].offset(point).1.norm_squared();
-        (0..edges.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0)
+        view.edges().nearest(point)
     }
 
     /// What a piece shows against an edge, and the place on the edge that it is nearest to.
@@ -245,7 +260,7 @@ struct View<'a> {
     seen: Seen<'a>,
     sight: Option<Sight>,
     /// All edges, of a cut boundary what lies before the camera of them, or once they are asked for.
-    edges: OnceCell<Vec<Edge>>,
+    edges: OnceCell<Edges>,
 }
 
 impl View<'_> {
@@ -253,8 +268,8 @@ impl View<'_> {
         self.edges.get().map_or_else(|| self.seen.edge(index), |edges| edges[index])
     }
 
-    fn edges(&self) -> &[Edge] {
-        self.edges.get_or_init(|| self.seen.edges().collect())
+    fn edges(&self) -> &Edges {
+        self.edges.get_or_init(|| Edges::new(self.seen.edges().collect()))
     }
 }
 

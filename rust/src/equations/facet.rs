@@ -13,7 +13,7 @@ use crate::mesh::PlaneMesh;
 use crate::mesh::even_mesh::even_mesh;
 #[cfg(feature = "mesh")]
 use crate::mesh::triangulation::{MeshOptions, triangulate};
-use crate::moments::mesh::{mesh_sphere_moments, triangle_plane_moments};
+use crate::moments::mesh::{mesh_sphere_moments, quadrature_count, triangle_plane_moments};
 use crate::moments::plane::{RingMoments, VertexGroups};
 use crate::moments::sphere::spherical_moments;
 use crate::moments::{PlaneMoments, SphereMoments};
@@ -166,6 +166,15 @@ impl Facet {
                 Self { shape: rings_of(world.coarse(), world, origin), ..*self }
             }
             shape => Self { shape: shape.clone(), ..*self },
+        }
+    }
+
+    /// Places whose powers are summed in one evaluation: vertices of its rings, or what a mesh's triangles are sampled at.
+    pub fn place_count(&self, system: System) -> usize {
+        match (&self.shape, system) {
+            (Shape::Rings(rings), _) => rings.iter().map(|ring| ring.vertices.len()).sum(),
+            (Shape::Triangles { triangles, .. }, System::Plane) => 3 * triangles.len(),
+            (Shape::Triangles { triangles, .. }, System::Sphere) => quadrature_count(SUBDIVISION) * triangles.len(),
         }
     }
 

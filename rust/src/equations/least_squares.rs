@@ -5,6 +5,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix6};
 
+use crate::effort;
 use crate::equations::normal_equations::NormalEquations;
 use crate::equations::residual::{RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
@@ -37,6 +38,9 @@ pub enum Termination {
     /// As many evaluations as were allowed.
     #[error("the limit of evaluations was reached")]
     EvaluationLimit,
+    /// As much work as the search may do.
+    #[error("the limit of the search's work was reached")]
+    WorkLimit,
     /// The start is out of view, or every shorter step down the slope leads there.
     #[error("a region left the view")]
     OutOfView,
@@ -201,6 +205,9 @@ impl Descent {
         }
         if gradient.amax() == 0.0 {
             return Some(Termination::RoundOff);
+        }
+        if effort::is_spent() {
+            return Some(Termination::WorkLimit);
         }
         (self.evaluations >= stopping.evaluations).then_some(Termination::EvaluationLimit)
     }

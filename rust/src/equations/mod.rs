@@ -3,6 +3,7 @@
 mod boundary_sums;
 pub mod derivatives;
 pub mod facet;
+pub mod information;
 pub mod least_squares;
 pub mod normal_equations;
 pub mod residual;

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
+use crate::effort;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::normal_equations::{DERIVED, NormalEquations};
 use crate::equations::system::{
@@ -19,10 +20,16 @@ use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
 use crate::moments::pixels::pixel_moments;
 use crate::moments::plane::planar_moments;
 use crate::moments::sphere::spherical_moments;
-use crate::moments::{PlaneMoments, SphereMoments};
+use crate::moments::{MAX_ORDER, PlaneMoments, SphereMoments, plane_count};
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
+
+/// What the powers of a place count as, in edges that are looked at: one for each moment.
+const EDGES_OF_MOMENTS: usize = plane_count(MAX_ORDER);
+
+/// What a vertex counts as whose ring is turned into its chart and checked for crossings, in edges that are looked at.
+const EDGES_OF_VERTEX: usize = 500;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
 #[derive(Debug, Clone)]
@@ -64,8 +71,8 @@ impl RegionEquations {
     /// The equations of an observed region and a world region whose coordinates are taken relative to `origin`.
     ///
     /// # Errors
-    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, or pixel
-    /// sums asked for without pixels.
+    /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, pixel sums asked for
+    /// without pixels, or that nobody waits for it any more.
     pub fn new(
         observed: &ObservedRegion,
         world: &WorldRegion,
@@ -73,6 +80,10 @@ impl RegionEquations {
         system: System,
         integration: Integration,
     ) -> Result<Self> {
+        if effort::is_stopped() {
+            return Err(Error::Stopped);
+        }
+        effort::spend(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
         let pixel = pixel_area.sqrt().recip();
@@ -156,6 +167,7 @@ impl RegionEquations {
     /// The equations at a pose of the centred world, derivatives along the chart's axes; `None` where the region is not wholly
     /// in view of its chart or its plane passes through the camera.
     fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
+        effort::spend(self.work());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let count = self.sides.system.count(weighting);
         self.add_predicted(pose, weighting, &mut rows[..count])?;
@@ -168,6 +180,13 @@ impl RegionEquations {
             Weighting::Uniform => Rows { rows, count },
             Weighting::Whitened => Rows { rows: self.whitening().applied(&rows), count: self.whitening().rank() },
         })
+    }
+
+    /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
+    pub fn work(&self) -> usize {
+        let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);
+        let places: usize = self.facets.iter().map(|facet| facet.place_count(self.sides.system)).sum();
+        places * (EDGES_OF_MOMENTS + beside)
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.

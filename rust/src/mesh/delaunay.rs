@@ -9,7 +9,8 @@ use nalgebra::Vector2;
 use spade::handles::{FixedFaceHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
-use super::PlaneMesh;
+use super::{EDGES_OF_TRIANGLE, PlaneMesh};
+use crate::effort;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 
@@ -62,8 +63,12 @@ pub(super) fn scale_for(largest: f64) -> f64 {
     if largest > 0.0 { (-largest.log2().floor()).exp2() } else { 1.0 }
 }
 
-/// Triangulation of distinct scaled points; vertex k is point k.
+/// Triangulation of distinct scaled points; vertex k is point k. An error where nobody waits for it.
 pub(super) fn constrained(points: &[Vector2<f64>], edges: &[[usize; 2]]) -> Result<Cdt> {
+    if effort::is_stopped() {
+        return Err(Error::Stopped);
+    }
+    effort::spend(EDGES_OF_TRIANGLE * points.len());
     let vertices = points.iter().map(|p| Vertex::from(Point2::new(p.x, p.y))).collect();
     let mut refused = None;
     let cdt = Cdt::try_bulk_load_cdt(vertices, edges.to_vec(), |edge| refused = Some(edge))

@@ -6,7 +6,8 @@ use nalgebra::Vector2;
 use spade::{AngleLimit, RefinementParameters, RefinementResult, Triangulation};
 
 use super::delaunay::{self, Cdt};
-use super::{MOST_TRIANGLES, PlaneMesh};
+use super::{EDGES_OF_TRIANGLE, MOST_TRIANGLES, PlaneMesh};
+use crate::effort;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::rings::predicates::{by_x_then_y, lies_on};
@@ -103,7 +104,9 @@ fn refine(
         .with_max_additional_vertices(budget)
         .with_max_allowed_area(largest);
     for _ in 0..MOST_ROUNDS {
+        let before = cdt.num_vertices();
         let result = cdt.refine(parameters.clone());
+        effort::spend(EDGES_OF_TRIANGLE * (cdt.num_vertices() - before));
         let inside = delaunay::inside_faces(cdt);
         if only_inside && !is_outside_of(&result, &inside) {
             return Ok(false);

@@ -103,6 +103,11 @@ pub fn triangle_sphere_moments([a, b, c]: &[Vector3<f64>; 3], order: usize, subd
     moments
 }
 
+/// Points at which [`triangle_sphere_moments`] takes the powers of bearings.
+pub fn quadrature_count(subdivision: usize) -> usize {
+    subdivision.max(1).pow(2) * triangle_rule().len()
+}
+
 /// Corner (in pieces along both sides) and direction of every piece of a triangle cut `pieces` ways along a side.
 fn piece_corners(pieces: usize) -> impl Iterator<Item = (f64, f64, f64)> {
     let upright = (0..pieces).flat_map(move |i| (0..pieces - i).map(move |j| (i as f64, j as f64, 1.0)));

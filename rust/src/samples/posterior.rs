@@ -7,6 +7,7 @@ use super::labels::{SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::telling::{FINEST, Samples, State};
+use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
@@ -66,7 +67,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
             let State { pose, log_evidence, belief } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
         }
-        blur = (blur * STEP).max(SHARP);
+        blur = if effort::is_spent() { SHARP } else { (blur * STEP).max(SHARP) };
     }
 }
 
@@ -106,13 +107,17 @@ fn blurs() -> impl Iterator<Item = f64> {
     std::iter::successors(Some(SHARP), |blur| Some(blur * STEP)).take_while(|blur| *blur >= FINEST)
 }
 
-/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless.
+/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless; where no effort is
+/// left, those alone that have not been anywhere yet.
 fn go_on<F: Fn(&Pose) -> Gaussian>(
     all: &mut Vec<Going<F>>,
     hopeless: f64,
     next: impl Fn(&Going<F>) -> Option<Setting>,
 ) {
-    all.retain_mut(|one| next(one).is_none_or(|setting| one.go_to(setting).is_some()));
+    all.retain_mut(|one| {
+        let enough = effort::is_spent() && one.best.is_some();
+        enough || next(one).is_none_or(|setting| one.go_to(setting).is_some())
+    });
     let most = all.iter().map(Going::most).fold(f64::NEG_INFINITY, f64::max);
     all.retain(|one| most - one.most() <= hopeless);
 }

@@ -5,12 +5,17 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::propagation::Edge;
 use super::signed_field::SignedField;
+use super::telling::EDGES_OF_ROUND;
+use crate::effort;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::region::WorldRegion;
 
 /// Depth over distance along the chart's axis below which a sample is behind the camera, or nearly.
 const BEHIND: f64 = 0.05;
+
+/// What the reading of a sample counts as, in edges that are looked at: those of the cells around it.
+const EDGES_OF_READING: usize = 16;
 
 /// The observed contour of a region and the samples of its world region.
 #[derive(Debug)]
@@ -92,8 +97,14 @@ impl SampledRegion {
         self.samples.len()
     }
 
+    /// What reading all samples and hearing them once counts as.
+    pub fn work(&self) -> usize {
+        self.count() * (EDGES_OF_READING + EDGES_OF_ROUND)
+    }
+
     /// The sample of a number at a pose about the problem's origin.
     pub fn read(&self, pose: &Pose, number: usize) -> Reading {
+        effort::spend(EDGES_OF_READING);
         let (sample, inside) = &self.samples[number];
         self.reading(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }

@@ -11,6 +11,7 @@ use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propa
 use super::readings::{Reading, SampledRegion};
 use super::stretch::{KINDS, Kind, KindView, Outline, Stretch, View};
 use crate::contour::fit::size;
+use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
@@ -43,6 +44,10 @@ const CLEARLY: f64 = 2.0;
 
 /// How much wider the belief of some samples is taken before all of them have told theirs.
 const WIDER: f64 = 3.0;
+
+/// What a round of propagation counts as for each sample, in edges that are looked at: 6 sweeps over 8 x 8 entries of two
+/// kinds.
+pub(super) const EDGES_OF_ROUND: usize = 6 * 64 * KINDS;
 
 /// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
 const REACH: f64 = 6.0;
@@ -381,6 +386,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// What the telling samples and all else that is known leave possible about a pose.
     fn propagate(&mut self, pose: &Pose, guard: &Gaussian) -> Option<Propagated> {
+        effort::spend(EDGES_OF_ROUND * self.telling.len());
         let known = anchor(&self.start, pose) + (self.others)(pose);
         match self.joined {
             true => propagated(&known, guard, &mut self.telling, &mut self.outlines),
@@ -395,6 +401,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.look(&state, setting);
         let (mut before, mut share) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
+            if round > 0 && effort::is_spent() {
+                break;
+            }
             if whole {
                 self.regress(&state);
             } else if round > 0 {

@@ -15,6 +15,7 @@ use super::symmetry::turned_poses;
 pub use crate::contour::fit::AMBIGUITY;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
 use crate::contour::readings::Contour;
+use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
@@ -129,6 +130,8 @@ pub struct Search {
     pub(crate) answers: Answers,
     /// Where samples of regions are to be led from, about the problem's origin.
     pub(crate) starts: Vec<Pose>,
+    /// Whether it made do with what it had found by the limit of its work.
+    pub(crate) exhausted: bool,
 }
 
 /// Poses about the problem's origin.
@@ -141,8 +144,13 @@ pub(crate) enum Answers {
 }
 
 impl Problem {
-    /// The poses that may be the answer.
+    /// The poses that may be the answer; those found by the limit of its work where that is reached.
     pub fn search(&self, options: &Options) -> Search {
+        let (search, exhausted) = effort::bounded(self.most_work(), || self.searched(options));
+        Search { exhausted, ..search }
+    }
+
+    fn searched(&self, options: &Options) -> Search {
         let mut looks = Looks::new(self, options);
         let poses = match options.start {
             Start::Global => self.global_poses(options, &mut looks),
@@ -159,7 +167,7 @@ impl Problem {
             Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
-        Search { problem, options: *options, answers, starts }
+        Search { problem, options: *options, answers, starts, exhausted: false }
     }
 
     fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {

@@ -3,6 +3,7 @@
 use super::closed_form::{WantedTurns, closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
+use crate::effort;
 use crate::equations::least_squares::{Stopping, minimize};
 use crate::equations::residual::{self, RegionEquations};
 use crate::equations::system::Weighting;
@@ -171,8 +172,12 @@ fn costs_of(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<(f64, Pose)> {
     poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect()
 }
 
-/// Sum of the squared unweighted residuals; infinite where a region is out of view.
+/// Sum of the squared unweighted residuals; infinite where a region is out of view, and the largest number where no effort is
+/// left to look.
 fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
+    if effort::is_spent() {
+        return f64::MAX;
+    }
     residual::cost(regions, pose, Weighting::Uniform).unwrap_or(f64::INFINITY)
 }
 

@@ -4,6 +4,7 @@ use super::candidates::further_poses;
 use super::poses::{apart, distinct};
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
+use crate::effort;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
@@ -75,7 +76,8 @@ impl Problem {
         let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
         let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
         let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= HOPELESS);
-        let all: Vec<Led> = starts.filter_map(|(_, start)| led(regions, others, &start)).collect();
+        let leading = starts.take_while(|_| !effort::is_spent());
+        let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
         let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
         posteriors(regions, others, &likely, HOPELESS)

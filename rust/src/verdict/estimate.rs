@@ -4,12 +4,14 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicts, log_odds};
+use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
-use crate::equations::least_squares::Minimum;
+use crate::effort;
+use crate::equations::information::{Information, free, honest};
+use crate::equations::least_squares::{Minimum, Termination};
 use crate::equations::residual::normal_equations;
 use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
@@ -47,8 +49,7 @@ pub struct Solution {
     pub fit: ContourFit,
     /// What the samples show there; `None` where no region has any.
     pub posterior: Option<Posterior>,
-    /// Area of the symmetric difference over the observed area, all regions together (the paper's delta); NaN where a region
-    /// cannot be projected.
+    /// Area of the symmetric difference over the observed area, all regions together (the paper's delta).
     pub overlap_error: f64,
     /// The same, region by region.
     pub region_overlap_errors: Vec<f64>,
@@ -56,6 +57,13 @@ pub struct Solution {
     pub covariance: Matrix6<f64>,
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
+}
+
+impl Solution {
+    /// What ended its least squares before a minimum, if anything did.
+    fn unconverged(&self) -> Option<&Termination> {
+        self.minimum.as_ref().filter(|minimum| !minimum.converged).map(|minimum| &minimum.termination)
+    }
 }
 
 /// The pose of a camera, and what is known of it.
@@ -102,7 +110,8 @@ impl Problem {
     /// `None` where no pose shows every region in its chart.
     pub fn estimate_with(&self, options: &Options) -> Option<Estimate> {
         let search = self.search(options);
-        let minima = search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
+        let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
+        let (minima, _) = effort::bounded(self.most_work(), solved);
         search.judged(minima)
     }
 }
@@ -111,7 +120,8 @@ impl Search {
     /// The verdict, with the minima that any driver found from the candidates.
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let places = likely(&self.problem, self.answers(minima), &self.options.prior);
+        let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
+        let places = likely(&self.problem, answers, &self.options.prior);
         let best = places.first()?;
         let evidence = best.evidence(&self.problem);
         let noise = match (&best.posterior, &best.minimum) {
@@ -126,7 +136,8 @@ impl Search {
         });
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
-        let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options.prior);
+        let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
+        let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options.prior, ended);
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
         Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations })
     }
@@ -148,7 +159,7 @@ impl Search {
         let step = self.problem.few();
         let place = |posterior: Posterior| {
             let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
-            let (pose, covariance) = (self.problem.uncentred(&posterior.pose), posterior.covariance);
+            let (pose, covariance) = (self.problem.uncentred(&posterior.pose), honest(&posterior.covariance));
             Some(Place { pose, minimum: None, fit, posterior: Some(posterior), covariance, against: 0.0 })
         };
         let led: Vec<Place> = posteriors.into_iter().filter_map(place).collect();
@@ -165,7 +176,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = moment_covariance(problem, &minimum);
+            let covariance = honest(&moment_covariance(problem, &minimum));
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -173,7 +184,7 @@ impl Search {
             Answers::Moments(_) => &[],
         };
         let led = led.iter().map(|fit| {
-            let covariance = covariance(contours, fit);
+            let covariance = honest(&covariance(contours, fit));
             Place {
                 pose: problem.uncentred(&fit.pose),
                 minimum: None,
@@ -257,14 +268,14 @@ impl Place {
 
 /// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
 fn moment_covariance(problem: &Problem, minimum: &Minimum) -> Matrix6<f64> {
-    let free = Matrix6::from_element(f64::INFINITY);
     let evaluated = || {
         let pose = problem.centred(&minimum.pose);
         normal_equations(problem.regions(), &pose, Weighting::Whitened).map(|equations| equations.information)
     };
     let variance = problem.estimated_variance(minimum.cost);
-    let factor = minimum.information.or_else(evaluated).and_then(Matrix6::cholesky);
-    factor.map_or(free, |cholesky| cholesky.inverse() * variance)
+    let information = minimum.information.or_else(evaluated);
+    let held = information.and_then(|information| Information::holding(&information));
+    held.map_or_else(free, |information| information.covariance() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
@@ -273,15 +284,12 @@ fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
     Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence }
 }
 
-/// Area of the symmetric difference over the observed area, of all regions together and of each; NaN where a region cannot be
-/// projected.
+/// Area of the symmetric difference over the observed area, of all regions together and of each.
 pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
     let pairs = problem.regions().iter().zip(problem.worlds());
-    let areas: Vec<Option<OverlapAreas>> = pairs.map(|(region, world)| region_overlap(region, world, pose)).collect();
-    let ratio = |areas: Option<OverlapAreas>| areas.map_or(f64::NAN, |areas| areas.error());
-    let sum = |sum: OverlapAreas, areas: &Option<OverlapAreas>| areas.map(|areas| sum + areas);
-    let total = areas.iter().try_fold(OverlapAreas::default(), sum);
-    (ratio(total), areas.into_iter().map(ratio).collect())
+    let areas: Vec<OverlapAreas> = pairs.map(|(region, world)| region_overlap(region, world, pose)).collect();
+    let total = areas.iter().fold(OverlapAreas::default(), |sum, areas| sum + *areas);
+    (total.error(), areas.iter().map(OverlapAreas::error).collect())
 }
 
 fn warnings(
@@ -290,11 +298,10 @@ fn warnings(
     alternatives: &[Solution],
     evidence: &Evidence,
     prior: &Prior,
+    ended: Option<&Termination>,
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    if let Some(minimum) = best.minimum.as_ref().filter(|minimum| !minimum.converged) {
-        warnings.push(Warning::NotConverged { termination: minimum.termination.clone() });
-    }
+    warnings.extend(ended.map(|termination| Warning::NotConverged { termination: termination.clone() }));
     let mut others: Vec<Way> = alternatives.iter().map(|other| way(&best.pose, &other.pose)).collect();
     others.sort_by(|a, b| a.degrees.total_cmp(&b.degrees));
     if !others.is_empty() {
@@ -318,6 +325,7 @@ fn warnings(
 /// better than nothing and, unless the pose is trusted, those of which a part lies elsewhere.
 fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
     let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
+    let contradicted = contradicted(&best.fit);
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
     let needed = (odds.len() - 1).min(2);
     let others_of = |region: usize| {
@@ -337,7 +345,7 @@ fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warnin
                 let percent = 100.0 * shares[region];
                 warnings.push(Warning::OutlierRegion { region, percent, others: 100.0 * others });
             }
-            _ if trusted && error < NOT_SHOWN => {}
+            _ if trusted && error < NOT_SHOWN && !contradicted[region] => {}
             _ => warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error }),
         }
     }

@@ -30,6 +30,16 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
 }
 
+/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it.
+pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
+    let shares = fit.clean_shares();
+    let cleanest = |region: usize| {
+        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
+        others.reduce(f64::max).unwrap_or(0.0)
+    };
+    (0..shares.len()).map(|region| shares[region] + HALF < cleanest(region)).collect()
+}
+
 /// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
 const MISLABELLED: f64 = 0.1;
 const ELSEWHERE: f64 = 0.5;

@@ -20,8 +20,8 @@ pub enum Warning {
         /// From the best pose to each of the others, the nearest first.
         others: Vec<Way>,
     },
-    /// The least squares did not end at a minimum.
-    #[error("the least squares did not converge: {termination}")]
+    /// The search or its least squares did not end at a minimum.
+    #[error("the search did not converge: {termination}")]
     NotConverged {
         /// Why it ended.
         termination: Termination,

@@ -65,6 +65,11 @@ impl Border {
         &self.on_border
     }
 
+    /// Edges of the visible part.
+    pub fn edge_count(&self) -> usize {
+        self.visible.iter().map(Vec::len).sum()
+    }
+
     /// What the image shows of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
     /// they turn the other way and are turned round.
     pub fn clipped(&self, mut rings: Vec<Vec<Vector2<f64>>>) -> (Clipped, f64) {

@@ -30,7 +30,8 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// The chart of an observed region and its rings in the chart, oriented, with unit area.
+    /// The chart of an observed region and its rings in the chart, oriented, with unit area: to 1e-12 times the squared diameter
+    /// there, which is large of needles.
     ///
     /// # Errors
     /// Bearings that are zero or not finite, crossing rings, or a region that does not fit 87 degrees around any axis.

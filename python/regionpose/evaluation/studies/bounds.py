@@ -81,7 +81,7 @@ def undisturbed_pieces(problem: Problem) -> tuple[Array, Array]:
     """
     scene = problem.scene
     pose = Pose(Rotation.from_matrix(scene.rotation), scene.translation)
-    right = [place for place in range(len(problem.kept)) if place != problem.wrong]
+    right = [place for place in range(len(problem.kept)) if place not in problem.wrong]
     if not right:
         return np.zeros(0), np.zeros((0, 6))
     images = [problem.image_regions[place] for place in right]

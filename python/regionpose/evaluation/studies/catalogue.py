@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typing
 
-from regionpose.evaluation.studies.conditions import Grid, NoiseModel
+from regionpose.evaluation.studies.conditions import Grid, Mistake, NoiseModel
+from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
 from regionpose.evaluation.studies.mixes import DRAWN, draw_mixed_problem
 from regionpose.evaluation.studies.study import Chart, Study
 
@@ -165,6 +166,14 @@ _ALL = (
         ],
         problem=draw_mixed_problem,
         drawn=DRAWN,
+    ),
+    Study(
+        "mistakes",
+        "Whether the verdict tells what users get wrong: swapped, mirrored or replaced regions, rough corners.",
+        [{"camera": ("perspective", "fisheye"), "mistake": typing.get_args(Mistake)}],
+        [Chart("sorted", lines="mistake", panels="camera"), Chart("confidence", lines="mistake", panels="camera")],
+        problem=draw_mistaken_problem,
+        drawn=("planes",),
     ),
     Study(
         "priors",

@@ -25,6 +25,19 @@ NoiseModel = Literal[
     "exact", "squares-2d", "squares-3d", "occlusion", "truncation", "lidar", "calibration", "wrong-region", "combined"
 ]
 
+Mistake = Literal[
+    "none",
+    "frontal",
+    "mirrored",
+    "swapped-2",
+    "swapped-3",
+    "swapped-4",
+    "replaced",
+    "rounded",
+    "focal",
+    "rough",
+]
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -41,9 +54,10 @@ class Condition:
     the image marked as unknown. `focal_error` (a
     share) and `center_error_px`: standard deviations of the calibration that the estimate is given. `wrong`: one
     region, drawn by the seed, is another template's ("shape") or lies elsewhere ("place"), on `side`. `model`: what is
-    disturbed where the seed draws how much (`mixes.py`). `grazing_deg`: angle between the first plane and the line of
-    sight; `turn_deg`: turn of the first plane in itself. `prior`: what the estimate is told of the pose beforehand, off
-    by the deviations that it is told. `solver`: options of `estimate_pose`, as "integration=mesh system=sphere".
+    disturbed where the seed draws how much (`mixes.py`). `mistake`: what a user got wrong (`mistakes.py`).
+    `grazing_deg`: angle between the first plane and the line of sight; `turn_deg`: turn of the first plane in itself.
+    `prior`: what the estimate is told of the pose beforehand, off by the deviations that it is told. `solver`: options
+    of `estimate_pose`, as "integration=mesh system=sphere".
     """
 
     camera: str = "perspective"
@@ -65,6 +79,7 @@ class Condition:
     center_error_px: float = 0.0
     wrong: Wrong = "none"
     model: NoiseModel = "exact"
+    mistake: Mistake = "none"
     grazing_deg: float | None = None
     turn_deg: float | None = None
     prior: Known = "nothing"

@@ -76,8 +76,8 @@ class Problem:
     `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
     halves or that a lidar hits too rarely. `image_change`, `world_change`: area of the symmetric difference between the
     given and the true regions over the true area, as measured; a wrong region counts by its own disturbance alone.
-    `wrong`: place of the wrong region among those given. `prior`: what is known of the pose beforehand. `drawn`: fields
-    of the condition that the seed decided.
+    `wrong`: places of the wrong regions among those given. `prior`: what is known of the pose beforehand. `drawn`:
+    fields of the condition that the seed decided.
     """
 
     scene: Scene
@@ -87,7 +87,7 @@ class Problem:
     kept: list[int]
     image_change: float
     world_change: float
-    wrong: int | None = None
+    wrong: tuple[int, ...] = ()
     prior: Prior | None = None
     drawn: Mapping[str, Value] = field(default_factory=dict)
 
@@ -114,7 +114,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
         list(worlds),
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
         float(np.mean(changes)),
-        list(worlds).index(wrong) if wrong in worlds else None,
+        (list(worlds).index(wrong),) if wrong in worlds else (),
         known_beforehand(scene, condition, problem_generator(seed, "prior")),
     )
 

@@ -40,6 +40,9 @@ ANSWER_TYPES: dict[str, type] = {
 OUTLIER = re.compile(r"outlier-region: region (\d+) ")
 """The warning that a region is wrong, and the region's number."""
 
+NAMED = re.compile(r"(?:outlier-region|poor-overlap): region (\d+) ")
+"""Warnings that a region is not where the pose shows it, and the region's number."""
+
 NEAREST = "nearest_"
 """What the columns of the nearest answer begin with; those of the pose itself have the bare names."""
 
@@ -53,6 +56,9 @@ RESULT_TYPES: dict[str, type] = {
     "warnings": str,
     "input_warnings": str,
     "outlier_named": str,
+    "regions_wrong": int,
+    "regions_untold": int,
+    "regions_accused": int,
     "confidence": float,
     "observed_overlap_error": float,
     "boundary_noise_px": float,
@@ -90,6 +96,7 @@ def solved_row(
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
     codes = [warning.code for warning in estimate.warnings]
+    named = regions_named(estimate, NAMED)
     return {
         "error": "",
         **judged(problem, answers[0]),
@@ -99,6 +106,8 @@ def solved_row(
         "ambiguous": "ambiguous" in codes,
         "warnings": ";".join(codes),
         "outlier_named": outlier_named(problem, estimate),
+        "regions_untold": len(set(problem.wrong) - named),
+        "regions_accused": len(named - set(problem.wrong)),
         "confidence": float(estimate.confidence),
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise_px),
@@ -115,12 +124,17 @@ def solved_row(
 
 
 def outlier_named(problem: Problem, estimate: PoseEstimate) -> str:
-    """What the warnings say of a wrong region: "none" named, the "right" one and no other, or any "wrong" one."""
-    found = [OUTLIER.match(str(warning)) for warning in estimate.warnings]
-    named = {int(match.group(1)) for match in found if match}
+    """What the warnings say of wrong regions: "none" named, the "right" ones and no other, or any "wrong" one."""
+    named = regions_named(estimate, OUTLIER)
     if not named:
         return "none"
-    return "right" if named == {problem.wrong} else "wrong"
+    return "right" if named == set(problem.wrong) else "wrong"
+
+
+def regions_named(estimate: PoseEstimate, pattern: re.Pattern[str]) -> set[int]:
+    """The regions that warnings of a pattern name."""
+    found = [pattern.match(str(warning)) for warning in estimate.warnings]
+    return {int(match.group(1)) for match in found if match}
 
 
 def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
@@ -197,8 +211,11 @@ def _drawn(problem: Problem) -> Row:
     return {
         **problem.drawn,
         "templates_drawn": ";".join(problem.scene.names),
-        "templates_right": ";".join(problem.scene.names[i] for k, i in enumerate(problem.kept) if k != problem.wrong),
+        "templates_right": ";".join(
+            problem.scene.names[i] for k, i in enumerate(problem.kept) if k not in problem.wrong
+        ),
         "regions_given": len(problem.kept),
+        "regions_wrong": len(problem.wrong),
         "view_angle_deg": float(problem.scene.view_angles()[0]),
         "image_change": problem.image_change,
         "world_change": problem.world_change,

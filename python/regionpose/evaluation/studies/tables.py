@@ -12,7 +12,7 @@ from regionpose.evaluation.studies.conditions import Value
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
-from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows
+from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
 
 SHOWN_ERRORS = 5
 """Different error texts that are listed, the most frequent first."""
@@ -31,7 +31,7 @@ def results_table(results: Results, title: str = "") -> str:
     heading = [f"# {title}", ""] if title else []
     parts = [*heading, *_answer_table(results, "Pose", BEST_NOTE, "")]
     parts += ["", *_answer_table(results, "Nearest answer", NEAREST_NOTE, NEAREST)]
-    parts += ["", *_verdict_table(results), "", *_confidence_table(results)]
+    parts += ["", *_verdict_table(results), *_mistakes_table(results), "", *_confidence_table(results)]
     parts += ["", *_coverage_table(results), *_bound_table(results)]
     return "\n".join([*parts, *_silent(results), *_failures(results), *_remarks(results)]) + "\n"
 
@@ -110,6 +110,27 @@ def _verdict_cells(group: Results, outliers: bool) -> list[str]:
     counts = [found.scenes, found.right, found.right_warned, found.false_alarms]
     counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
     return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
+
+
+MISTAKES_NOTE = (
+    f"Per thousand problems: poses wrong beyond {WRONG_DEG:g} deg, those without any warning, those that are not"
+    " wrong while no warning names a wrong region, and right poses. False alarms per thousand right poses."
+)
+
+
+def _mistakes_table(results: Results) -> list[str]:
+    """Silent poses and untold regions by mistake, where there are several."""
+    if len(results.values("mistake")) < 2:
+        return []
+    heads = ["mistake", "problems", "wrong", "silent", "untold", "right", "false alarms"]
+    lines = [_line(heads), _line(["---"] * len(heads))]
+    for values, group in results.groups(["mistake"]):
+        found, count = Verdicts.of(group), len(group.rows)
+        rates = [(found.wrong, count), (found.wrong_silent, count), (len(untold_rows(group)), count)]
+        rates += [(found.right, count), (found.false_alarms, found.right)]
+        shown = [f"{1000.0 * part / max(whole, 1):.1f}" for part, whole in rates]
+        lines.append(_line([str(values["mistake"]), str(count), *shown]))
+    return ["", "## Mistakes", "", MISTAKES_NOTE, "", *lines]
 
 
 CONFIDENCE_NOTE = (

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from regionpose.evaluation.studies.rows import Results, Row
-from regionpose.evaluation.templates import template_named
+from regionpose.evaluation.templates import is_symmetric
 
 RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 """Rotation error of the pose below which it is right, and from which on it is wrong."""
 
-AMBIGUOUS, OUTLIER = "ambiguous", "outlier-region"
-"""Codes of warnings that may have a cause in the problem itself."""
+AMBIGUOUS = "ambiguous"
+REGION_CODES = {"outlier-region", "poor-overlap"}
+"""Codes of warnings that may have a cause in the problem itself: symmetric shapes, and regions that are wrong."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +62,21 @@ def silent_rows(results: Results) -> list[Row]:
     return [r for r in results.rows if not r["error"] and not r["warnings"] and not _rotation(r) < WRONG_DEG]
 
 
+def untold_rows(results: Results) -> list[Row]:
+    """The rows of poses that are not wrong, with a wrong region that no warning names."""
+    return [r for r in results.rows if not r["error"] and r["regions_untold"] and _rotation(r) < WRONG_DEG]
+
+
 def is_false_alarm(row: Row) -> bool:
     """Whether a right pose has a warning without cause.
 
-    Right regions that are all symmetric fit from several poses, and a wrong region is to be named.
+    Right regions that are all symmetric fit from several poses, and wrong regions are to be named, but no other.
     """
     codes, names = (set(str(row[column]).split(";")) - {""} for column in ("warnings", "templates_right"))
-    if all(template_named(name).symmetric for name in names):
+    if all(is_symmetric(name) for name in names):
         codes -= {AMBIGUOUS}
-    if row["outlier_named"] == "right":
-        codes -= {OUTLIER}
+    if row["regions_wrong"] and not row["regions_accused"]:
+        codes -= REGION_CODES
     return bool(codes)
 
 

@@ -1,0 +1,222 @@
+//! What random inputs found: each is refused, bounded, or has a finite answer that says what is wrong.
+
+mod support;
+
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use nalgebra::{Rotation3, Vector2, Vector3};
+use regionpose::effort;
+use regionpose::equations::system::Weighting;
+use regionpose::geometry::rings::PlaneRings;
+use regionpose::mesh::MOST_TRIANGLES;
+use regionpose::mesh::even_mesh::even_mesh;
+use regionpose::mesh::triangulation::{MeshOptions, triangulate};
+use regionpose::problem::MOST_LOOKS;
+use regionpose::search::candidates::Options;
+use regionpose::verdict::estimate::overlap_errors;
+use regionpose::view::chart::Chart;
+use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
+use support::random::Random;
+use support::scene::{Layout, Scene, regular, star};
+
+/// A refusal comes before the work: far sooner than any mesh of so many triangles.
+const AT_ONCE: Duration = Duration::from_millis(100);
+
+fn needle(width: f64) -> PlaneRings {
+    PlaneRings::new(vec![[[0.0, 0.0], [1.0, 0.3], [1.0, 0.3 + width], [0.0, width]].map(Vector2::from).to_vec()])
+        .unwrap()
+}
+
+/// Its area asks for short edges, its length for very many of them.
+#[test]
+fn an_even_mesh_of_a_needle_is_refused_before_any_work() {
+    for width in [1e-9, 1e-11] {
+        let region = needle(width);
+        let start = Instant::now();
+        let message = even_mesh(&region, region.area().sqrt() / 8.0).unwrap_err().to_string();
+        assert!(message.contains(&format!("more than {MOST_TRIANGLES} triangles")), "{message}");
+        assert!(start.elapsed() < AT_ONCE);
+    }
+}
+
+/// Edges far longer than the region is wide: a few of them are a mesh, thousands next to one another take their square.
+#[test]
+fn an_even_mesh_of_a_region_thinner_than_its_edges_is_bounded() {
+    let region = needle(1e-6);
+    let mesh = even_mesh(&region, 2e-3).unwrap();
+    assert!((mesh.area() / region.area() - 1.0).abs() < 1e-9);
+    let start = Instant::now();
+    let message = even_mesh(&region, 2e-4).unwrap_err().to_string();
+    assert!(message.contains("longer: the region is thinner"), "{message}");
+    assert!(start.elapsed() < AT_ONCE);
+}
+
+#[test]
+fn a_refined_mesh_has_a_bound_on_its_vertices() {
+    let region = needle(1e-4);
+    let start = Instant::now();
+    let options = MeshOptions { min_angle: Some(30.0), ..MeshOptions::default() };
+    assert!(triangulate(&region, options).map_or(true, |mesh| mesh.vertices.len() <= MOST_TRIANGLES));
+    assert!(start.elapsed() < Duration::from_secs(30));
+}
+
+fn scene(regions: usize) -> Scene {
+    Scene::random(&mut Random::new(61), Layout { regions, ..Layout::default() })
+}
+
+/// At poses that show a region in part, from its own plane or from behind, errors are numbers.
+#[test]
+fn overlap_errors_are_finite_at_any_pose() {
+    let mut random = Random::new(62);
+    let scene = scene(2);
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    for _ in 0..300 {
+        let pose = Pose::new(random.rotation(), random.direction() * random.uniform(0.0, 8.0));
+        let (all, each) = overlap_errors(&problem, &pose);
+        assert!(all.is_finite() && all >= 0.0 && each.iter().all(|error| error.is_finite() && *error >= 0.0));
+    }
+    let (all, each) = overlap_errors(&problem, &scene.pose);
+    assert!(all < 1e-9 && each.iter().all(|error| *error < 1e-9));
+}
+
+/// Turned away by half a turn, nothing of any region is shown.
+#[test]
+fn a_pose_that_looks_away_misses_all_of_every_region() {
+    let scene = scene(2);
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let across = scene.observed[0].rings[0][0].cross(&scene.observed[1].rings[0][0]).normalize();
+    let away = Pose::new(Rotation3::from_scaled_axis(across * 2.0 * FRAC_PI_2), Vector3::zeros()).after(&scene.pose);
+    assert_eq!(overlap_errors(&problem, &away), (1.0, vec![1.0, 1.0]));
+}
+
+/// Regions of a micrometre and a kilometre, seen once and twice, from any side.
+#[test]
+fn covariances_are_symmetric_and_positive_or_infinite_with_a_warning() {
+    let mut random = Random::new(63);
+    for case in 0..60 {
+        let unit = 10.0_f64.powf(random.uniform(-13.0, 6.0));
+        let tilt = [[0.0, 1e-6], [0.3, 0.9], [1.5, 1.57]][case % 3];
+        let layout = Layout { regions: 1 + case % 2, unit, tilt, vertices: 4, ..Layout::default() };
+        let scene = Scene::random(&mut random, layout);
+        let Ok(problem) = Problem::new(&scene.observed, &scene.worlds) else { continue };
+        let Some(estimate) = problem.estimate() else { continue };
+        let covariance = estimate.best.covariance;
+        if covariance.iter().all(|entry| *entry == f64::INFINITY) {
+            assert!(estimate.warnings.iter().any(|warning| warning.code() == "weak-geometry"), "case {case}");
+            continue;
+        }
+        let deviations = covariance.diagonal().map(f64::sqrt);
+        assert!(deviations.iter().all(|deviation| *deviation > 0.0), "case {case}: {covariance}");
+        assert_eq!(covariance, covariance.transpose());
+        let correlation = covariance.component_div(&(deviations * deviations.transpose()));
+        assert!(correlation.cholesky().is_some(), "case {case}: {correlation}");
+    }
+}
+
+#[test]
+fn empty_lines_of_a_border_are_refused_by_name() {
+    let scene = scene(1);
+    let refused = |borders: Vec<Vec<Vector3<f64>>>, hidden: Vec<Vec<Vector3<f64>>>| {
+        let observed = ObservedRegion { borders, hidden, ..scene.observed[0].clone() };
+        Problem::new(&[observed], &scene.worlds).unwrap_err().to_string()
+    };
+    let message = refused(vec![Vec::new()], Vec::new());
+    assert!(message.starts_with("region 0: ") && message.contains("border"), "{message}");
+    let message = refused(Vec::new(), vec![Vec::new()]);
+    assert!(message.starts_with("region 0: ") && message.contains("hidden"), "{message}");
+}
+
+/// A needle is a thousand times as long as its area is wide: the area is one to what its length allows.
+#[test]
+fn charts_have_unit_area_to_the_rounding_of_their_extent() {
+    for width in [1.0, 1e-3, 1e-6, 1e-9] {
+        let corners = [[-0.3, -0.1], [0.3, 0.1], [0.3, 0.1 + width * 0.1], [-0.3, -0.1 + width * 0.1]];
+        let bearings = corners.map(|[x, y]| Vector3::new(x, y, 1.0)).to_vec();
+        let (_, rings) = Chart::of(&[bearings]).unwrap();
+        let (lower, upper) = rings.bounds();
+        assert!((rings.area() - 1.0).abs() < 1e-12 * (upper - lower).norm_squared().max(1.0), "{width}");
+    }
+}
+
+/// Outlines of very many corners that have nothing to do with what is seen: a search without an end in sight.
+fn hopeless(vertices: usize) -> Problem {
+    let mut random = Random::new(64);
+    let plane = Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.3, 1.2, 0.1)), Vector3::new(0.1, 0.2, 3.0));
+    let mut pair = || {
+        let known: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
+        let seen: Vec<_> = star(&mut random, vertices, 0.5).iter().map(|p| p.push(3.0)).collect();
+        (ObservedRegion::new(vec![seen], 1e5), WorldRegion::from_rings(&[known]).unwrap())
+    };
+    let (observed, worlds): (Vec<_>, Vec<_>) = (0..3).map(|_| pair()).unzip();
+    Problem::new(&observed, &worlds).unwrap()
+}
+
+/// The same work within the same bound: the same answer.
+#[test]
+fn a_search_that_spends_its_work_answers_with_what_it_found_and_says_so() {
+    let problem = hopeless(40);
+    let estimates = [(); 2].map(|()| effort::bounded(2_000_000, || problem.estimate()));
+    for (estimate, spent) in &estimates {
+        let estimate = estimate.as_ref().expect("a pose found before the end");
+        assert!(*spent && estimate.best.pose.translation.iter().all(|x| x.is_finite()));
+        let messages: Vec<String> = estimate.warnings.iter().map(|warning| warning.to_string()).collect();
+        assert!(estimate.warnings.iter().any(|warning| warning.code() == "not-converged"), "{messages:?}");
+        assert!(messages.iter().any(|message| message.contains("the limit of the search's work")), "{messages:?}");
+    }
+    let [first, second] = estimates.map(|(estimate, _)| estimate.unwrap().best.pose);
+    assert_eq!(first, second);
+}
+
+#[test]
+fn a_search_that_nobody_waits_for_ends() {
+    let problem = hopeless(200);
+    let gone = Arc::new(AtomicBool::new(false));
+    let stop: effort::Stop = {
+        let gone = gone.clone();
+        Arc::new(move || gone.swap(true, Ordering::Relaxed))
+    };
+    assert!(effort::interruptible(stop, || problem.search(&Options::default())).is_none());
+    assert!(gone.load(Ordering::Relaxed));
+}
+
+/// Each triangle is sampled at 28 points, and takes as long.
+#[test]
+fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
+    let scene = scene(1);
+    let work = |system: System, integration: Integration| {
+        let problem = scene.problem(system, integration);
+        effort::counted(|| problem.evaluate(&scene.pose, Weighting::Uniform)).1
+    };
+    let mesh = Integration::Mesh { size: Some(0.1) };
+    assert!(work(System::Sphere, mesh) > 9 * work(System::Plane, mesh));
+    assert!(work(System::Plane, mesh) > work(System::Plane, Integration::Boundary));
+}
+
+/// A stop that is heard at the first question.
+fn at_once() -> effort::Stop {
+    Arc::new(|| true)
+}
+
+#[test]
+fn a_mesh_that_nobody_waits_for_is_not_made() {
+    let region = PlaneRings::new(vec![star(&mut Random::new(66), 40, 1.0)]).unwrap();
+    let mut made = None;
+    let meshes = || (0..2).for_each(|_| made = Some(even_mesh(&region, 0.01)));
+    assert!(effort::interruptible(at_once(), meshes).is_none());
+    assert_eq!(made, Some(Err(Error::Stopped)));
+}
+
+/// Ordinary problems are far from the bound.
+#[test]
+fn ordinary_searches_spend_a_small_part_of_what_they_may() {
+    let shapes = |count: usize| vec![vec![regular(64, 1.0)]; count];
+    let discs = (1..3).map(|count| Scene::of_shapes(&mut Random::new(65), shapes(count), Layout::default()));
+    for (place, scene) in (1..4).map(scene).chain(discs).enumerate() {
+        let problem = scene.problem(System::Plane, Integration::Boundary);
+        let (estimate, work) = effort::counted(|| problem.estimate());
+        assert!(estimate.is_some() && work < MOST_LOOKS / 10 * problem.work(), "{place}: {work} of {}", problem.work());
+    }
+}
