@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint fuzz soak bench clean
+.PHONY: demo test lint fuzz soak docs bench clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -38,6 +38,11 @@ fuzz: $(STAMP)
 soak: $(STAMP)
 	$(BIN)/python fuzz/soak.py
 
+# The site, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
+docs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(BIN)/python -m sphinx -b html -W --keep-going --quiet docs docs/_build/html
+
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
 	$(BIN)/python benchmarks/speed.py
@@ -66,4 +71,4 @@ $(STAMP): $(SOURCES)
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) target demo results
+	rm -rf $(VENV) target demo results docs/_build docs/gallery docs/reference/api

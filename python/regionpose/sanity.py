@@ -62,7 +62,7 @@ def check_regions(
     world_regions: Sequence[WorldRegion],
     image_size: tuple[int, int] | None = None,
 ) -> tuple[PoseWarning, ...]:
-    """What speaks against the two sides of each pair of regions, before a pose is looked for.
+    """Warnings about regions before a pose is estimated: doubles, leaked masks, odd units.
 
     `coincident-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
     covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as metres hardly
@@ -90,7 +90,7 @@ def check_regions(
 
 
 def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
-    """What speaks against a camera without a size having taken a photo.
+    """A warning where a calibration without a size does not seem to be that of a photo.
 
     `odd-center`: its optical axis meets the photo outside of the middle third, as that of a calibration for photos of
     another size.
@@ -131,7 +131,7 @@ def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
         return ()
     text = (
         "the cloud's file states a unit of {unit_m:.7g} m: multiply its coordinates, and those of the scene, by that,"
-        " else what is said in metres is wrong"
+        " otherwise all lengths in metres are wrong"
     )
     return (PoseWarning("odd-unit", text, values={"unit_m": factor}),)
 
@@ -223,7 +223,7 @@ def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
         text = (
             "the world side of {0} would be {size_m:.0f} m across (the root of its area): the coordinates look like"
             " millimetres, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
-            " by {unit_m:g}, else what is said in metres is wrong"
+            " by {unit_m:g}, otherwise all lengths in metres are wrong"
         )
         values = {"size_m": size, "in_millimeters_m": MILLIMETER * size, "unit_m": MILLIMETER}
         yield PoseWarning("odd-unit", text, (index,), values)

@@ -242,7 +242,7 @@ def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pyte
         *("--pose", demo_out / "result.json", "--pose", tmp_path / "back.npy"),
     )
     assert code == 0 and json.loads(said)["images"] == 2
-    assert "colours of image 1 of 2 ..." in err and "colours of image 2 of 2, about" in err and "s left ..." in err
+    assert "colors of image 1 of 2 ..." in err and "colors of image 2 of 2, about" in err and "s left ..." in err
     points = read_cloud(files / "cloud.ply").points
     colors, visible = blend_colors(points, [View(image, camera, pose), View(255 - image, camera, back)])
     cloud = read_cloud(out)

@@ -1,6 +1,6 @@
 """Central cameras: maps between pixels and bearings.
 
-Pixels are OpenCV's: the integer (0, 0) is the centre of the first pixel, x right, y down. Camera axes are x right,
+Pixels are OpenCV's: the integer (0, 0) is the center of the first pixel, x right, y down. Camera axes are x right,
 y down, z along the optical axis.
 """
 

@@ -22,7 +22,7 @@ LIMIT_SLACK = 1e-12
 
 
 class Camera(ABC):
-    """A central camera: every pixel sees along one ray through the camera centre."""
+    """A central camera: every pixel sees along one ray through the camera center."""
 
     width: int | None
     height: int | None

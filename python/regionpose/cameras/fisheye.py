@@ -27,10 +27,11 @@ from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, firs
 
 @dataclass(frozen=True)
 class FisheyeCamera(Camera):
-    """Fisheye camera: a ray at angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + ... + k4 t^8)`.
+    """The fisheye camera of Kannala and Brandt, as OpenCV's fisheye module has it.
 
-    The distance is on the plane that focal lengths and center map to the image (Kannala and Brandt 2006, radially
-    symmetric part, as in OpenCV's fisheye module; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to the fold
+    A ray at the angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`,
+    on the plane that focal lengths and center map to the image (Kannala and Brandt 2006, radially
+    symmetric part; docs/math.md, eq. 9.6). Angles reach beyond 90 degrees, to the fold
     of the polynomial or to 180 degrees.
 
     Parameters
@@ -110,7 +111,7 @@ class FisheyeCamera(Camera):
         return False
 
     def _radius(self, angle: Array) -> tuple[Array, Array]:
-        """Distance from the centre before the focal lengths, and its derivative by the angle."""
+        """Distance from the center before the focal lengths, and its derivative by the angle."""
         factor = np.asarray([1.0, *self.distortion])
         square = angle * angle
         value = polynomial(factor, square)

@@ -26,7 +26,9 @@ SMALLEST_DETERMINANT = 1e-6
 
 @dataclass(frozen=True)
 class OcamCamera(Camera):
-    """Omnidirectional camera whose bearings are a polynomial over the image plane (paper, section 2, eq. 1 to 4).
+    """The omnidirectional camera of Scaramuzza: bearings are a polynomial over the image plane, as in OCamCalib.
+
+    It is the camera of the paper, section 2, eq. 1 to 4.
 
     A pixel is `center + stretch (x, y)`, x right and y down in pixels; it sees along `(x, y, g(rho))`, `rho = |(x,
     y)|`, `g = a0 + a1 rho + a2 rho^2 + ...`: z is forward (docs/math.md, eq. 9.7). Rays may leave by more than 90

@@ -25,7 +25,9 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 
 @dataclass(frozen=True)
 class PinholeCamera(Camera):
-    """Perspective camera, `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
+    """The perspective camera with OpenCV's distortion.
+
+    `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
 
     See docs/math.md, eq. 9.1. Pixels are OpenCV's: an integer is a pixel's center.
 

@@ -1,4 +1,4 @@
-"""The unified camera of Mei and Rives: a sphere seen by a perspective camera shifted off its centre."""
+"""The unified camera of Mei and Rives: a sphere seen by a perspective camera shifted off its center."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ from regionpose.cameras.distortion import RadialTangential, distortion_of
 
 @dataclass(frozen=True)
 class UnifiedCamera(Camera):
-    """Unified camera: the point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)`.
+    """The unified camera of Mei and Rives, as Kalibr's omni and OpenCV's omnidir have it.
 
-    Mei and Rives 2007 (docs/math.md, eq. 9.8); Kalibr's omni and OpenCV's omnidir model. Directions are seen up to `z =
-    -xi` when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or up to the fold of the distortion.
+    The point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)` (Mei and Rives 2007;
+    docs/math.md, eq. 9.8). Directions are seen up to `z = -xi` when `xi <= 1`, up to `z = -1 / xi` when `xi > 1`, or
+    up to the fold of the distortion.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ class UnifiedCamera(Camera):
 def _lift(xi: float, radius: Array | float) -> Array:
     """`z + xi` of the point of the unit sphere seen at `radius` on the plane; NaN outside its outline.
 
-    Of two points on the ray, the one farther from the shifted centre (docs/math.md, eq. 9.9).
+    Of two points on the ray, the one farther from the shifted center (docs/math.md, eq. 9.9).
     """
     square = np.square(radius)
     return np.asarray((xi + np.sqrt(1.0 + (1.0 - xi * xi) * square)) / (1.0 + square))

@@ -34,7 +34,7 @@ def estimate(
     """Estimate the pose of a scene's camera.
 
     Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png, edges.png and cloud.ply
-    (coloured).
+    (colored).
     Where the scene gives an initial pose, overlay_before.png shows the regions projected with that.
 
     \b
@@ -81,7 +81,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
         [
             ("quat_xyzw", f"[{quaternion}]"),
             ("translation_m", _vector(estimate.pose.translation, 6)),
-            ("camera centre in world, m", _vector(estimate.pose.camera_center, 6)),
+            ("camera center in world, m", _vector(estimate.pose.camera_center, 6)),
             ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
             ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
@@ -131,7 +131,7 @@ def _say_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
         center = 1000.0 * errors["camera_center_m"]
-        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {center:.2f} mm (camera centre)")
+        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {center:.2f} mm (camera center)")
 
 
 def _vector(values: object, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""`regionpose fuse`: the colours of images on the cloud."""
+"""`regionpose fuse`: the colors of images on the cloud."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def fuse(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Colour a cloud with images and their known poses.
+    """Color a cloud with images and their known poses.
 
     Where several images show a point, the nearer ones weigh more. Points that no camera sees, because they are outside
-    its image or others hide them, keep their colour, or are black; the field `visible` tells.
+    its image or others hide them, keep their color, or are black; the field `visible` tells.
 
     \b
     Examples:
@@ -45,7 +45,7 @@ def fuse(
     with Progress(quiet) as progress:
         progress.begin("read cloud")
         points = read_cloud(cloud)
-        views = (read_view(each) for each in progress.each(files, "colours of image"))
+        views = (read_view(each) for each in progress.each(files, "colors of image"))
         colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)
@@ -53,4 +53,4 @@ def fuse(
     if as_json:
         say_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})
     else:
-        typer.echo(f"{seen} of {total} points coloured; written: {out}")
+        typer.echo(f"{seen} of {total} points colored; written: {out}")

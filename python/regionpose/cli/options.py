@@ -30,7 +30,10 @@ CameraModel = Annotated[
 SegmenterName = Annotated[
     str | None,
     typer.Option(
-        "--segmenter", metavar="MODULE:CALLABLE", help="What proposes masks instead of growing.", show_default=False
+        "--segmenter",
+        metavar="MODULE:CALLABLE",
+        help="Segmenter that proposes the masks; they are grown without it.",
+        show_default=False,
     ),
 ]
 PosePath = Annotated[Path, typer.Option("--pose", help=POSE_HELP, show_default=False)]

@@ -23,9 +23,9 @@ def pick(
     port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
-    """Pick regions in photo and cloud by clicks; the pose follows while they are picked.
+    """Click regions in photo and cloud; the pose follows every click.
 
-    Opens a page in the browser, served by this computer for this computer alone. Save writes SCENE and its masks, and
+    Opens a page in the browser. It is served to this computer only. Save writes SCENE and its masks, and
     `regionpose estimate SCENE` then gives the same pose. Ctrl-C ends it.
 
     \b

@@ -34,8 +34,8 @@ def project(
 ) -> None:
     """Project a cloud into an image with a known pose.
 
-    A PNG shows the points that the camera sees over the image, coloured by their distance. A CSV lists, for each point
-    inside the image, hidden ones too, its index in the cloud, its pixel (an integer is a pixel's centre) and its
+    A PNG shows the points that the camera sees over the image, colored by their distance. A CSV lists, for each point
+    inside the image, hidden ones too, its index in the cloud, its pixel (an integer is a pixel's center) and its
     distance along the optical axis.
 
     \b

@@ -42,7 +42,7 @@ def segment(
         ),
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option("--tolerance", help="In an image: how far the colour may stray.")
+        float | None, typer.Option("--tolerance", help="In an image: how far the color may differ.")
     ] = None,
     segmenter: SegmenterName = None,
     force: Force = False,

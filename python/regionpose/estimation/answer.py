@@ -91,7 +91,7 @@ class Crease:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate(Judged):
-    """The pose of a camera and what is known of it; arrays are read-only.
+    """The pose of a camera with its covariance, confidence, alternatives and warnings; arrays are read-only.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class PoseEstimate(Judged):
     creases: tuple[Crease, ...] = ()
 
     def __repr__(self) -> str:
-        """The pose, how sure and how exact it is, how many others fit, and what it is warned of."""
+        """The pose, its confidence and overlap error, the number of alternatives and the codes of the warnings."""
         parts = [repr(self.pose), f"confidence={self.confidence:.3f}", f"overlap_error={self.overlap_error:.4f}"]
         parts += [f"{len(self.alternatives)} alternatives"] if self.alternatives else []
         parts += [f"warnings: {', '.join(warning.code for warning in self.warnings)}"] if self.warnings else []

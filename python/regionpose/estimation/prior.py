@@ -13,10 +13,10 @@ from regionpose.pose import Pose
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Prior:
-    """What is known of the pose `camera_from_world` of a camera beforehand; each part stands by itself.
+    """What is known of the pose `camera_from_world` beforehand; every part is optional.
 
-    A prior decides between poses that fit about alike and moves none; one that no fitting pose agrees with is warned of
-    (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
+    A prior chooses between poses that fit about alike and moves none. A warning reports one that no fitting pose agrees
+    with (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ def estimate_pose(
     prior: Prior | None = None,
     solver: Solver | None = None,
 ) -> PoseEstimate:
-    """The pose `camera_from_world` from which each world region looks like the image region of its place in the list.
+    """The pose `camera_from_world` at which each world region looks like the image region at its place in the list.
 
     Weak, ambiguous or poorly fitting geometry is reported in the estimate's `warnings`.
 

@@ -41,7 +41,7 @@ MEMBER_SHARE = 0.65
 UNSEEN_LIGHT = 0.35
 """Light that is left of points that the camera doesn't see, beside those with the photo's colours."""
 
-COLORINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Colour", "photo": "Photo"}
+COLORINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Color", "photo": "Photo"}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Image colours on a point cloud, with the points that the camera doesn't see left out."""
+"""Image colors on a point cloud, with the points that the camera doesn't see left out."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ DEPTH_TOLERANCE = 0.03
 cell."""
 
 NEAREST = np.float32(1e-6)
-"""Metres; a point in the camera's centre would weigh without limit."""
+"""Metres; a point in the camera's center would weigh without limit."""
 
 LEAST_COSINE = np.float32(0.01)
-"""Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still coloured."""
+"""Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still colored."""
 
 MOST_CELLS = 1_000_000
 """Cells of the depth image at the most; larger images share a cell among several pixels."""
@@ -161,10 +161,10 @@ def blend_colors(
 def colored_cloud(
     cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
-    """The cloud with the colours of images, and which points (n,) any of the cameras sees.
+    """The cloud with the colors of images, and which points (n,) any of the cameras sees.
 
-    Points that aren't seen keep their colour, or are black; the field
-    `visible` (0, 1) tells. Colours as of `blend_colors`.
+    Points that aren't seen keep their color, or are black; the field
+    `visible` (0, 1) tells. Colors as of `blend_colors`.
     """
     near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
     colors, visible = blend_colors(cloud.local_points, near, normals=normals)
@@ -253,7 +253,7 @@ def _visible(projection: _Projection, size: tuple[int, int], tolerance: float) -
 def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int, int]) -> Floats:
     """Nearness (1 / distance) of the foremost surface in each cell, 0 where there is none.
 
-    Points at a like distance form a layer; a grey closing as wide as the layer's gaps fills them with the farther of
+    Points at a like distance form a layer; a gray closing as wide as the layer's gaps fills them with the farther of
     their sides. Beside the layer's outermost points the surface ends somewhere within a gap: there it hides only what
     is farther by the ratio of a layer: less may be the next scan line on the same surface.
     """
@@ -309,7 +309,7 @@ def _gap(places: Floats, widest: int) -> float:
 
 
 def _sampled(image: Bytes, pixels: Floats) -> Floats:
-    """Bilinear colours (n, 3) at pixels (n, 2); beyond the outermost pixel centres, the nearest."""
+    """Bilinear colors (n, 3) at pixels (n, 2); beyond the outermost pixel centers, the nearest."""
     height, width = image.shape[:2]
     last = np.array([width - 1, height - 1], dtype=np.float32)
     colors = np.empty((len(pixels), 3), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Pictures that show how well a pose fits: projected regions over observed contours, and a cloud coloured by depth."""
+"""Pictures that show how well a pose fits: projected regions over observed contours, and a cloud colored by depth."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ PROJECTED: Color = (255, 140, 0)
 AGREES: Color = (0, 230, 90)
 DISAGREES: Color = (255, 0, 200)
 OUTSIDE: Color = (255, 255, 255)
-"""A blue, an orange and white: told apart with every common colour blindness (after Okabe and Ito 2008)."""
+"""A blue, an orange and white: told apart with every common color blindness (after Okabe and Ito 2008)."""
 
 PAPER: Color = (255, 255, 255)
 
@@ -74,10 +74,10 @@ CHROMA = 46.0
 """CIELAB chroma of the whole path, which a screen shows at nearly every lightness and hue on it."""
 
 BACKGROUND_SHARE = 0.55
-"""Brightness that is left of the grey image under a coloured cloud."""
+"""Brightness that is left of the gray image under a colored cloud."""
 
 DEPTH_PERCENTILES = (1.0, 99.0)
-"""The range of colours leaves single stray points out."""
+"""The range of colors leaves single stray points out."""
 
 
 def overlay_regions(
@@ -206,7 +206,7 @@ def overlay_steps(image: ArrayLike, alignment: Alignment) -> Bytes:
 
 
 def _dimmed(colors: Bytes) -> Bytes:
-    """The image in grey, (h, w, 3), its brightness reduced."""
+    """The image in gray, (h, w, 3), its brightness reduced."""
     levels = np.round(BACKGROUND_SHARE * np.arange(256)).astype(np.uint8)
     gray = levels[np.asarray(Image.fromarray(colors).convert("L"))]
     return np.repeat(gray[..., None], 3, axis=2)
@@ -214,7 +214,7 @@ def _dimmed(colors: Bytes) -> Bytes:
 
 @lru_cache(maxsize=1)
 def depth_colors() -> Bytes:
-    """Colour table (256, 3), far to near: equal steps are about equally visible.
+    """Color table (256, 3), far to near: equal steps are about equally visible.
 
     Lightness and hue of CIELAB run together at a constant chroma, and the table is spaced by the length of that path.
     """
@@ -406,7 +406,7 @@ def _depth_image(
 
 
 def _with_bar(picture: Bytes, near: float, far: float) -> Bytes:
-    """The picture and, on a strip beside its right side, the colour bar, near below."""
+    """The picture and, on a strip beside its right side, the color bar, near below."""
     font = font_for(picture)
     height, width = picture.shape[:2]
     line = text_size(font, "0")[1]

@@ -1,4 +1,4 @@
-"""Pictures of a coloured cloud from any viewpoint: each point a small square, the nearer ones in front."""
+"""Pictures of a colored cloud from any viewpoint: each point a small square, the nearer ones in front."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class View:
 
 
 def splatted(points: Array, colors: Colors, view: View, width: int = 960, height: int = 600) -> Colors:
-    """The picture (height, width, 3) of points (n, 3) with colours (n, 3), seen from `view`."""
+    """The picture (height, width, 3) of points (n, 3) with colors (n, 3), seen from `view`."""
     step = max(1, -(-len(points) // MOST_POINTS))
     points, colors = points[::step], colors[::step]
     seen = (points - view.eye) @ view.rotation.T

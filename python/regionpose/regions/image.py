@@ -24,7 +24,7 @@ ON_BORDER_PX = 1e-6
 """The contour of a mask that the border cuts runs along it, but for rounding."""
 
 POLYGON_ON_BORDER_PX = 0.5
-"""A polygon's edge within this distance (pixels) of the border was drawn along it: on the outermost centres, or half a
+"""A polygon's edge within this distance (pixels) of the border was drawn along it: on the outermost centers, or half a
 pixel outside of them."""
 
 ALONG_BORDER = 0.5

@@ -1,4 +1,4 @@
-"""The files that come of a scene's estimate: result, report, pictures and coloured cloud."""
+"""The files that come of a scene's estimate: result, report, pictures and colored cloud."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ EDGES_CAPTION = (
 )
 
 UNSEEN = 0.35
-"""Brightness of points that the camera doesn't see, in the report's views: there, but behind the coloured ones."""
+"""Brightness of points that the camera doesn't see, in the report's views: there, but behind the colored ones."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def read_truth(path: Path) -> Truth:
 
 
 def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
-    """How far a pose is from the known one: rotation (deg), camera centre and translation (m)."""
+    """How far a pose is from the known one: rotation (deg), camera center and translation (m)."""
     return {
         "rotation_deg": float(np.degrees((pose.rotation * truth.pose.rotation.inv()).magnitude())),
         "camera_center_m": float(np.linalg.norm(pose.camera_center - truth.pose.camera_center)),
@@ -119,7 +119,7 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     made[OVERLAY] = Figure(after, caption)
     if sides.cloud is not None:
         depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
-        made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, coloured by their distance from it.")
+        made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
     if run.witness is not None:
         made[EDGES] = Figure(overlay_steps(sides.image, run.witness.alignment), EDGES_CAPTION)
     return made
@@ -143,7 +143,7 @@ def overlay_of(
 
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:
-    """The coloured cloud from two viewpoints beside the camera's; points without colour are grey."""
+    """The colored cloud from two viewpoints beside the camera's; points without color are gray."""
     if not visible.any() or cloud.colors is None:
         return []
     pose = run.local_pose
@@ -152,17 +152,17 @@ def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) ->
     colors = np.where(visible[:, None], cloud.colors, _grays(cloud)[:, None]).astype(np.uint8)
     views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)
     captions = (
-        "The coloured cloud, seen from the camera's left",
-        "The coloured cloud, seen from the camera's right and above",
+        "The colored cloud, seen from the camera's left",
+        "The colored cloud, seen from the camera's right and above",
     )
     return [
-        Figure(splatted(cloud.local_points, colors, view), f"{caption}; grey: not in the image.")
+        Figure(splatted(cloud.local_points, colors, view), f"{caption}; gray: not in the image.")
         for view, caption in zip(views, captions, strict=True)
     ]
 
 
 def _grays(cloud: Cloud) -> NDArray[np.float64]:
-    """A grey (n,) of each point: its intensity where it is known."""
+    """A gray (n,) of each point: its intensity where it is known."""
     if cloud.intensity is None:
         return np.full(len(cloud), 255.0 * UNSEEN)
     brightest = float(np.percentile(cloud.intensity, 98)) or 1.0

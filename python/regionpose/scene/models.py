@@ -213,7 +213,7 @@ class ImageSeed(Item):
 
     seed: Pixel
     tolerance: Positive | None = Field(
-        None, description="how far the colour may stray; chosen from the image when left out"
+        None, description="how far the color may differ; chosen from the image when left out"
     )
 
 
@@ -233,7 +233,7 @@ class ImageMask(Item):
     )
     coverage: bool = Field(
         False,
-        description="the file is a grey picture: each pixel's level over the largest is the share that is covered",
+        description="the file is a gray picture: each pixel's level over the largest is the share that is covered",
     )
     unknown: FileName | None = Field(
         None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"

@@ -101,7 +101,7 @@ def report_html(report: Report) -> str:
         "<h2>Pose</h2>",
         _pose("camera_from_world", result["camera_from_world"]),
         _pose("world_from_camera", result["world_from_camera"]),
-        f"<p>Camera centre in the world: <code>{_numbers(result['camera_center_in_world_m'])}</code> m.</p>",
+        f"<p>Camera center in the world: <code>{_numbers(result['camera_center_in_world_m'])}</code> m.</p>",
         _known(result),
         "<h2>Uncertainty</h2>",
         _uncertainty(result),
@@ -192,7 +192,7 @@ def _truth(errors: Mapping[str, Any] | None) -> str:
         return ""
     center = 1000.0 * errors["camera_center_m"]
     turn = f"{errors['rotation_deg']:.4f} deg in rotation"
-    return f"<p>Against the truth: {turn}, {center:.2f} mm in the camera's centre.</p>"
+    return f"<p>Against the truth: {turn}, {center:.2f} mm in the camera's center.</p>"
 
 
 def _pose(name: str, pose: Mapping[str, Any]) -> str:

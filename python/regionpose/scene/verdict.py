@@ -24,7 +24,7 @@ ADVICE = {
     "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
-    "weak-geometry": "Add a region in another plane or further from the others; what is weak is said above.",
+    "weak-geometry": "Add a region in another plane or further from the others.",
 }
 """What to do about each warning whose message doesn't say so itself."""
 

@@ -17,7 +17,8 @@ from regionpose.witness import Alignment, weighed
 Array = NDArray[np.float64]
 
 AGAINST = float(np.log(9.0))
-"""Logarithm of the odds against a pose from which on it is warned of: those of the confidence of 90 % that it needs."""
+"""Logarithm of the odds against a pose from which on a warning reports it: those of the confidence of 90 % that it
+needs."""
 
 SURE = 0.9
 """Confidence from which on one of several answers is the answer: as above."""

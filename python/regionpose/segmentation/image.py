@@ -1,7 +1,7 @@
 """Image regions grown from a seed.
 
 The work is done in three steps: smoothing (a median) and the choice of the tolerance on a reduced image, then the
-outline at full resolution, placed by how the colours of both sides mix in each pixel.
+outline at full resolution, placed by how the colors of both sides mix in each pixel.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SMOOTHING_SHARE = 1 / 400
 """Default radius of the median over the image's diagonal: the joints of a brick wall that fills the image vanish."""
 
 LARGEST_TOLERANCE = 40.0
-"""CIELAB units; colours farther apart belong to different surfaces."""
+"""CIELAB units; colors farther apart belong to different surfaces."""
 
 TOLERANCE_STEP = 0.15
 """CIELAB units between tolerances that are compared, far below a visible difference (about 2)."""
@@ -227,7 +227,7 @@ def _median(levels: Bytes, radius: int) -> Bytes:
 
 
 def _grown(reduced: Reduced, start: tuple[int, int], tolerance: float | None) -> Growth:
-    """The region at the working size, grown from the colour around the seed, then from the colour of what was found."""
+    """The region at the working size, grown from the color around the seed, then from the color of what was found."""
     row, column = start
     near = (
         slice(max(row - reduced.radius, 0), row + reduced.radius + 1),
@@ -239,7 +239,7 @@ def _grown(reduced: Reduced, start: tuple[int, int], tolerance: float | None) ->
 
 
 def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
-    """The connected region within a tolerance of a colour."""
+    """The connected region within a tolerance of a color."""
     distances = np.linalg.norm(lab - color, axis=2)
     distances[start] = 0.0
     arrivals = _arrivals(distances, start)

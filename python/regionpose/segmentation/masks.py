@@ -1,6 +1,6 @@
 """Masks and outlines that others made: label images, COCO and labelme files, arrays of a segmenter.
 
-COCO and labelme put (0, 0) at the outer corner of the first pixel; here an integer is a pixel's centre, so their
+COCO and labelme put (0, 0) at the outer corner of the first pixel; here an integer is a pixel's center, so their
 polygons are moved by half a pixel.
 """
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CORNER_TO_CENTER = 0.5
-"""Pixels from the outer corner of the first pixel to its centre."""
+"""Pixels from the outer corner of the first pixel to its center."""
 
 OUTSIDE_MARGIN = 1.0
 """Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
@@ -154,7 +154,7 @@ def region_from_file(
 
 
 def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Shares (h, w) in [0, 1] of the pixels that a region covers: the levels of a grey picture of 8 bits over 255.
+    """Shares (h, w) in [0, 1] of the pixels that a region covers: the levels of a gray picture of 8 bits over 255.
 
     `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size.
     """
@@ -304,7 +304,7 @@ def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
 
 
 def _packed(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """Colours (h, w, 2 to 4) as one number 0xRRGGBB; transparent pixels count as black."""
+    """Colors (h, w, 2 to 4) as one number 0xRRGGBB; transparent pixels count as black."""
     packed = np.zeros(pixels.shape[:2], dtype=np.uint32)
     for channel in (0, 1, 2) if pixels.shape[2] >= 3 else (0, 0, 0):
         packed <<= 8
@@ -427,7 +427,7 @@ def _decoded(text: str) -> list[int]:
 
 
 def _points(given: object, size: tuple[int, int], item: str, least: int) -> Array:
-    """Polygon (n, 2) of corner-based [[x, y], ...] or [x, y, x, y, ...], moved to pixel centres."""
+    """Polygon (n, 2) of corner-based [[x, y], ...] or [x, y, x, y, ...], moved to pixel centers."""
     try:
         points = np.asarray(given, dtype=np.float64)
         points = points.reshape(-1, 2) if points.ndim == 1 else points

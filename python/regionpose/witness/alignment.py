@@ -104,7 +104,7 @@ def check_alignment(
     *,
     regions: Sequence[ImageRegion] = (),
 ) -> Alignment:
-    """How well photo and cloud agree at a pose, whatever led to it.
+    """How well photo and cloud agree at a pose, however it was found.
 
     Depth steps of the points as the camera would see them, against edges of the photo.
 

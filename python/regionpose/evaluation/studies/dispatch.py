@@ -24,7 +24,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 MOST_ATTEMPTS = 3
-"""Times that a task is begun: one that ends its worker each time would go on for ever."""
+"""Times that a task is started: without a limit, one that crashes its worker would be started for ever."""
 
 MOST_RUNNING = 1000
 """Tasks handed to a caller's executor at a time: more than a cluster has workers, few enough to watch."""
