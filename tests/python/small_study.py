@@ -18,7 +18,7 @@ PERSPECTIVE = setups.Setup(
 FISHEYE = setups.Setup(
     FisheyeCamera(76.0, 76.0, 179.5, 119.5, width=WIDTH, height=HEIGHT), setups.PoseRange((0.25, 0.5), (1.0, 2.0))
 )
-SMALL = {"perspective": PERSPECTIVE, "omnidirectional": FISHEYE}
+SMALL = {"perspective": PERSPECTIVE, "omnidirectional": FISHEYE, "fisheye": FISHEYE}
 """Small images, so that a study takes seconds; the perspective one keeps the benchmark's field of view."""
 
 QUICK = Study("quick", "Two conditions.", [{"planes": (2,), "noise": (0.0, 0.05)}], setups=SMALL)
