@@ -22,7 +22,7 @@ pub(super) const FINEST: f64 = 0.25;
 const MOST_WRONG: f64 = 0.5;
 
 /// A relinearisation that moves by less than this many standard deviations is the last.
-const SETTLED: f64 = 0.1;
+const SETTLED: f64 = 0.01;
 
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;

@@ -184,7 +184,7 @@ impl Search {
             Answers::Moments(_) => &[],
         };
         let led = led.iter().map(|fit| {
-            let covariance = honest(&covariance(contours, fit));
+            let covariance = covariance(contours, fit);
             Place {
                 pose: problem.uncentred(&fit.pose),
                 minimum: None,
