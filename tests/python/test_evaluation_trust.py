@@ -88,9 +88,9 @@ def test_a_wrong_region_is_named() -> None:
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
     assert outlier_named(problem, estimate) == "right"
     others = [place for place in range(4) if place not in problem.wrong]
-    named = PoseWarning("outlier-region", f"region {others[0]} does not belong to this pose")
+    named = PoseWarning("outlier-region", "{0} does not belong to this pose", (others[0],))
     assert outlier_named(problem, replace(estimate, warnings=(*estimate.warnings, named))) == "wrong"
-    poor = PoseWarning("poor-overlap", f"region {others[0]} projected with this pose misses")
+    poor = PoseWarning("poor-overlap", "{0} projected with this pose misses", (others[0],))
     assert outlier_named(problem, replace(estimate, warnings=(poor,))) == "none"
 
 

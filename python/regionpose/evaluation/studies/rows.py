@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -37,11 +36,11 @@ ANSWER_TYPES: dict[str, type] = {
 }
 """Columns of one answer against the truth."""
 
-OUTLIER = re.compile(r"outlier-region: region (\d+) ")
-"""The warning that a region is wrong, and the region's number."""
+OUTLIER = {"outlier-region"}
+"""The code of the warning that a region is wrong."""
 
-NAMED = re.compile(r"(?:outlier-region|poor-overlap): region (\d+) ")
-"""Warnings that a region is not where the pose shows it, and the region's number."""
+NAMED = {"outlier-region", "poor-overlap"}
+"""Codes of warnings that a region is not where the pose shows it."""
 
 NEAREST = "nearest_"
 """What the columns of the nearest answer begin with; those of the pose itself have the bare names."""
@@ -131,10 +130,9 @@ def outlier_named(problem: Problem, estimate: PoseEstimate) -> str:
     return "right" if named == set(problem.wrong) else "wrong"
 
 
-def regions_named(estimate: PoseEstimate, pattern: re.Pattern[str]) -> set[int]:
-    """The regions that warnings of a pattern name."""
-    found = [pattern.match(str(warning)) for warning in estimate.warnings]
-    return {int(match.group(1)) for match in found if match}
+def regions_named(estimate: PoseEstimate, codes: set[str]) -> set[int]:
+    """The regions that warnings of these codes name."""
+    return {region for warning in estimate.warnings if warning.code in codes for region in warning.regions}
 
 
 def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
