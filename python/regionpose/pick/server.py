@@ -37,6 +37,8 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
     ui.run_with(app, root=lambda: Page(desk), title="regionpose pick", dark=False, show_welcome_message=False)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", port))
+        # Who comes as soon as the address is said waits until the page is there.
+        listening.listen()
         guard = Guard(app, listening.getsockname()[1])
         say(guard.address)
         if browser:
