@@ -14,7 +14,7 @@ from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.batch import core_batch
 from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
-from regionpose.estimation.sides import check_camera, checked_regions, core_prior, observed_regions
+from regionpose.estimation.sides import check_camera, checked_regions, core_prior, observed_regions, problem_of
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
 from regionpose.regions.image import ImageRegion
@@ -208,10 +208,7 @@ class _Sides:
     def problem(self, pairs: Sequence[Pair]) -> _core.Problem:
         """The problem of these pairs."""
         observed, worlds = [self.observed[i] for i, _ in pairs], [self.worlds[j] for _, j in pairs]
-        solver = self.solver
-        return _core.Problem(
-            observed, worlds, system=solver.system, integration=solver.integration, mesh_size=solver.mesh_size
-        )
+        return problem_of(observed, worlds, self.solver)
 
     def near(self, pose: _core.Solution) -> list[Pair]:
         """The pairs that a pose predicts, nearest first: one to one, in reach of one another and of similar size."""

@@ -28,12 +28,16 @@ def core_problem(
 ) -> _core.Problem:
     """The problem of two sides by a solver's equations; ValueError for what is wrong with one of them."""
     images = check_camera(camera, image_regions)
+    observed = observed_regions(camera, images, solver.integration)
+    return problem_of(observed, [region.core for region in checked_regions(world_regions, WorldRegion)], solver)
+
+
+def problem_of(
+    observed: Sequence[_core.ObservedRegion], worlds: Sequence[_core.WorldRegion], solver: Solver
+) -> _core.Problem:
+    """The problem of two sides as the core takes them, by a solver's equations."""
     return _core.Problem(
-        observed_regions(camera, images, solver.integration),
-        [region.core for region in checked_regions(world_regions, WorldRegion)],
-        system=solver.system,
-        integration=solver.integration,
-        mesh_size=solver.mesh_size,
+        observed, worlds, system=solver.system, integration=solver.integration, mesh_size=solver.mesh_size
     )
 
 
