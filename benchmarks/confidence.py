@@ -1,11 +1,11 @@
-"""The weights of the confidence: a logistic regression on the synthetic problems of the study `trust`.
+"""The weights of the confidence: a logistic regression on the synthetic problems of `trust` and `mistakes`.
 
-Draws problems of every noise model and camera, solves them, and fits the probability that the pose, or one that fits
-alike, is within 5 deg of the truth to what the fit shows (docs/math.md, section 15). Prints the weights for
-rust/src/confidence.rs and, for the weights that are built in, their log loss and how they hold on these problems. The
-seeds are other ones than those of any table: they begin at a million.
+Draws problems of every noise model, mistake and camera, solves them, and fits the probability that the pose, or one
+that fits alike, is within 5 deg of the truth to what the fit shows (docs/math.md, section 15). Prints the weights for
+rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
+ones than those of any table: they begin at a million.
 
-    python benchmarks/confidence.py [--scenes 600] [--workers 2] [--keep FILE]
+    python benchmarks/confidence.py [--scenes 150] [--workers 2] [--keep FILE]
 """
 
 from __future__ import annotations
@@ -22,36 +22,78 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.estimation.sides import observed_regions
 from regionpose.evaluation.measures import rotation_error
-from regionpose.evaluation.studies.conditions import Condition, NoiseModel
+from regionpose.evaluation.studies.conditions import Condition, Mistake, NoiseModel
+from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
+from regionpose.evaluation.studies.problems import Problem
 from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.verdict import WRONG_DEG
 from rich.progress import track
+from scipy.optimize import minimize
+from scipy.special import erf, expit
 
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-FEATURES = ("1", "ln rotation sigma", "ln scatter", "log odds of the clean share", "ln clean parts", "several regions")
-RIDGE = 1e-2
+FEATURES = (
+    "1",
+    "ln rotation sigma",
+    "whole",
+    "ln scatter",
+    "contradicted regions",
+    "several regions",
+    "log odds of the clean share",
+    "ln clean parts",
+)
+BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
+RIDGE = 1e-3
 """Keeps a weight finite that no problem speaks against."""
 
-STEPS = 50
+
+@dataclass(frozen=True)
+class Kind:
+    """A camera, and what is wrong: a noise model of the study `trust`, or a mistake."""
+
+    camera: str
+    model: NoiseModel | None = None
+    mistake: Mistake | None = None
+
+    def draw(self, seed: int) -> Problem:
+        """The problem of a seed."""
+        setup = benchmark_setups()[self.camera]
+        if self.mistake is not None:
+            return draw_mistaken_problem(setup, Condition(camera=self.camera, mistake=self.mistake), seed)
+        return draw_mixed_problem(setup, Condition(camera=self.camera, model=self.model or "exact"), seed)
+
+    @property
+    def name(self) -> str:
+        """What is wrong."""
+        return f"model {self.model}" if self.mistake is None else f"mistake {self.mistake}"
+
+
+def kinds() -> list[Kind]:
+    """All noise models and all mistakes, with both cameras."""
+    cameras = ("perspective", "omnidirectional")
+    models = [Kind(camera, model=m) for camera, m in itertools.product(cameras, typing.get_args(NoiseModel))]
+    mistakes = [Kind(camera, mistake=m) for camera, m in itertools.product(cameras, typing.get_args(Mistake))]
+    return [*models, *mistakes]
 
 
 @dataclass(frozen=True)
 class Solved:
     """What a fit showed, what it was taken for, and whether the pose or an alternative was within the limit."""
 
+    kind: str
     evidence: tuple[float, ...]
     stated: float
     found: bool
 
 
-def solved(chosen: tuple[str, NoiseModel, int]) -> Solved | None:
+def solved(chosen: tuple[Kind, int]) -> Solved | None:
     """The outcome of one problem; None where no pose is in view or nothing can be given to an estimate."""
-    camera, model, seed = chosen
+    kind, seed = chosen
     try:
-        problem = draw_mixed_problem(benchmark_setups()[camera], Condition(camera=camera, model=model), seed)
+        problem = kind.draw(seed)
         sides = (observed_regions(problem.camera, problem.image_regions, "boundary"), problem.world_regions)
         core = _core.Problem(sides[0], [w.core for w in sides[1]], system="plane", integration="boundary")
     except ValueError:
@@ -62,39 +104,35 @@ def solved(chosen: tuple[str, NoiseModel, int]) -> Solved | None:
     answers = [estimate.best, *estimate.alternatives]
     errors = [rotation_error(answer.rotation, problem.scene.rotation) for answer in answers]
     stated = sum(answer.confidence for answer in answers)
-    return Solved(tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
-
-
-def problems(scenes: int) -> list[tuple[str, NoiseModel, int]]:
-    """Both cameras, all noise models, so many seeds of each."""
-    seeds = range(FIRST_SEED, FIRST_SEED + scenes)
-    return list(itertools.product(("perspective", "omnidirectional"), typing.get_args(NoiseModel), seeds))
+    return Solved(kind.name, tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
 
 
 def outcomes(scenes: int, workers: int) -> list[Solved]:
-    """The outcomes of all problems that have one."""
-    chosen = problems(scenes)
+    """The outcomes of so many problems of each kind, those that have one."""
+    chosen = list(itertools.product(kinds(), range(FIRST_SEED, FIRST_SEED + scenes)))
     with ProcessPoolExecutor(workers) as pool:
         found = track(pool.map(solved, chosen, chunksize=8), "problems", total=len(chosen))
         return [outcome for outcome in found if outcome is not None]
 
 
+def near(features: Array) -> Array:
+    """(n,) probabilities that the noise leaves the rotation within the limit, from the logarithm of its deviation."""
+    return np.asarray(erf(WRONG_DEG / np.sqrt(2.0) / np.exp(features[:, 1])), dtype=np.float64)
+
+
+def stated(features: Array, weights: Array) -> Array:
+    """(n,) probabilities by the weights (docs/math.md, eq. 15.1)."""
+    return np.asarray(near(features) * expit(features @ weights), dtype=np.float64)
+
+
 def fitted(features: Array, found: Array) -> Array:
-    """Weights of the likeliest logistic regression, by Newton's steps on standardized features."""
-    mean, spread = features.mean(axis=0), features.std(axis=0)
-    mean[0], spread[0] = 0.0, 1.0
-    standard = (features - mean) / spread
-    penalty = RIDGE * np.eye(features.shape[1])
-    penalty[0, 0] = 0.0
-    weights = np.zeros(features.shape[1])
-    for _ in range(STEPS):
-        probability = 1.0 / (1.0 + np.exp(-standard @ weights))
-        slope = probability * (1.0 - probability)
-        curvature = standard.T @ (standard * slope[:, None]) + penalty
-        weights += np.linalg.solve(curvature, standard.T @ (found - probability) - penalty @ weights)
-    weights = weights / spread
-    weights[0] -= weights[1:] @ mean[1:]
-    return weights
+    """The likeliest weights."""
+
+    def cost(weights: Array) -> float:
+        loss = len(found) * log_loss(stated(features, weights), found)
+        return float(loss + RIDGE * weights[1:] @ weights[1:])
+
+    return np.asarray(minimize(cost, np.zeros(features.shape[1])).x, dtype=np.float64)
 
 
 def log_loss(probability: Array, found: Array) -> float:
@@ -103,29 +141,46 @@ def log_loss(probability: Array, found: Array) -> float:
     return float(-np.mean(found * np.log(kept) + (1.0 - found) * np.log(1.0 - kept)))
 
 
+def left_out(kinds: list[str], features: Array, found: Array) -> Array:
+    """(n,) probabilities of each kind by the weights of all others."""
+    names = np.array(kinds)
+    probability = np.zeros(len(names))
+    for name in dict.fromkeys(kinds):
+        own = names == name
+        probability[own] = stated(features[own], fitted(features[~own], found[~own]))
+        print(f"  {name:24} {100.0 * probability[own].mean():5.1f} % stated, {100.0 * found[own].mean():5.1f} % found")
+    return probability
+
+
+def print_bins(probability: Array, found: Array) -> None:
+    """Stated and found shares, bin by bin."""
+    for least, most in itertools.pairwise(BINS):
+        own = (probability > least) & (probability <= most)
+        if own.any():
+            means = 100.0 * probability[own].mean(), 100.0 * found[own].mean()
+            counted = f"{least:.2f} to {most:.2f}: {own.sum():5} poses"
+            print(f"  {counted}, {means[0]:5.1f} % stated, {means[1]:5.1f} % found")
+
+
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=600, help="problems of each camera and noise model")
+    parser.add_argument("--scenes", type=int, default=150, help="problems of each camera and kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, help="write features, confidences and outcomes to this .npz file")
     options = parser.parse_args()
     rows = outcomes(options.scenes, options.workers)
     features = np.array([row.evidence for row in rows])
-    stated, found = np.array([row.stated for row in rows]), np.array([float(row.found) for row in rows])
+    found = np.array([float(row.found) for row in rows])
+    now = np.array([row.stated for row in rows])
     if options.keep is not None:
-        np.savez(options.keep, features=features, stated=stated, found=found)
-    weights = fitted(features, found)
-    print(f"{len(rows)} problems, {100.0 * found.mean():.1f} % of them found")
-    for name, weight in zip(FEATURES, weights, strict=True):
-        print(f"  {weight:9.4f}  {name}")
-    fresh = 1.0 / (1.0 + np.exp(-features @ weights))
-    print(f"log loss: of these weights {log_loss(fresh, found):.4f}, of those built in {log_loss(stated, found):.4f}")
-    for least, most in ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 0.99), (0.99, 1.01)):
-        inside = (least <= stated) & (stated < most)
-        if inside.any():
-            means = f"{100.0 * stated[inside].mean():5.1f} % stated, {100.0 * found[inside].mean():5.1f} % found"
-            print(f"  built in {least:4.2f} to {min(most, 1.0):4.2f}: {int(inside.sum()):6} problems, {means}")
+        np.savez(options.keep, features=features, stated=now, found=found)
+    print(f"{len(rows)} problems, {100.0 * found.mean():.1f} % of them found; each kind by the weights of all others:")
+    others = left_out([row.kind for row in rows], features, found)
+    for name, weight in zip(FEATURES, fitted(features, found), strict=True):
+        print(f"{weight:8.4f}  {name}")
+    print(f"log loss, each kind left out: {log_loss(others, found):.4f}; by the weights that are built in:")
+    print_bins(now, found)
 
 
 if __name__ == "__main__":

@@ -151,7 +151,7 @@ impl Prior {
         terms.into_iter().filter(|given| *given).count() as f64 * BELIEVED
     }
 
-    /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.6).
+    /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.5).
     pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
         let initial = self.from_initial(pose, covariance).and_then(|from| from.sigmas);
         let up = self.from_up(pose, covariance).map(|from| from.sigmas);
@@ -159,7 +159,7 @@ impl Prior {
         [initial, up, near].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(BELIEVED)).sum()
     }
 
-    /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.8).
+    /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.7).
     ///
     /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and
     /// prior agree: from anywhere, the mean of each term alone is one Newton step away, so none drifts from one

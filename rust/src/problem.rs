@@ -179,18 +179,8 @@ impl Problem {
 
     /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
     pub fn noise_variance(&self, cost: f64) -> f64 {
-        self.variance_with(cost, PARAMETERS)
-    }
-
-    /// The same as the covariance of a pose takes it, which does not know the noise but estimates it (`docs/math.md`, eq. 10.3).
-    pub(crate) fn estimated_variance(&self, cost: f64) -> f64 {
-        self.variance_with(cost, PARAMETERS + 2)
-    }
-
-    /// The cost for each equation, less so many of them.
-    fn variance_with(&self, cost: f64, taken: usize) -> f64 {
         let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
-        (cost / count.saturating_sub(taken).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
+        (cost / count.saturating_sub(PARAMETERS).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
     /// The regions that a pose sees from the side away from their viewpoint.

@@ -23,8 +23,10 @@ fn pieces_of_a_square_lie_on_its_sides_and_each_side_is_one_run() {
         assert!(piece.spread.symmetric_eigenvalues().min().abs() < 1e-12);
         assert_eq!(piece.run, pieces[index / 10 * 10].run);
     }
-    let runs: std::collections::HashSet<_> = pieces.iter().map(|piece| piece.run.unwrap()).collect();
-    assert_eq!(runs.len(), 4);
+    let runs: Vec<[usize; 2]> = (0..4).map(|side| pieces[10 * side].run.unwrap()).collect();
+    // Each side ends at the corner where the next begins, the last at the first one's.
+    (0..4).for_each(|side| assert_eq!(runs[side][1], runs[(side + 1) % 4][0]));
+    assert_eq!(runs.iter().collect::<std::collections::HashSet<_>>().len(), 4);
 }
 
 #[test]

@@ -363,7 +363,6 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         converged,
         termination: Termination::EvaluationLimit,
         evaluations: 140,
-        information: None,
     };
     let judged = |converged: bool| problem.search(&Options::default()).judged(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());

@@ -50,7 +50,7 @@ that is off by a fraction of a region leaves tens of times the noise."""
 
 AMBIGUITY = 25.0
 """Variances by which a prior has to count more against an assignment's pose to rule it out, as between poses of one
-(docs/math.md, eq. 10.7)."""
+(docs/math.md, eq. 10.6)."""
 
 
 @dataclass(frozen=True, eq=False)

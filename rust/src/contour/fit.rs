@@ -138,7 +138,7 @@ impl ContourFit {
         let clean = self.clean();
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
         let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
-        clean.len() as f64 / correlation(&about_mean, &self.counts)
+        clean.len() as f64 / correlation(&about_mean, &self.counts).max(1.0)
     }
 
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
@@ -178,7 +178,8 @@ impl ContourFit {
         let mean = mean(&differences);
         // That a region fits one pose as a whole and the other not at all is no chance.
         let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
-        let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts);
+        let square =
+            scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts).max(1.0);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
         (2.0 * self.independent() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
     }

@@ -27,8 +27,8 @@ pub struct Piece {
     pub mean: Vector2<f64>,
     /// Mean of the squares and products of its points about their mean.
     pub spread: Matrix2<f64>,
-    /// The straight run of the region's contour that it wholly lies on, by number.
-    pub run: Option<usize>,
+    /// The corners, by number, between which the straight run of the region's contour lies that it wholly is on.
+    pub run: Option<[usize; 2]>,
 }
 
 impl Piece {
@@ -103,16 +103,18 @@ pub fn goes_on(before: &Vector2<f64>, step: &Vector2<f64>) -> bool {
     along > 0.0 && across * across < STRAIGHT * STRAIGHT * step.norm_squared() * before.norm_squared()
 }
 
-/// The number of the straight run that each edge of a ring belongs to, counted on from `last`.
-pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<usize> {
-    let mut before = Vector2::zeros();
+/// The corners between which the straight run lies that each edge of a ring belongs to, counted on from `last`.
+pub(super) fn straight_runs(ring: &[Vector2<f64>], last: &mut usize) -> Vec<[usize; 2]> {
+    let (mut before, first) = (Vector2::zeros(), *last + 1);
     let mut number = |(a, b): (Vector2<f64>, Vector2<f64>)| {
         let step = b - a;
         *last += usize::from(!goes_on(&before, &step));
         before = step;
         *last
     };
-    edges(ring).map(&mut number).collect()
+    let numbers: Vec<usize> = edges(ring).map(&mut number).collect();
+    let next = |number: usize| if number == *last { first } else { number + 1 };
+    numbers.into_iter().map(|number| [number, next(number)]).collect()
 }
 
 /// The points of a part of a contour, summed up.
@@ -122,19 +124,19 @@ struct Sums {
     first: Vector2<f64>,
     /// Of the squares of x, the products and the squares of y.
     second: Vector3<f64>,
-    runs: Option<(usize, usize)>,
+    runs: Option<[[usize; 2]; 2]>,
     left_out: bool,
 }
 
 impl Sums {
     /// Adds a straight stretch of a run by its length, middle and direction.
-    fn add(&mut self, length: f64, middle: &Vector2<f64>, along: &Vector2<f64>, run: usize) {
+    fn add(&mut self, length: f64, middle: &Vector2<f64>, along: &Vector2<f64>, run: [usize; 2]) {
         self.length += length;
         self.first += middle * length;
         let about_middle = length * length / 12.0;
         let product = |a: usize, b: usize| length * (middle[a] * middle[b] + about_middle * along[a] * along[b]);
         self.second = self.second.zip_map(&[product(0, 0), product(0, 1), product(1, 1)].into(), |sum, new| sum + new);
-        self.runs = Some((self.runs.map_or(run, |runs| runs.0), run));
+        self.runs = Some([self.runs.map_or(run, |runs| runs[0]), run]);
     }
 
     /// `None` where it was marked to be left out.
@@ -146,7 +148,7 @@ impl Sums {
         let [xx, xy, yy] = (self.second / self.length).into();
         let cross = xy - mean.x * mean.y;
         let spread = Matrix2::new(xx - mean.x * mean.x, cross, cross, yy - mean.y * mean.y);
-        Some(Piece { mean, spread, run: self.runs.filter(|(first, last)| first == last).map(|(run, _)| run) })
+        Some(Piece { mean, spread, run: self.runs.filter(|[first, last]| first == last).map(|[run, _]| run) })
     }
 }
 
@@ -154,7 +156,7 @@ impl Sums {
 /// touch an edge marked in `without`.
 fn ring_pieces(
     ring: &[Vector2<f64>],
-    runs: &[usize],
+    runs: &[[usize; 2]],
     without: &[bool],
     &Cut { length, count }: &Cut,
     (mut next, stride): (usize, usize),

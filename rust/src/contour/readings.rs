@@ -123,8 +123,8 @@ impl Contour {
         self.pieces(step).len()
     }
 
-    /// The straight run of the contour that each piece wholly lies on, by number.
-    pub fn runs(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+    /// The corners between which the straight run of the contour lies that each piece wholly is on.
+    pub fn runs(&self) -> impl Iterator<Item = Option<[usize; 2]>> + '_ {
         self.pieces(1).map(|piece| piece.run)
     }
 

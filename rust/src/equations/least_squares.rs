@@ -72,8 +72,6 @@ pub struct Minimum {
     pub termination: Termination,
     /// Evaluations of the equations.
     pub evaluations: usize,
-    /// `J^T J` there, by the left increment; `None` where the driver does not say.
-    pub information: Option<Matrix6<f64>>,
 }
 
 /// First radius of the trust region in sizes of the parameters, one of each: hardly a bound.
@@ -104,7 +102,7 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
     let Some(equations) = evaluate(start) else {
         let termination = Termination::OutOfView;
         let (pose, cost) = (*start, f64::INFINITY);
-        return Minimum { pose, cost, converged: false, termination, evaluations: 1, information: None };
+        return Minimum { pose, cost, converged: false, termination, evaluations: 1 };
     };
     let mut descent = Descent::new(start, equations);
     let termination = loop {
@@ -113,8 +111,8 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
         }
     };
     let Descent { pose, equations, evaluations, .. } = descent;
-    let (cost, information) = (equations.cost, Some(equations.information));
-    Minimum { pose, cost, converged: termination.is_minimum(), termination, evaluations, information }
+    let cost = equations.cost;
+    Minimum { pose, cost, converged: termination.is_minimum(), termination, evaluations }
 }
 
 /// One radian about each axis, and the distance of the (centred) world's origin along each.

@@ -10,10 +10,8 @@ use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::effort;
-use crate::equations::information::{Information, free, honest};
+use crate::equations::information::honest;
 use crate::equations::least_squares::{Minimum, Termination};
-use crate::equations::residual::normal_equations;
-use crate::equations::system::Weighting;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
@@ -176,7 +174,7 @@ impl Search {
             let pose = problem.centred(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = honest(&moment_covariance(problem, &minimum));
+            let covariance = covariance(contours, &fit);
             Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
         });
         let led = match &self.answers {
@@ -200,7 +198,7 @@ impl Search {
 }
 
 /// The places that fit about as well as the best once the prior is weighed in, best first, and what counts against each
-/// (`docs/math.md`, eq. 10.7).
+/// (`docs/math.md`, eq. 10.6).
 ///
 /// An initial pose without an uncertainty chooses the first among them.
 fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
@@ -248,7 +246,7 @@ impl Place {
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let evidence = Evidence::new(&self.fit, &self.covariance);
+        let evidence = Evidence::new(&self.fit, &self.covariance, self.minimum.is_some());
         match &self.posterior {
             Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
             None => evidence,
@@ -264,18 +262,6 @@ impl Place {
     fn weight(&self) -> f64 {
         (-0.5 * self.against).exp()
     }
-}
-
-/// `variance (J^T J)^-1` of the whitened equations; infinite where they leave a direction free.
-fn moment_covariance(problem: &Problem, minimum: &Minimum) -> Matrix6<f64> {
-    let evaluated = || {
-        let pose = problem.centred(&minimum.pose);
-        normal_equations(problem.regions(), &pose, Weighting::Whitened).map(|equations| equations.information)
-    };
-    let variance = problem.estimated_variance(minimum.cost);
-    let information = minimum.information.or_else(evaluated);
-    let held = information.and_then(|information| Information::holding(&information));
-    held.map_or_else(free, |information| information.covariance() * variance)
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
