@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.demo import courtyard, generate, rendering
 from regionpose.demo.scene import DemoRegion, DemoScene, folder, load
-from regionpose.demo.surfaces import Frame, Surface, are_blocked, first_hits, inside
-from regionpose.demo.textures import plain
 from scipy.ndimage import distance_transform_edt
+
+from tools.demo_scene import courtyard, generate, rendering
+from tools.demo_scene.surfaces import Frame, Surface, are_blocked, first_hits, inside
+from tools.demo_scene.textures import plain
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionpose.demo.surfaces import Array, Frame, Surface, Texture
-from regionpose.demo.textures import (
+from tools.demo_scene.surfaces import Array, Frame, Surface, Texture
+from tools.demo_scene.textures import (
     bricks,
     foliage,
     marked,

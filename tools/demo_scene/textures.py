@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.demo.surfaces import Array, Texture
+from tools.demo_scene.surfaces import Array, Texture
 
 SRGB_GAMMA = 2.2
 """Exponent between stored and linear light; the exact sRGB curve looks the same."""

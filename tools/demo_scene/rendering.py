@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.demo.courtyard import REGIONS, SUN, courtyard_from_camera
-from regionpose.demo.surfaces import Array, Surface, are_blocked, first_hits
-from regionpose.demo.textures import layered_noise, linear, mixed
+from tools.demo_scene.courtyard import REGIONS, SUN, courtyard_from_camera
+from tools.demo_scene.surfaces import Array, Surface, are_blocked, first_hits
+from tools.demo_scene.textures import layered_noise, linear, mixed
 
 SUPERSAMPLING = 4
 """Rays along each side of a pixel."""

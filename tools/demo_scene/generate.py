@@ -1,4 +1,4 @@
-"""Writes the shipped files: `python -m regionpose.demo.generate --out DIR`."""
+"""Writes the shipped files: `python -m tools.demo_scene.generate --out DIR`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial.transform import Rotation
-
 from regionpose.cameras import PinholeCamera
-from regionpose.demo.courtyard import REGIONS, courtyard_from_camera, courtyard_from_lidar, surfaces
-from regionpose.demo.rendering import Camera, Indices, albedo, developed, pixel_grid, region_labels, rendered
 from regionpose.demo.scene import (
     CAMERA_FILE,
     CLOUD_FILE,
@@ -27,7 +23,11 @@ from regionpose.demo.scene import (
     TRUTH_FILE,
     DemoRegion,
 )
-from regionpose.demo.surfaces import Array, Surface, first_hits
+from scipy.spatial.transform import Rotation
+
+from tools.demo_scene.courtyard import REGIONS, courtyard_from_camera, courtyard_from_lidar, surfaces
+from tools.demo_scene.rendering import Camera, Indices, albedo, developed, pixel_grid, region_labels, rendered
+from tools.demo_scene.surfaces import Array, Surface, first_hits
 
 WIDTH, HEIGHT = 1280, 960
 FOCAL = (905.0, 903.5)
