@@ -23,7 +23,7 @@ import regionpose as rp
 import shapely
 from numpy.typing import NDArray
 from real_scenes import DEFAULT_DATA, camera_of, cloud_of
-from regionpose.evaluation import Scene, SpinningLidar, lidar_points, perspective_scene
+from regionpose.evaluation import SpinningLidar, SyntheticScene, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.regions.outline import SparseSamplingWarning
@@ -66,7 +66,7 @@ def overlap_of_outlines(region: rp.WorldRegion, rings: list[Array]) -> tuple[flo
     return true.intersection(found).area / true.union(found).area, found.area / true.area - 1.0
 
 
-def scan(scene: Scene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[Array, int]:
+def scan(scene: SyntheticScene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[Array, int]:
     """Points of a scene's first region, then those of the wall that it doesn't hide, and the number of the former."""
     rings = scene.regions[0]
     position = -scene.rotation.T @ scene.translation
@@ -84,7 +84,7 @@ def scan(scene: Scene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[
     return np.concatenate([near, far[~hidden]]), len(near)
 
 
-def pose_error(scene: Scene, region: rp.WorldRegion) -> tuple[float, float]:
+def pose_error(scene: SyntheticScene, region: rp.WorldRegion) -> tuple[float, float]:
     """Rotation (deg) and translation error (metres) of the nearest answer with the exact image region."""
     estimate = rp.estimate_pose(scene.camera, [rp.ImageRegion.from_mask(scene.coverages()[0])], [region])
     answers = []

@@ -25,7 +25,7 @@ from regionpose.evaluation.measures import rotation_error
 from regionpose.evaluation.studies.conditions import Condition, NoiseModel
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.study import benchmark_setups
-from regionpose.evaluation.studies.verdict import WRONG_DEG
+from regionpose.evaluation.studies.trust import WRONG_DEG
 from rich.progress import track
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose import ImageRegion, WorldRegion, estimate_pose, grow_image_region, mask_from_file
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene, pose_errors
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors
 from scipy import ndimage
 from skimage.color import lab2rgb
 
@@ -43,7 +43,7 @@ class Row(NamedTuple):
     """How one row's images are made: CIELAB difference of the colours, their texture, noise in levels of 255."""
 
     name: str
-    scene: Callable[..., Scene]
+    scene: Callable[..., SyntheticScene]
     contrast: float
     texture: float
     noise: float
@@ -79,7 +79,7 @@ def texture(height: int, width: int, rng: np.random.Generator) -> Array:
     return np.asarray(total / total.std() + shading)
 
 
-def painted(scene: Scene, coverages: list[Array], row: Row, rng: np.random.Generator) -> NDArray[np.uint8]:
+def painted(scene: SyntheticScene, coverages: list[Array], row: Row, rng: np.random.Generator) -> NDArray[np.uint8]:
     """The image (h, w, 3) of a scene, sRGB."""
     height, width = coverages[0].shape
     ground = np.array([rng.uniform(35.0, 65.0), *rng.uniform(-20.0, 20.0, size=2)])
@@ -145,7 +145,7 @@ def run_scene(row: Row, seed: int) -> tuple[list[Quality], tuple[float, ...], tu
     return qualities, errors(scene, grown), errors(scene, coverages), seconds
 
 
-def errors(scene: Scene, coverages: list[Array]) -> tuple[float, ...]:
+def errors(scene: SyntheticScene, coverages: list[Array]) -> tuple[float, ...]:
     """Rotation error (deg) and position error at the anchor (mm) of the pose that coverages give."""
     world = [WorldRegion.from_polygon(rings) for rings in scene.regions]
     pose = estimate_pose(scene.camera, [ImageRegion.from_mask(coverage) for coverage in coverages], world).pose

@@ -8,7 +8,7 @@ polygons, with the hidden edges that regions.json marks. In the world they are
     outline  the polygon around the labelled points (`WorldRegion.from_points`)
     samples  what the scan knows of them (`WorldRegion.from_scan`)
     clicks   the same of points grown from a click on the region: the labelled point nearest to their median. The
-             lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width: 0.3`
+             lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width_m: 0.3`
 
 and of the camera nothing is known, that it is within 1 m of the scanner ("near"), or also that it is upright to 2 deg
 ("near, up"; where the scanner is level and the camera is). Frames of one rig, the boards of acfr_fisheye and the
@@ -35,12 +35,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import regionpose as rp
-import yaml
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
+from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -128,7 +128,7 @@ def cloud_file(folder: Path) -> Path:
 
 def cloud_of(folder: Path) -> Array:
     """Points (n, 3) of a scene."""
-    return rp.clouds.read_cloud(cloud_file(folder)).points
+    return rp.read_cloud(cloud_file(folder)).points
 
 
 def scanner_of(folder: Path, calibration: Plain) -> list[float] | None:
@@ -162,7 +162,7 @@ def world_item(region: Plain, folder: Path, way: str, cloud: Array) -> Plain | N
 
 def region_options(name: str) -> Plain:
     """What a user would add to a click after one look at the overlay."""
-    return {"min_width": 0.3} if name == "truck_tailgate" else {}
+    return {"min_width_m": 0.3} if name == "truck_tailgate" else {}
 
 
 def scene_file(folder: Path, out: Path, way: str) -> Path | None:
@@ -179,7 +179,7 @@ def scene_file(folder: Path, out: Path, way: str) -> Path | None:
     scene |= {"cloud": str(cloud_file(folder)), "sensor_origin": scanner_of(folder, calibration)}
     scene |= {"regions": regions, "prior": {"camera_near": None}}
     path = out / f"{folder.parent.name}-{folder.name}-{way}.yaml"
-    path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+    path.write_text(to_yaml(scene), encoding="utf-8")
     return path
 
 

@@ -28,7 +28,7 @@ import numpy as np
 import regionpose as rp
 from real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
 from regionpose.cameras import Camera
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
 
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
 REFINEMENTS = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
@@ -71,7 +71,7 @@ def report(scenes: list[RealScene], way: str) -> None:
             print_refinement(rig.refinement)
 
 
-def synthetic_frame(scene: Scene, offset: float = 0.0) -> rp.Frame:
+def synthetic_frame(scene: SyntheticScene, offset: float = 0.0) -> rp.Frame:
     """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` metres."""
     own = rp.Pose.from_parts(scene.rotation, scene.translation)
     rings = [[own.transform(ring) + np.array([offset, 0.0, 0.0]) for ring in region] for region in scene.regions]
@@ -103,7 +103,7 @@ class Trial(NamedTuple):
     sigmas: list[float]
 
 
-def trial_of(scenes: list[Scene], parts: Sequence[str]) -> Trial:
+def trial_of(scenes: list[SyntheticScene], parts: Sequence[str]) -> Trial:
     """The rig that sees the scenes, refined; then with its last frame moved."""
     camera, frames = scenes[0].camera, [synthetic_frame(scene) for scene in scenes]
     wrong = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
@@ -119,7 +119,7 @@ def trial_of(scenes: list[Scene], parts: Sequence[str]) -> Trial:
 
 
 def report_synthetic(
-    name: str, draw: Callable[..., Scene], shape: tuple[int, int], parts: Sequence[str], count: int
+    name: str, draw: Callable[..., SyntheticScene], shape: tuple[int, int], parts: Sequence[str], count: int
 ) -> None:
     """Print what comes of `count` rigs of `shape` (frames, regions of a frame)."""
     trials = [

@@ -57,7 +57,7 @@ def frames(data: Path) -> Iterator[RealFrame]:
     for path in sorted(data.glob("*/*/calib.json")):
         folder, calibration = path.parent, json.loads(path.read_text())
         if "cameras" in calibration:
-            points = rp.clouds.read_cloud(folder / "points.bin").points
+            points = rp.read_cloud(folder / "points.bin").points
             for name, held in calibration["cameras"].items():
                 yield frame(f"{folder.parent.name}/{name}", folder / held["image"], held, points)
         elif (folder / "points.npy").exists() or (folder / "points.bin").exists():

@@ -335,7 +335,8 @@ class Prior:
         up: ArrayLike | None = None,
         up_sigma_deg: float | None = None,
         initial: tuple[ArrayLike, ArrayLike] | None = None,
-        initial_sigma: ArrayLike | None = None,
+        initial_rotation_sigma_deg: float | None = None,
+        initial_center_sigma_m: float | None = None,
         camera_near: ArrayLike | None = None,
         camera_near_sigma_m: float | None = None,
     ) -> Prior: ...

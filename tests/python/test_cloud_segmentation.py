@@ -182,7 +182,7 @@ def test_gap_wider_than_the_radius_parts_two_planes() -> None:
     flat = np.random.default_rng(0).uniform(0.0, 1.0, (8000, 2))
     points = np.column_stack([flat + np.where(flat[:, :1] > 0.5, [0.3, 0.0], 0.0), np.zeros(8000)])
     assert len(grow_plane(points, (0.2, 0.5, 0.0))) == (flat[:, 0] <= 0.5).sum()
-    assert len(grow_plane(points, (0.2, 0.5, 0.0), radius=0.4)) == 8000
+    assert len(grow_plane(points, (0.2, 0.5, 0.0), radius_m=0.4)) == 8000
 
 
 def test_ray_meets_the_surface_in_front() -> None:
@@ -199,8 +199,8 @@ def test_ray_meets_the_surface_in_front() -> None:
         ([1.0, 2.0], {}, "needed an index or 3 finite"),
         ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
         ([500.0, 0.0, 0.0], {}, "490 m from the nearest point"),
-        (0, {"distance": 0.0}, "distance is 0.0"),
-        (0, {"radius": -1.0}, "radius is -1.0"),
+        (0, {"distance_m": 0.0}, "distance_m is 0.0"),
+        (0, {"radius_m": -1.0}, "radius_m is -1.0"),
         (0, {"angle_deg": np.nan}, "angle_deg is nan"),
     ],
 )

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from shapely import affinity
 
 Array = NDArray[np.float64]
-SceneMaker = Callable[..., scenes.Scene]
+SceneMaker = Callable[..., scenes.SyntheticScene]
 
 SCENE_KINDS: list[SceneMaker] = [scenes.perspective_scene, scenes.omnidirectional_scene, scenes.fisheye_scene]
 # (planes, regions on each) of the benchmark

@@ -129,7 +129,7 @@ def test_joints_of_a_brick_wall_are_smoothed_away() -> None:
     levels = np.where(joint[..., None], (0.62, 0.5, 0.42), (0.58, 0.3, 0.22))
     image = np.where(wall[..., None], levels, (0.85, 0.85, 0.8))
     image = np.clip(image + np.random.default_rng(0).normal(0.0, 0.01, image.shape), 0.0, 1.0)
-    assert overlap(grow_image_region(image, (203, 147), smoothing=3), wall) > 0.97
+    assert overlap(grow_image_region(image, (203, 147), smoothing_px=3), wall) > 0.97
 
 
 def test_small_region_in_a_large_image() -> None:
@@ -248,7 +248,7 @@ def test_seed_that_is_no_pixel(seed: object) -> None:
         grow_image_region(IMAGE, seed)  # type: ignore[call-overload]
 
 
-@pytest.mark.parametrize("option", ["tolerance", "smoothing"])
+@pytest.mark.parametrize("option", ["tolerance", "smoothing_px"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_options_below_zero(option: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"{option} is .*; needed a finite number of at least 0"):
@@ -258,4 +258,4 @@ def test_options_below_zero(option: str, value: float) -> None:
 def test_a_region_of_single_pixels_says_what_is_needed() -> None:
     noise = np.random.default_rng(3).integers(0, 256, (60, 60, 3), dtype=np.uint8)
     with pytest.raises(ValueError, match="needed a larger tolerance"):
-        grow_image_region(noise, (30, 30), tolerance=0.5, smoothing=0)
+        grow_image_region(noise, (30, 30), tolerance=0.5, smoothing_px=0)

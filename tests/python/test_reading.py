@@ -93,7 +93,7 @@ HUGE = npy_header(f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 45
 
 def depth(path: Path) -> object:
     """A depth image's cloud."""
-    return cloud_from_depth(path, PinholeCamera(9.0, 9.0, 4.0, 4.0), scale=0.001)
+    return cloud_from_depth(path, PinholeCamera(9.0, 9.0, 4.0, 4.0), unit_m=0.001)
 
 
 KITTI = (SAMPLES / "kitti_object.txt").read_bytes()

@@ -25,7 +25,7 @@ from regionpose.estimation.contours import (
     neighbour_scatter,
 )
 from regionpose.estimation.intrinsics import PARAMETERS, CameraPart, ContourProblem, refined_camera
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene, pose_errors, squares_on_mask
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors, squares_on_mask
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -46,7 +46,9 @@ SLOPE = 1e-6
 ALL: tuple[CameraPart, ...] = ("focal", "center", "distortion")
 
 
-def frame_of(scene: Scene, disturb: Callable[[NDArray[np.bool_]], NDArray[np.bool_]] = lambda mask: mask) -> rp.Frame:
+def frame_of(
+    scene: SyntheticScene, disturb: Callable[[NDArray[np.bool_]], NDArray[np.bool_]] = lambda mask: mask
+) -> rp.Frame:
     """The scene as a frame of the rig: its world moved to where the rig's camera sees it as the scene's does."""
     own = rp.Pose.from_parts(scene.rotation, scene.translation)
     worlds = [[RIG.inverse().transform(own.transform(ring)) for ring in rings] for rings in scene.regions]
@@ -447,11 +449,15 @@ def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> No
     camera, frames = fisheye_frames(0, 2)
     turn = Rotation.from_euler("y", 40.0, degrees=True)
     wrong = rp.Pose(turn * RIG.rotation, RIG.translation)
-    told = rp.Prior(initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma_deg=0.01)
+    told = rp.Prior(
+        initial=wrong, initial_rotation_sigma_deg=3.0, initial_center_sigma_m=0.1, up=[0.0, 0.0, 1.0], up_sigma_deg=0.01
+    )
     rig = rp.estimate_rig(camera, frames, prior=told)
     contradicted = {"initial-contradicted", "up-contradicted"}
     assert {warning.code for warning in rig.warnings} == contradicted and millimeters(rig.pose, frames) < 5.0
-    known = rp.estimate_rig(camera, frames, prior=rp.Prior(initial=RIG, initial_sigma=(3.0, 0.1)))
+    known = rp.estimate_rig(
+        camera, frames, prior=rp.Prior(initial=RIG, initial_rotation_sigma_deg=3.0, initial_center_sigma_m=0.1)
+    )
     assert not known.warnings
     elsewhere = rp.Prior(camera_near=RIG.camera_center + np.array([9.0, 0.0, 0.0]), camera_near_sigma_m=0.5)
     far = rp.estimate_rig(camera, frames, prior=elsewhere)

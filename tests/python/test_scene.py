@@ -173,10 +173,10 @@ def test_a_matrix_that_is_no_pose_is_refused_with_its_line(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"image": "missing.png"}, r":9: image: .*missing\.png: no such file"),
-        ({"image": "scene.yaml"}, r":9: image: .*found no picture"),
+        ({"image": "missing.png"}, r":2: image: .*missing\.png: no such file"),
+        ({"image": "scene.yaml"}, r":2: image: .*found no picture"),
         ({"camera": "missing.yaml"}, r":1: camera: .*no such file"),
-        ({"camera": {"file": "scene.yaml"}}, r":2: camera\.file: "),
+        ({"camera": {"file": "scene.yaml"}}, r":1: camera\.file: "),
         ({"cloud": "image.png"}, r":\d+: cloud: .*needed one of"),
     ],
 )
@@ -413,7 +413,5 @@ def test_every_public_name_is_found_when_first_used() -> None:
 
     fresh = importlib.reload(rp)
     assert all(getattr(fresh, name) is not None for name in fresh.__all__)
-    assert set(fresh._HOMES) | {"__version__"} == set(fresh.__all__)
-    assert fresh.cameras.PinholeCamera is rp.PinholeCamera
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         fresh.nothing  # noqa: B018

@@ -18,7 +18,7 @@ from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-View = Callable[[Array], tuple[Camera, Pose]]
+CameraAt = Callable[[Array], tuple[Camera, Pose]]
 """Camera and pose at some variables, each of which changes the image by about a share of itself."""
 
 BEND_TOLERANCE_PX = 0.02
@@ -121,7 +121,7 @@ def distances_of(camera: Camera, pose: Pose, contours: Contours) -> Distances | 
     return Distances((normals * offset).sum(axis=1), edges, shares, normals)
 
 
-def outline_derivatives(view: View, at: Array, contours: Contours) -> Array:
+def outline_derivatives(view: CameraAt, at: Array, contours: Contours) -> Array:
     """Derivatives (v, 2, p) of the projected vertices by the variables (p,) of a view, by central differences."""
     pixels = [
         [_projected(*view(at + sign * DIFFERENCE * unit), contours) for sign in (1.0, -1.0)] for unit in np.eye(len(at))

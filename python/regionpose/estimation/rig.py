@@ -238,7 +238,7 @@ class _Rig:
 
     def started_at(self, pose: Pose) -> _Rig:
         """The same from a pose that is a start alone, in place of the prior's."""
-        return replace(self, prior=replace(self.prior, initial=pose, initial_sigma=None))
+        return replace(self, prior=self.prior.started_at(pose))
 
     def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
         """The pose of all the frames."""

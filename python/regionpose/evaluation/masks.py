@@ -63,7 +63,7 @@ class Window(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class MaskPatch:
     """The part of a mask that holds its region: `values` (rows, columns) of the pixels in `window`; others are empty.
 
     A whole mask of the benchmark's camera is 3.8 million pixels, of which a region covers a few per cent.
@@ -189,10 +189,12 @@ def binary_mask(rings: Rings, width: int, height: int) -> NDArray[np.bool_]:
     return binary_patch(rings, width, height).whole(width, height)
 
 
-def binary_patch(rings: Rings, width: int, height: int, margin: int = 0) -> Patch:
+def binary_patch(rings: Rings, width: int, height: int, margin: int = 0) -> MaskPatch:
     """The part of `binary_mask` that holds the region, with `margin` px around it."""
     window = rings_window(rings, width, height).grown(margin, width, height)
-    return Patch(_window_mask(rings, window) if min(window.shape) else np.zeros(window.shape, dtype=np.bool_), window)
+    return MaskPatch(
+        _window_mask(rings, window) if min(window.shape) else np.zeros(window.shape, dtype=np.bool_), window
+    )
 
 
 def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
@@ -227,10 +229,10 @@ def area_coverage(rings: Rings, width: int, height: int) -> Array:
     return coverage_patch(rings, width, height).whole(width, height)
 
 
-def coverage_patch(rings: Rings, width: int, height: int, margin: int = 0) -> Patch:
+def coverage_patch(rings: Rings, width: int, height: int, margin: int = 0) -> MaskPatch:
     """The part of `area_coverage` that holds the region, with `margin` px around it."""
     window = rings_window(rings, width, height).grown(margin, width, height)
-    return Patch(_window_coverage(rings, window) if min(window.shape) else np.zeros(window.shape), window)
+    return MaskPatch(_window_coverage(rings, window) if min(window.shape) else np.zeros(window.shape), window)
 
 
 def _window_coverage(rings: Rings, window: Window) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
-from regionpose.arrays import checked_image
+from regionpose.arrays import checked_image, real_rows
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
@@ -52,7 +52,7 @@ WIDEST_GAP_SHARE = 1 / 16
 """Gap over the image's diagonal at the most; what is farther apart is no surface."""
 
 
-class View(NamedTuple):
+class PosedImage(NamedTuple):
     """An image (h, w) or (h, w, 3), its camera, and the pose `camera_from_world`."""
 
     image: ArrayLike
@@ -99,12 +99,12 @@ def colorize(
     ValueError
         For other shapes or types.
     """
-    return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
+    return blend_colors(points, [PosedImage(image, camera, pose)], depth_tolerance=depth_tolerance)
 
 
 def blend_colors(
     points: ArrayLike,
-    views: Iterable[View | tuple[ArrayLike, Camera, Pose]],
+    views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]],
     *,
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
@@ -136,7 +136,7 @@ def blend_colors(
     ValueError
         Without a view, and for other shapes or types.
     """
-    given = _checked_points(points)
+    given = real_rows(points, "points", 3)
     facing = None if normals is None else _checked_normals(normals, len(given))
     tolerance = _checked_tolerance(depth_tolerance)
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
@@ -159,7 +159,7 @@ def blend_colors(
 
 
 def colored_cloud(
-    cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+    cloud: Cloud, views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colors of images, and which points (n,) any of the cameras sees.
 
@@ -180,20 +180,11 @@ def project_points(
 
     `hidden=False`: NaN, too, for points behind others, as in `colorize`.
     """
-    projection = _projected(_checked_points(points), camera, pose, size)
+    projection = _projected(real_rows(points, "points", 3), camera, pose, size)
     if not hidden:
         unseen = ~_visible(projection, size, DEPTH_TOLERANCE)
         projection.pixels[unseen], projection.distances[unseen] = np.nan, np.nan
     return projection.pixels, projection.distances
-
-
-def _checked_points(points: ArrayLike) -> NDArray[np.floating]:
-    given = np.asarray(points)
-    if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(
-            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
-        )
-    return given
 
 
 def _checked_normals(normals: ArrayLike, count: int) -> Floats:

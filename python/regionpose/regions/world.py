@@ -90,7 +90,7 @@ class WorldRegion:
         cls,
         points: ArrayLike,
         *,
-        radius: float | None = None,
+        radius_m: float | None = None,
         correct_sampling: bool = True,
         sensor_origin: ArrayLike | None = None,
     ) -> WorldRegion:
@@ -102,8 +102,8 @@ class WorldRegion:
         ----------
         points : (n, 3) array
             Metres.
-        radius : float, optional
-            Of the alpha shape, metres; chosen from the spacing of the points when None.
+        radius_m : float, optional
+            Of the alpha shape; chosen from the spacing of the points when None.
         correct_sampling : bool
             Grow the outline to where the patch ends (default), or have it run through the outermost points.
         sensor_origin : (3,) array, optional
@@ -124,7 +124,7 @@ class WorldRegion:
         from regionpose.regions.outline import outline_of_points
 
         outline = outline_of_points(
-            points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
+            points, radius_m=radius_m, correct_sampling=correct_sampling, sensor_origin=sensor_origin
         )
         return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
 

@@ -194,17 +194,17 @@ def _grown_plane(item: WorldSeed, scan: Scan) -> WorldSide:
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
     points, seed = scan.cloud.local_points, np.asarray(item.seed) - scan.origin
     if item.intensity_tolerance is None:
-        indices = grow_plane(points, seed, min_width=item.min_width)
+        indices = grow_plane(points, seed, min_width_m=item.min_width_m)
     else:
         alike = _alike(scan.cloud, seed, item.intensity_tolerance)
-        indices = alike[grow_plane(points[alike], seed, min_width=item.min_width)]
+        indices = alike[grow_plane(points[alike], seed, min_width_m=item.min_width_m)]
     return _scanned(points, indices, item, scan)
 
 
 def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, scan: Scan) -> WorldSide:
     """The side of the returns `indices` of a scan's points (n, 3): its samples, or the outline and why."""
-    if item.radius is not None:
-        return replace(_outlined(points[indices], item, scan, "its radius is given"), indices=indices)
+    if item.radius_m is not None:
+        return replace(_outlined(points[indices], item, scan, "its radius_m is given"), indices=indices)
     region = WorldRegion.from_scan(points, indices, sensor_origin=scan.scanner, extends=item.extends)
     if region.samples is not None:
         return WorldSide(region, indices)
@@ -215,7 +215,7 @@ def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, sca
 
 def _outlined(points: Array, item: WorldSeed | WorldPoints, scan: Scan, because: str) -> WorldSide:
     """The side of points (n, 3) by their outline."""
-    region = WorldRegion.from_points(points, radius=item.radius, sensor_origin=scan.scanner)
+    region = WorldRegion.from_points(points, radius_m=item.radius_m, sensor_origin=scan.scanner)
     return WorldSide(region, outline_because=because)
 
 

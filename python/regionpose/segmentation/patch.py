@@ -116,7 +116,7 @@ def nearest_points(cloud: Array, position: Array) -> Indices:
 def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
     """The plane around the seed, from as many of its nearest points, nearest first, as lie on it.
 
-    `distance`, `radius`: those of `grow_plane`. ValueError for a seed on no plane.
+    `distance`, `radius`: `distance_m`, `radius_m` of `grow_plane`. ValueError for a seed on no plane.
     """
     chosen: Patch | None = None
     for size in SEED_NEIGHBOURS:

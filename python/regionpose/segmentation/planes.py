@@ -76,8 +76,8 @@ def find_planes(
     points: ArrayLike,
     *,
     min_points: int = LEAST_PATCH,
-    distance: float | None = None,
-    radius: float | None = None,
+    distance_m: float | None = None,
+    radius_m: float | None = None,
     angle_deg: float = ANGLE_DEG,
     progress: Progress | None = None,
 ) -> list[Indices]:
@@ -94,7 +94,7 @@ def find_planes(
         Metres.
     min_points : int
         Of a patch at the least.
-    distance, radius : float, optional
+    distance_m, radius_m : float, optional
         As in `grow_plane`.
     angle_deg : float
         As in `grow_plane`.
@@ -107,11 +107,11 @@ def find_planes(
         For a cloud that isn't (n, 3) numbers with 3 finite points, or options out of range.
     """
     cloud = checked_cloud(points)
-    check_positive(distance=distance, radius=radius, angle_deg=angle_deg)
+    check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg)
     if min_points < 3:
         raise ValueError(f"min_points is {min_points}; needed 3 or more")
     thinned = _thinned(cloud)
-    search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance, radius, angle_deg))
+    search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
     patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(progress)]
     found = _filled(cloud, patches) if len(thinned) < len(cloud) else [np.sort(patch.members) for patch in patches]
     return sorted((members for members in found if len(members) >= min_points), key=len, reverse=True)

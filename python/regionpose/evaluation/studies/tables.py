@@ -12,7 +12,7 @@ from regionpose.evaluation.studies.conditions import Value
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
-from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
+from regionpose.evaluation.studies.trust import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
 
 SHOWN_ERRORS = 5
 """Different error texts that are listed, the most frequent first."""
