@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint fuzz soak docs bench clean
+.PHONY: demo test lint fuzz soak docs bench packages clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -42,6 +42,11 @@ soak: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	$(BIN)/python -m sphinx -b html -W --keep-going --quiet docs docs/_build/html
+
+# Wheel, source distribution and crate, each tested from where its user gets it.
+packages: $(STAMP)
+	$(BIN)/python -m pip install --quiet 'maturin>=1.9.4,<2'
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python tools/check_packages.py
 
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
