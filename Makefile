@@ -25,6 +25,8 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest regionpose._core
+	$(BIN)/codespell
+	$(BIN)/proselint --config .proselintrc.json check README.md CONTRIBUTING.md CHANGELOG.md docs/*.md docs/*/*.md
 
 # Mutated files through every reader and random inputs through the crate, for SECONDS together with the build, which shares
 # that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
