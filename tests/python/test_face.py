@@ -218,7 +218,19 @@ def test_the_document_lists_the_public_names() -> None:
     assert {*dir(rp), "__version__"} == set(rp.__all__)
 
 
-HEAVY = ("scipy", "shapely", "skimage", "pydantic", "PIL", "ruamel", "jinja2", "typer", "rich", "matplotlib", "regionpose.scene")
+HEAVY = (
+    "scipy",
+    "shapely",
+    "skimage",
+    "pydantic",
+    "PIL",
+    "ruamel",
+    "jinja2",
+    "typer",
+    "rich",
+    "matplotlib",
+    "regionpose.scene",
+)
 
 
 @pytest.mark.parametrize(

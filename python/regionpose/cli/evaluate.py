@@ -92,7 +92,7 @@ def evaluate(
     """Run a study of the synthetic benchmark.
 
     Prints a table and writes the rows, the table (.md), the settings (.json) and plots (.png) beside one another.
-    Ctrl-C stops it; the same command goes on where it stopped. The rows do not depend on the number of workers.
+    Ctrl-C stops it; the same command continues where it stopped. The rows do not depend on the number of workers.
 
     \b
     Examples:

@@ -101,7 +101,7 @@ class PoseEstimate(Judged):
         Of the left increment `[omega (rad), tau (metres)]`, `P' = exp(omega) P + tau`.
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
-        15); poses that fit alike share it.
+        15); poses that fit equally well share it.
     overlap_error : float
         Area of the symmetric difference of projected and observed regions over the observed area (the paper's delta, on
         the sphere), a fraction.

@@ -61,7 +61,7 @@ def estimate_poses(
     Raises
     ------
     ValueError
-        For what is no problem at all, led by the problem's number, and for other options.
+        For an item that is not a problem, with its number first, and for other options.
 
     Examples
     --------

@@ -95,7 +95,7 @@ def match_regions(
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
     wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`) or without a partner stay
-    unmatched. Other assignments that the prior leaves are told in `alternatives` and a warning.
+    unmatched. `alternatives` and a warning report other assignments that the prior leaves.
 
     Parameters
     ----------

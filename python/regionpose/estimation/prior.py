@@ -17,8 +17,8 @@ SIGMAS = ("up_sigma_deg", "initial_rotation_sigma_deg", "initial_center_sigma_m"
 class Prior:
     """What is known of the pose `camera_from_world` beforehand; every part is optional.
 
-    A prior chooses between poses that fit about alike and moves none. A warning reports one that no fitting pose agrees
-    with (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
+    A prior chooses between poses that fit about equally well and moves none. A warning reports one that no fitting pose
+    agrees with (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Prior:
     up_sigma_deg : float, optional
         How well it is known, degrees; 15 without it.
     initial : Pose, optional
-        A rough pose. Without its deviations it is a start and chooses between poses that fit alike.
+        A rough pose. Without its deviations it is a start and chooses between poses that fit equally well.
     initial_rotation_sigma_deg, initial_center_sigma_m : float, optional
         Standard deviations of its rotation and of the camera's place along each axis, both or neither; they rule out
         poses that lie elsewhere.
@@ -40,8 +40,8 @@ class Prior:
     Raises
     ------
     ValueError
-        Naming the field, for what is no direction, pose or place, for a deviation that isn't positive, and for one of
-        what isn't given.
+        That names the field: for an invalid direction, pose or place, a deviation that isn't positive, or one without
+        what it belongs to.
 
     Examples
     --------

@@ -186,7 +186,7 @@ def estimate_rig(
     prior : Prior, optional
         What is known of the pose, as of `estimate_pose`.
     solver : Solver, optional
-        How the poses are computed; its driver is native, unless it says otherwise.
+        How the poses are computed; the driver is native by default.
     refine_camera : sequence of {"focal", "center", "distortion"}
         Which of fx and fy, cx and cy, k1 and k2 are estimated together with the pose (docs/math.md, section 12), and
         taken where they are determined and differ from the given ones by more than noise.

@@ -70,8 +70,8 @@ class WorldRegion:
         Raises
         ------
         ValueError
-            As of `from_polygon`, a message about one polygon led by its number; for vertices farther from the common
-            plane than 1 % of the extent, and for polygons that overlap.
+            As of `from_polygon`, a message about one polygon begins with its number; for vertices farther from the
+            common plane than 1 % of the extent, and for polygons that overlap.
         """
         parts = _polygon_list(polygons)
         origin, axes = _common_plane(parts)
@@ -168,7 +168,7 @@ class WorldRegion:
         sensor_origin: ArrayLike | None = None,
         extends: bool = False,
     ) -> WorldRegion:
-        """The planar region of some returns of a scan, and what is known beside it.
+        """The planar region of some returns of a scan, and what the scan shows beside it.
 
         A beam that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that
         is no member, unless it joins members without a gap and the region `extends` there. Beams that ended before the
@@ -182,7 +182,7 @@ class WorldRegion:
         members : (k,) array of int
             Indices of the region's returns, as `grow_plane` and `find_planes` give them.
         sensor_origin : (3,) array, optional
-            The scanner's position, metres; without it the returns on the plane alone tell.
+            The scanner's position, metres; without it only the returns on the plane count.
         extends : bool
             Whether the region may go on beyond its members; False by default.
 
