@@ -63,7 +63,7 @@ def test_finished_files_are_replaced_by_force_alone(
 def test_a_stopped_study_says_so_and_goes_on(
     quick: list[str | Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole = config.run_study
+    whole = run_study
 
     def stopped(study: Any, scenes: int, **options: Any) -> Any:
         whole(study, scenes, **options)
