@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from regionpose.cli import main
-from regionpose.evaluation.studies import config, read_rows
+from regionpose.evaluation.studies import config, read_rows, run_study
 
 CAMERA = """%YAML:1.0
 image_width: 360
