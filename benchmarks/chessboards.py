@@ -7,7 +7,7 @@ frames this says so and ends.
 
 A line each: the share of the board that the click grew, the errors, the verdict, its confidence by the regions alone
 and after the rest of the scene was heard, and how well photo and cloud agree (z). Then how many poses were wrong
-(beyond 5 deg or half a metre) and how many of those were trusted.
+(beyond 5 deg or half a meter) and how many of those were trusted.
 
     python -m benchmarks.chessboards [--data ../shared/data] [--clicks 6] [--near]
 """

@@ -1,6 +1,6 @@
 """Regions grown from one seed on rendered images, against the exact coverage.
 
-Each row draws scenes of the synthetic benchmark, paints every region and the background with a colour, a shading and a
+Each row draws scenes of the synthetic benchmark, paints every region and the background with a color, a shading and a
 texture of its own, blurs as a lens does, adds sensor noise, and grows each region from the pixel deepest inside it.
 Run as `python benchmarks/image_segmentation.py`.
 """
@@ -40,7 +40,7 @@ DEMO = Path(__file__).parents[1] / "python" / "regionpose" / "demo" / "files"
 
 
 class Row(NamedTuple):
-    """How one row's images are made: CIELAB difference of the colours, their texture, noise in levels of 255."""
+    """How one row's images are made: CIELAB difference of the colors, their texture, noise in levels of 255."""
 
     name: str
     scene: Callable[..., SyntheticScene]
@@ -99,11 +99,11 @@ def painted(scene: SyntheticScene, coverages: list[Array], row: Row, rng: np.ran
 
 
 def linear_of(color: Array, lightness: Array) -> Array:
-    """Linear light (h, w, 3) of a CIELAB colour whose lightness is changed by `lightness`."""
+    """Linear light (h, w, 3) of a CIELAB color whose lightness is changed by `lightness`."""
     steps = np.linspace(0.0, 100.0, 256)
     lab = np.column_stack([steps, np.full(256, color[1]), np.full(256, color[2])])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Colours outside sRGB are clipped.
+        warnings.simplefilter("ignore", UserWarning)  # Colors outside sRGB are clipped.
         srgb = np.clip(lab2rgb(lab[None])[0], 0.0, 1.0)
     table = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     value = np.clip(color[0] + lightness, 0.0, 100.0)

@@ -1,12 +1,12 @@
 """One rigid pose from many frames: each frame's influence, and the camera refined with the pose.
 
 The six boards of acfr_fisheye: for each way of naming the regions in the world (those of `real_scenes.py`) the frames
-are solved as one rig with the given camera, then with focal lengths, centre and distortion refined as well. Errors are
+are solved as one rig with the given camera, then with focal lengths, center and distortion refined as well. Errors are
 against calib.json, whose own accuracy is 0.5 deg and 30 mm; the leave-one-out table says how far the pose without each
 frame is from the joint one.
 
 `--synthetic N` instead draws N rigs of the evaluation's pinhole (four frames of one region) and fisheye camera (three
-frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose centre 5 px
+frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose center 5 px
 off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
 each, one frame's world is moved by 3 cm: how many times that frame alone is named.
 
@@ -72,7 +72,7 @@ def report(scenes: list[RealScene], way: str) -> None:
 
 
 def synthetic_frame(scene: SyntheticScene, offset: float = 0.0) -> rp.Frame:
-    """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` metres."""
+    """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` meters."""
     own = rp.Pose.from_parts(scene.rotation, scene.translation)
     rings = [[own.transform(ring) + np.array([offset, 0.0, 0.0]) for ring in region] for region in scene.regions]
     images = [rp.ImageRegion.from_mask(mask) for mask in scene.masks()]

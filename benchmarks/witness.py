@@ -1,7 +1,7 @@
 """How well the rest of a scene tells right poses from wrong ones, on frames with ground truth.
 
 Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
-pose and at poses that are turned by 8 to 180 degrees, most of them moved by a metre or two, too. Where there are no
+pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
 frames this says so and ends.
 
 A line each: depth steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of

@@ -125,7 +125,7 @@ def _pictures() -> list[Sample]:
         Sample("sealed.png", _image(LABELS, "png"), masks_from_file, seals.png),
         Sample("sealed_photo.png", _image(colors, "png"), read_picture, seals.png),
         Sample("sealed_depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth, seals.png),
-        Sample("colours.png", _image(colors, "png"), masks_from_file),
+        Sample("colors.png", _image(colors, "png"), masks_from_file),
         Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
         Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
         Sample("depth.tiff", _image(LABELS.astype(np.float32), "tiff"), depth),

@@ -24,7 +24,7 @@ PLATES: dict[str, NDArray[np.float64]] = {
 
 
 def scene_values(shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> dict[str, Any]:
-    """The scene's values, the world moved by `shift` (metres)."""
+    """The scene's values, the world moved by `shift` (meters)."""
     regions = [
         {
             "name": name,

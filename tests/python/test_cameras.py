@@ -46,7 +46,7 @@ CAMERAS = [
 
 
 def image_grid(step: float = 16.0) -> np.ndarray:
-    """Pixels (n, 2) over the whole image, its border, the centre and a point next to the centre."""
+    """Pixels (n, 2) over the whole image, its border, the center and a point next to the center."""
     u, v = np.meshgrid(np.arange(-0.5, WIDTH, step), np.arange(-0.5, HEIGHT, step))
     corner = [WIDTH - 0.5, HEIGHT - 0.5]
     return np.vstack([np.stack([u.ravel(), v.ravel()], axis=1), [corner, CENTER, np.add(CENTER, 1e-7)]])

@@ -137,7 +137,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("objects.npz", npz(points=np.array([None])), "points.npy: found object values"),
     ("columns.npz", npz(a=np.ones(3), b=np.ones(3)), "missing: x, y, z"),
     ("points.npz", npz(points=np.ones((3, 4)), b=np.ones(3)), "points: found"),
-    ("colours.npz", npz(points=np.ones((3, 3)), colors=np.ones((2, 3))), "colors: found"),
+    ("colors.npz", npz(points=np.ones((3, 3)), colors=np.ones((2, 3))), "colors: found"),
     ("intensity.npz", npz(points=np.ones((3, 3)), intensity=np.ones(2)), "intensity: found"),
     ("origin.npz", npz(points=np.ones((3, 3)), origin=np.ones(2)), "origin: found"),
     ("zip.npz", b"PK\x03\x04" + GARBAGE, "archive: found"),

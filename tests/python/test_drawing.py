@@ -21,13 +21,13 @@ GRAY = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8)
 WORLD = [rp.WorldRegion.from_polygon([plate]) for plate in PLATES.values()]
 SEEN = [rp.ImageRegion.from_polygon([CAMERA.project(POSE.transform(plate))]) for plate in PLATES.values()]
 STEP_RATIO = 1.25
-"""Largest over smallest step of the colour table: rounding to 8 bits moves a colour by up to half a unit of CIELAB."""
+"""Largest over smallest step of the color table: rounding to 8 bits moves a color by up to half a unit of CIELAB."""
 
 BARREL = rp.PinholeCamera(150.0, 150.0, 159.5, 119.5, width=WIDTH, height=HEIGHT, distortion=(-0.2, 0.02, 0.0, 0.0))
 
 
 def like(picture: NDArray[np.uint8], color: tuple[int, int, int]) -> NDArray[np.bool_]:
-    """Pixels (h, w) of about a colour."""
+    """Pixels (h, w) of about a color."""
     return np.asarray((np.abs(picture.astype(int) - color) < 60).all(axis=2))
 
 
@@ -44,7 +44,7 @@ def test_contours_lie_where_the_camera_projects_them(camera: rp.PinholeCamera) -
     exact = along(WORLD[0].rings[0], camera, POSE)
     rows, columns = np.nonzero(like(picture, PROJECTED))
     drawn = np.column_stack([columns, rows])
-    # The legend's line sample, near a corner, has the colour too.
+    # The legend's line sample, near a corner, has the color too.
     drawn = drawn[np.linalg.norm(drawn - exact.mean(axis=0), axis=1) < 80.0]
     apart = np.linalg.norm(drawn[:, None] - exact[None], axis=2)
     assert apart.min(axis=1).max() < 2.0, "a pixel is drawn off the contour"

@@ -23,7 +23,7 @@ from regionpose.evaluation.studies import (
     run_study,
 )
 from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
-from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies.catalog import STUDIES
 from regionpose.evaluation.studies.conditions import NoiseModel
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve

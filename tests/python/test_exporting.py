@@ -160,7 +160,7 @@ def test_meshlab_s_camera_projects_as_vcglib_does() -> None:
     held = next(iter(ElementTree.fromstring(text))).attrib
     rows = np.array(held["RotationMatrix"].split(), dtype=float).reshape(4, 4)[:3, :3]
     center = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
-    # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the centre, from the lower left.
+    # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the center, from the lower left.
     local = (POINTS - center) @ rows.T
     size, middle = (np.array(held[key].split(), dtype=float) for key in ("PixelSizeMm", "CenterPx"))
     across, up = (float(held["FocalMm"]) * local[:, :2] / -local[:, 2:] / size + middle).T

@@ -115,7 +115,7 @@ def test_no_point_of_a_hidden_wall_is_colored_and_nearly_all_others_are(
 
 
 def test_a_road_keeps_its_colors_up_to_the_horizon() -> None:
-    # 64 rings from 1.7 m above a level road; the camera is half a metre beside the lidar.
+    # 64 rings from 1.7 m above a level road; the camera is half a meter beside the lidar.
     elevations, azimuths = np.radians(np.linspace(-24.8, -2.2, 60)), np.radians(np.arange(-30.0, 30.0, 0.2))
     elevation, azimuth = (grid.ravel() for grid in np.meshgrid(elevations, azimuths, indexing="ij"))
     ranges = 1.7 / np.tan(-elevation)

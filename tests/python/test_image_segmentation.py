@@ -48,7 +48,7 @@ def painted(
     noise: float = 2.0,
     seed: int = 0,
 ) -> NDArray[np.uint8]:
-    """The image of a shape in a colour on another: mixed as light, encoded, with noise in levels of 255."""
+    """The image of a shape in a color on another: mixed as light, encoded, with noise in levels of 255."""
     weight = share[..., None]
     levels = 255.0 * encoded(weight * linear(np.array(inner)) + (1.0 - weight) * linear(np.array(outer)))
     noisy = levels + np.random.default_rng(seed).normal(0.0, noise, levels.shape)
@@ -93,11 +93,11 @@ def gray_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(image[..., 0])
 
 
-@pytest.mark.parametrize("kind", ["grey", "uint16", "float32", "float64", "grey uint16", "view"])
+@pytest.mark.parametrize("kind", ["gray", "uint16", "float32", "float64", "gray uint16", "view"])
 def test_kinds_of_images(kind: str) -> None:
     share = disc_share()
     color = painted(share)
-    image: NDArray[np.generic] = gray_of(color) if "grey" in kind else color
+    image: NDArray[np.generic] = gray_of(color) if "gray" in kind else color
     if "uint16" in kind:
         image = image.astype(np.uint16) * np.uint16(257)
     if "float" in kind:
@@ -168,7 +168,7 @@ def test_pieces_that_are_not_connected_stay_out() -> None:
 
 
 def test_tolerance_decides_what_belongs() -> None:
-    # Three bands whose grey differs by about 12 and 12 CIELAB units of lightness.
+    # Three bands whose gray differs by about 12 and 12 CIELAB units of lightness.
     image = np.full((HEIGHT, WIDTH), 90, dtype=np.uint8)
     image[:, 70:115], image[:, 115:] = 120, 150
     assert grow_image_region(image, (20, 70), tolerance=4.0).sum() == pytest.approx(70 * HEIGHT, rel=0.02)

@@ -57,7 +57,7 @@ def sides_of(
 
 
 def window(x: float, y: float, width: float = 0.8, height: float = 1.2) -> Array:
-    """A rectangle of the facade with its upper left corner at (x, y), metres."""
+    """A rectangle of the facade with its upper left corner at (x, y), meters."""
     return np.array([[x, y, 0.0], [x + width, y, 0.0], [x + width, y + height, 0.0], [x, y + height, 0.0]])
 
 

@@ -22,7 +22,7 @@ from regionpose.estimation.contours import (
     contours_of,
     correlation_length,
     distances_of,
-    neighbour_scatter,
+    neighbor_scatter,
 )
 from regionpose.estimation.intrinsics import PARAMETERS, CameraPart, ContourProblem, refined_camera
 from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors, squares_on_mask
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 RIG = rp.Pose(Rotation.from_rotvec([0.4, -0.2, 0.1]), np.array([0.1, -0.2, 0.05]))
-"""The rig's camera_from_world: any rotation and decimetres."""
+"""The rig's camera_from_world: any rotation and decimeters."""
 
 SIGMAS = 3.0
 """Standard deviations that an estimate may be off by."""
@@ -85,7 +85,7 @@ def fisheye_frames(first: int, count: int) -> tuple[rp.FisheyeCamera, list[rp.Fr
 
 
 def moved(frame: rp.Frame, offset: Sequence[float]) -> rp.Frame:
-    """The frame with its world regions moved, metres."""
+    """The frame with its world regions moved, meters."""
     regions = [[ring + np.array(offset) for ring in region.rings] for region in frame.world_regions]
     return replace(frame, world_regions=[rp.WorldRegion.from_polygon(rings) for rings in regions])
 
@@ -218,7 +218,7 @@ def test_split_edges_follow_the_camera_s_curves() -> None:
     assert gap < 1.1 * BEND_TOLERANCE_PX
 
 
-def test_neighbours_scatter_with_bartlett_s_weights() -> None:
+def test_neighbors_scatter_with_bartlett_s_weights() -> None:
     """The windows' mean is the double sum over lags with falling weights."""
     rng = np.random.default_rng(1)
     rings = [rng.normal(size=(count, 2)) for count in (100, 75)]
@@ -226,7 +226,7 @@ def test_neighbours_scatter_with_bartlett_s_weights() -> None:
     for ring in rings:
         for lag in range(-STRETCH + 1, STRETCH):
             expected += (1.0 - abs(lag) / STRETCH) * ring.T @ np.roll(ring, lag, axis=0)
-    assert neighbour_scatter(rings) == pytest.approx(expected)
+    assert neighbor_scatter(rings) == pytest.approx(expected)
 
 
 def test_a_moving_sum_varies_over_its_length() -> None:
@@ -303,7 +303,7 @@ def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
 
 @pytest.mark.parametrize("first", [0, 2])
 def test_a_wrong_focal_length_and_center_are_recovered(first: int) -> None:
-    """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimetres."""
+    """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimeters."""
     camera, frames = perspective_frames(first, 4)
     given = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
     rig = rp.estimate_rig(given, frames, refine_camera=("focal", "center"))
@@ -348,7 +348,7 @@ def test_a_right_camera_is_confirmed_and_nothing_changes(
 
 
 def test_a_frontal_plane_determines_no_camera() -> None:
-    """Nearer and wider look alike, and so do aside and a moved centre."""
+    """Nearer and wider look alike, and so do aside and a moved center."""
     shape = np.array([[-1.0, -0.6, 4.0], [1.2, -0.8, 4.0], [0.9, 0.7, 4.0], [0.1, 0.2, 4.0], [-0.7, 0.9, 4.0]])
     camera = rp.PinholeCamera(800.0, 800.0, 400.0, 300.0, width=800, height=600)
     frame = rp.Frame([rp.ImageRegion.from_polygon(camera.project(shape))], [world_of(shape)], "wall")

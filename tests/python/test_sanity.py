@@ -234,15 +234,16 @@ def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     assert "odd-unit" in found
     code, said = told(["info", str(tmp_path / "cloud.ply")], capsys)
     assert code == 0
-    assert "look like millimetres: multiply the coordinates by 0.001 for metres" in said
-    assert "millimetres" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
+    assert "look like millimeters: multiply the coordinates by 0.001 for meters" in said
+    assert "millimeters" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
 
 
 WKT = 'COMPD_CS["x",PROJCS["p",GEOGCS["g",UNIT["degree",0.0174]],UNIT["{}",{}]],VERT_CS["v",UNIT["metre",1.0]]]'
 
 
 @pytest.mark.parametrize(
-    ("name", "factor", "is_told"), [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)]
+    ("name", "factor", "is_told"),
+    [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)],
 )
 def test_a_cloud_whose_file_states_feet_is_told(
     name: str, factor: float, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -278,7 +279,7 @@ def test_two_masks_of_one_surface_are_named(tmp_path: Path) -> None:
 
 
 def test_two_clicks_on_one_surface_are_never_trusted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The photo is grey all over: both clicks grow all of it."""
+    """The photo is gray all over: both clicks grow all of it."""
     values = scene_values()
     for region, seed in zip(values["regions"], ([20.0, 20.0], [200.0, 100.0]), strict=True):
         region["image"] = {"seed": seed}

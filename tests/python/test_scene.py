@@ -145,7 +145,7 @@ def test_map_coordinates_lose_no_accuracy(tmp_path: Path) -> None:
     shift = (512_345.25, 5_405_678.5, 240.0)
     run = estimate_scene(load_scene(write_scene(tmp_path, scene_values(shift))))
     np.testing.assert_allclose(run.local_pose.camera_center + run.sides.origin, POSE.camera_center + shift, atol=1e-6)
-    # The translation of a world that starts 5000 km away rounds to a nanometre.
+    # The translation of a world that starts 5000 km away rounds to a nanometer.
     np.testing.assert_allclose(run.estimate.pose.camera_center, POSE.camera_center + shift, atol=1e-5)
     np.testing.assert_allclose(run.sides.origin, [512_300.0, 5_405_700.0, 0.0])
 

@@ -51,7 +51,7 @@ def rough_scene(folder: Path, refine: str, *, other_photo: bool = False) -> Path
 
 
 def errors(pose: rp.Pose) -> NDArray[np.float64]:
-    """Degrees and metres from the true pose."""
+    """Degrees and meters from the true pose."""
     turn = np.degrees((pose.rotation * POSE.rotation.inv()).magnitude())
     return np.array([turn, np.linalg.norm(pose.camera_center - ORIGIN - POSE.camera_center)])
 

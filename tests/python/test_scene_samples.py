@@ -80,7 +80,7 @@ def test_an_outline_says_why_it_is_one(
     assert side.outline_because is not None and side.outline_because.startswith(why)
 
 
-def test_neighbours_on_the_plane_serve_without_the_scanner(tmp_path: Path) -> None:
+def test_neighbors_on_the_plane_serve_without_the_scanner(tmp_path: Path) -> None:
     x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.02), np.arange(-1.5, 1.5, 0.02))
     wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
     np.savetxt(tmp_path / "wall.xyz", wall)

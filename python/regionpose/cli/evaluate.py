@@ -55,8 +55,8 @@ Bounds = Annotated[
 OwnCamera = Annotated[
     Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
 ]
-Depth = Annotated[str, typer.Option("--depth-m", help="Metres before a camera of your own.")]
-Lateral = Annotated[str, typer.Option("--lateral-m", help="Metres sideways and up, of a camera of your own.")]
+Depth = Annotated[str, typer.Option("--depth-m", help="Meters before a camera of your own.")]
+Lateral = Annotated[str, typer.Option("--lateral-m", help="Meters sideways and up, of a camera of your own.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the first scene.")]
 Workers = Annotated[int, typer.Option("--workers", "-j", help="Processes.")]
 Dask = Annotated[str | None, typer.Option("--dask", help="Address of a dask scheduler, in place of them.")]
@@ -146,7 +146,7 @@ def _range(option: str, text: str) -> tuple[float, float]:
     try:
         low, high = (float(word) for word in text.split(","))
     except ValueError as error:
-        raise ValueError(f"{option}: found {text!r}; needed two numbers of metres, as 4,6") from error
+        raise ValueError(f"{option}: found {text!r}; needed two numbers of meters, as 4,6") from error
     return low, high
 
 

@@ -33,7 +33,7 @@ def segment(
     source: Annotated[Path, typer.Argument(help="Scene file, image, or point cloud.")],
     seed: Annotated[
         str | None,
-        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (metres) in a cloud.", show_default=False),
+        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (meters) in a cloud.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None,

@@ -44,11 +44,11 @@ def cloud_from_depth(
     distance: Distance = "z",
     colors: ArrayLike | None = None,
 ) -> Cloud:
-    """The points that a depth image (h, w) shows, in the camera frame and in metres.
+    """The points that a depth image (h, w) shows, in the camera frame and in meters.
 
     The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, the depth along
     the optical axis, and `d r` for `"range"`, the length of the ray. `depth` is an array or an image file of 16-bit
-    integers or floats; its values times `unit_m` are metres (1/5000 for TUM, 1/256 for KITTI's depth maps), which
+    integers or floats; its values times `unit_m` are meters (1/5000 for TUM, 1/256 for KITTI's depth maps), which
     integers need and floats take as 1. `colors` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
     negative, NaN or infinite) or without a ray (for z: none ahead of the camera) are dropped. CloudError for other
     shapes, an image size other than the camera's, and where nothing is left; FileNotFoundError.
@@ -83,12 +83,12 @@ def _ray_lengths(meters: Array, cosines: Array, distance: str) -> Array:
 
 
 def _meters(values: Scalars, unit_m: float | None, source: Path | None) -> Array:
-    """Depths (h, w) in metres."""
+    """Depths (h, w) in meters."""
     if values.ndim != 2 or not values.size or values.dtype.kind not in "iuf":
         raise cloud_error(source, "depth", f"{values.dtype} of shape {values.shape}", "numbers of shape (h, w)")
     if unit_m is None and values.dtype.kind != "f":
         raise cloud_error(
-            source, "unit_m", "none for depths in whole numbers", "metres a unit, as in 1/1000 for millimetres"
+            source, "unit_m", "none for depths in whole numbers", "meters a unit, as in 1/1000 for millimeters"
         )
     factor = 1.0 if unit_m is None else float(unit_m)
     if not (np.isfinite(factor) and factor > 0.0):

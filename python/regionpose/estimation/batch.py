@@ -133,7 +133,7 @@ def _sides_or_error(
 
 
 def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> list[list[Array] | None]:
-    """The bearings of each problem's rings, those of neighbours by one camera mapped at once; None as of one alone."""
+    """The bearings of each problem's rings, those of neighbors by one camera mapped at once; None as of one alone."""
     mapped: list[list[Array] | None] = []
     for _, group in groupby(sides, key=lambda side: id(side[0])):
         problems = list(group)

@@ -30,7 +30,7 @@ solved, for contours that a segmentation has disturbed by as much; shapes that d
 
 REACH = 1.0
 """Largest distance between observed and predicted centroid, in square roots of the observed solid angle: the pose of
-one region, a few degrees off where its contour is disturbed, predicts its neighbours to less."""
+one region, a few degrees off where its contour is disturbed, predicts its neighbors to less."""
 
 MOST_SIZE_RATIO = 3.0
 """Largest ratio of observed to predicted solid angle, either way, for the same reason."""
@@ -104,7 +104,7 @@ def match_regions(
     image_regions : sequence of ImageRegion
         What the image shows, pixels, in any order.
     world_regions : sequence of WorldRegion
-        What the world holds, metres, in any order.
+        What the world holds, meters, in any order.
     prior : Prior, optional
         What is known of the pose; it decides between assignments that explain about as much.
     solver : Solver, optional

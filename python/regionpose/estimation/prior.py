@@ -32,10 +32,10 @@ class Prior:
         Standard deviations of its rotation and of the camera's place along each axis, both or neither; they rule out
         poses that lie elsewhere.
     camera_near : (3,) array, optional
-        A place of the world, metres, that the camera stands near, such as the scanner's; directions to the regions are
+        A place of the world, meters, that the camera stands near, such as the scanner's; directions to the regions are
         a start from there.
     camera_near_sigma_m : float, optional
-        How well it is known along each axis, metres; 2 without it.
+        How well it is known along each axis, meters; 2 without it.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class Prior:
         )
 
     def about(self, origin: ArrayLike) -> Prior:
-        """The same for world points taken relative to `origin` (3,), metres."""
+        """The same for world points taken relative to `origin` (3,), meters."""
         shift = np.asarray(origin, dtype=np.float64)
         pose, near = self.initial, self.camera_near
         return replace(

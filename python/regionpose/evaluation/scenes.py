@@ -44,7 +44,7 @@ WorldFrame = Literal["first", "arbitrary"]
 PLANE_ANGLE_DEG = 30.0
 # m; distance between the centroids of the first region and of another plane's, and of two regions on a plane.
 PLANE_DISTANCE_M = (1.0, 2.0)
-# m; each coordinate of an arbitrary world frame's origin is drawn from +- this, "a few metres".
+# m; each coordinate of an arbitrary world frame's origin is drawn from +- this, "a few meters".
 WORLD_OFFSET_M = 5.0
 
 # px; regions stay so far from the image border, so that a mask never touches it.
@@ -70,8 +70,8 @@ class ScenePlacementError(ValueError):
 class SyntheticScene:
     """One problem of the benchmark with its answer.
 
-    `rotation` (3, 3), `translation` (3,): the true `camera_from_world`, `P = R X + t`, metres.
-    `regions`: the rings, (n, 3) world metres, of each region; an outer ring first, counter-clockwise in the image when
+    `rotation` (3, 3), `translation` (3,): the true `camera_from_world`, `P = R X + t`, meters.
+    `regions`: the rings, (n, 3) world meters, of each region; an outer ring first, counter-clockwise in the image when
     the region is seen from its front, holes the other way.
     `names`: the template of each region. `planes`: the index of the plane each region lies on.
     """
@@ -94,7 +94,7 @@ class SyntheticScene:
         return region_centroid(self.regions[0])
 
     def masks(self) -> list[NDArray[np.bool_]]:
-        """The (height, width) mask of each region: pixels whose centre is inside."""
+        """The (height, width) mask of each region: pixels whose center is inside."""
         return [binary_mask(rings, *image_size(self.camera)) for rings in self.image_rings]
 
     def coverages(self) -> list[Array]:

@@ -30,7 +30,7 @@ DEPTH_TOLERANCE = 0.03
 cell."""
 
 NEAREST = np.float32(1e-6)
-"""Metres; a point in the camera's center would weigh without limit."""
+"""Meters; a point in the camera's center would weigh without limit."""
 
 LEAST_COSINE = np.float32(0.01)
 """Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still colored."""
@@ -42,8 +42,8 @@ LAYER_RATIO, LAYER_STEP = 1.5, 1.25
 """Far over near distance of a layer, and from layer to layer: a surface lies in one of them where it's up to 1.2 times
 as far."""
 
-GAP_SAMPLES, GAP_NEIGHBOURS = 400, 64
-"""Points of a layer whose gaps are measured, and neighbours looked at: a scan line's spacing and the next scan line."""
+GAP_SAMPLES, GAP_NEIGHBORS = 400, 64
+"""Points of a layer whose gaps are measured, and neighbors looked at: a scan line's spacing and the next scan line."""
 
 GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
 """The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
@@ -278,16 +278,16 @@ def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> Non
 
 
 def _gap(places: Floats, widest: int) -> float:
-    """Cells between neighbouring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
+    """Cells between neighboring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
     have them.
 
-    Each sampled place's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider
+    Each sampled place's nearest neighbors upwards, downwards, left and right are sorted; the third is the wider
     spacing also on a side of the layer, where one direction has none.
     """
     if len(places) < 4:
         return 0.0
     samples = places[:: max(1, len(places) // GAP_SAMPLES)]
-    count = min(GAP_NEIGHBOURS + 1, len(places))
+    count = min(GAP_NEIGHBORS + 1, len(places))
     apart, index = cKDTree(places).query(samples, k=count, distance_upper_bound=widest)
     steps = np.concatenate([places, [[np.inf, np.inf]]])[index] - samples[:, None]
     with np.errstate(invalid="ignore"):

@@ -58,10 +58,10 @@ THINNEST_LINE = 1.5
 """Pixels; what is thinner can't be seen."""
 
 ARC_STEP = np.radians(0.2)
-"""Radians between neighbouring points on a projected edge: distortion bends it by far less than a pixel in between."""
+"""Radians between neighboring points on a projected edge: distortion bends it by far less than a pixel in between."""
 
 CONTOUR_STEP = 3.0
-"""Pixels between neighbouring points of a contour that labels keep clear of."""
+"""Pixels between neighboring points of a contour that labels keep clear of."""
 
 MOST_PARTS = 2000
 """Parts of an edge at the most, which passes the camera closely then."""
@@ -156,7 +156,7 @@ def overlay_depth(
     scale beside its right side: (h, w + strip, 3).
 
     Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colors run evenly in
-    lightness and hue over the logarithm of the distance, light is near; the scale shows metres.
+    lightness and hue over the logarithm of the distance, light is near; the scale shows meters.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ def _checked_limits(limits: tuple[float, float] | None, distances: NDArray[np.fl
         return (near, far) if far > 1.01 * near else (near / 1.1, near * 1.1)
     near, far = limits
     if not 0.0 < near < far < np.inf:
-        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in metres")
+        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in meters")
     return float(near), float(far)
 
 

@@ -90,7 +90,7 @@ class Outline(NamedTuple):
 class PlaneSamples(NamedTuple):
     """A plane and the samples of a region on it.
 
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points of
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, meters, up to which points of
     the region belong to it; `noise`, up to which noise puts points of the plane. `flat`: the samples (n, 2) in its
     coordinates, moved onto it along the normal or their beams.
     """
@@ -205,8 +205,8 @@ def _spacing_squared(points: Array) -> Array:
     """A matrix (2, 2) of determinant 1, such that samples (n, 2) are equally far apart in all directions in
     `points @ matrix`.
 
-    The mean length of the steps to neighbours, each counted along its own direction, is then the same along all axes.
-    Where it isn't, the ratio is that of the spacings. Neighbours are found anew after each round.
+    The mean length of the steps to neighbors, each counted along its own direction, is then the same along all axes.
+    Where it isn't, the ratio is that of the spacings. Neighbors are found anew after each round.
     """
     matrix: Array = np.eye(2)
     for _ in range(EVEN_ROUNDS):
@@ -267,8 +267,8 @@ def _refuse_one_line(points: Array) -> None:
     freedom = len(points) - 3
     if freedom < 1:
         return
-    centerd = points - points.mean(axis=0)
-    along, across = (centerd @ np.linalg.svd(centerd, full_matrices=False)[2].T).T
+    centered = points - points.mean(axis=0)
+    along, across = (centered @ np.linalg.svd(centered, full_matrices=False)[2].T).T
     parabola = np.vander(along / np.abs(along).max(), 3)
     off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
     step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
@@ -277,7 +277,7 @@ def _refuse_one_line(points: Array) -> None:
 
 
 def _delaunay_edges(points: Array) -> NDArray[np.intp]:
-    """Pairs (m, 2) of points (n, 2) that are natural neighbours."""
+    """Pairs (m, 2) of points (n, 2) that are natural neighbors."""
     ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
 

@@ -70,7 +70,7 @@ class Stages:
 class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
-    `cloud.local_points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the
+    `cloud.local_points` and the world sides are about `origin` (3,), meters; `sensor_origin`, where the
     scanner stood, isn't. `warnings`: what speaks against them before any pose is known.
     """
 

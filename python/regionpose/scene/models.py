@@ -45,7 +45,7 @@ Pixel = Annotated[
 Point = Annotated[
     list[Number],
     BeforeValidator(_numbers(3, "[x, y, z]")),
-    Field(min_length=3, max_length=3, description="[x, y, z], metres, world frame"),
+    Field(min_length=3, max_length=3, description="[x, y, z], meters, world frame"),
 ]
 Quaternion = Annotated[
     list[Number],

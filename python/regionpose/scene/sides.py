@@ -26,10 +26,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FAR = 10_000.0
-"""A world polygon further than this from zero (metres) is solved about a local origin, as a cloud is."""
+"""A world polygon further than this from zero (meters) is solved about a local origin, as a cloud is."""
 
 ORIGIN_STEP = 100.0
-"""A local origin is a multiple of this (metres), so that taking it off rounds nothing."""
+"""A local origin is a multiple of this (meters), so that taking it off rounds nothing."""
 
 SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 """Distance over their largest coordinate up to which two points are one: four roundings to the numbers of a file."""
@@ -37,7 +37,7 @@ SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 OUTSIDE_MARGIN = 1.0
 """Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
 
-SEED_NEIGHBOURS = 9
+SEED_NEIGHBORS = 9
 """Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
 it."""
 
@@ -71,7 +71,7 @@ class WorldSide:
 
 
 def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
-    """The local origin (3,), metres: the cloud's, or near the first far polygon, else zero."""
+    """The local origin (3,), meters: the cloud's, or near the first far polygon, else zero."""
     if cloud is not None:
         return cloud.origin
     for item in scene.model.regions:
@@ -225,7 +225,7 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
         raise ValueError(
             "found intensity_tolerance with a cloud without intensity; needed a cloud that has it, or no such key"
         )
-    count = min(SEED_NEIGHBOURS, len(cloud))
+    count = min(SEED_NEIGHBORS, len(cloud))
     squares = np.sum((cloud.local_points - seed) ** 2, axis=1)
     around = np.argpartition(squares, count - 1)[:count]
     return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)

@@ -10,9 +10,9 @@ from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Progress, grown, nearest_points, start_patch
 
 SEED_CROWD = 96
-"""A seed's nearest point has this many neighbours nearer than the seed when that marks nothing: about five spacings.
+"""A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.
 Measured on six clouds of 16 to 64 scan lines and a depth camera, the largest gap of a surface is that wide in 1 of 100
-neighbourhoods."""
+neighborhoods."""
 
 
 def grow_plane(
@@ -32,7 +32,7 @@ def grow_plane(
     Parameters
     ----------
     points : (n, 3) array
-        Metres.
+        Meters.
     seed : int or (3,) array
         The index of a point, or a position.
     distance_m : float, optional

@@ -277,7 +277,7 @@ def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
 def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
     """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth.
 
-    Every pair of neighbours lies on the outlines from the smaller step of the two to the larger, so that one pass over
+    Every pair of neighbors lies on the outlines from the smaller step of the two to the larger, so that one pass over
     the pairs adds up all outlines.
     """
     count = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
@@ -299,7 +299,7 @@ def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
 
 
 def _outline_pairs(steps: NDArray[np.int64], lab: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Neighbours along the first axis with different steps: both steps in order, and the contrast over three pixels."""
+    """Neighbors along the first axis with different steps: both steps in order, and the contrast over three pixels."""
     first, second = steps[:-1], steps[1:]
     differs = first != second
     beyond = np.concatenate([lab[2:], lab[-1:]])

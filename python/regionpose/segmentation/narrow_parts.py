@@ -27,7 +27,7 @@ def without_narrow_parts(points: ArrayLike, seed: ArrayLike, min_width_m: float)
     outline, and when no part is as wide.
     """
     if not (np.isfinite(min_width_m) and min_width_m > 0.0):
-        raise ValueError(f"min_width_m is {min_width_m}; needed a positive number of metres")
+        raise ValueError(f"min_width_m is {min_width_m}; needed a positive number of meters")
     given = np.asarray(points, dtype=np.float64)
     outline = outline_of_points(given, correct_sampling=False)
     flat, place = ((np.asarray(p, dtype=np.float64) - outline.origin) @ outline.axes.T for p in (given, seed))

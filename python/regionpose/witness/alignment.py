@@ -113,7 +113,7 @@ def check_alignment(
     image : (h, w) or (h, w, 3) array, or Photo
         uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
     points : (n, 3) array
-        World coordinates, metres.
+        World coordinates, meters.
     camera : Camera
         That took the photo.
     pose : Pose

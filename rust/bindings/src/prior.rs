@@ -51,7 +51,7 @@ impl Prior {
         }))
     }
 
-    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a
+    /// Standard deviation of the camera's place, meters, the conventional one where none was given; None without a
     /// place.
     #[getter]
     fn camera_near_sigma_m(&self) -> Option<f64> {

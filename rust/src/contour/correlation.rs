@@ -1,9 +1,9 @@
-//! How neighbours on a contour vary together (`docs/math.md`, section 11).
+//! How neighbors on a contour vary together (`docs/math.md`, section 11).
 
-/// Pieces over which neighbours are taken to vary together, or in turns: a convention.
+/// Pieces over which neighbors are taken to vary together, or in turns: a convention.
 const WINDOW: usize = 12;
 
-/// The least that a sum of neighbours may vary against independent ones: a convention.
+/// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
 /// Autocorrelation of a lag, within regions of these numbers of values, over `square`.
@@ -17,7 +17,7 @@ fn product(values: &[f64], counts: &[usize], lag: usize) -> f64 {
     sum
 }
 
-/// How many neighbours vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive, or to a quarter
+/// How many neighbors vary as one: `1 + 2 sum of the autocorrelations` up to the first that is not positive, or to a quarter
 /// of the longest region.
 pub fn correlation(values: &[f64], counts: &[usize]) -> f64 {
     let square = product(values, counts, 0);
@@ -29,7 +29,7 @@ pub fn correlation(values: &[f64], counts: &[usize]) -> f64 {
     1.0 + 2.0 * lags.sum::<f64>()
 }
 
-/// How much more a long sum of neighbours varies than if they were independent, by Bartlett's window: less where they take
+/// How much more a long sum of neighbors varies than if they were independent, by Bartlett's window: less where they take
 /// turns, as the steps of a staircase do.
 pub fn long_run(values: &[f64], counts: &[usize]) -> f64 {
     let square = product(values, counts, 0).max(f64::MIN_POSITIVE);

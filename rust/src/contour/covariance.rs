@@ -25,7 +25,7 @@ struct Row {
     place: (usize, u32, Option<usize>),
 }
 
-/// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
+/// Covariance of the left increment `[omega (rad), tau (meters)]` of a pose on the contours; infinite where a direction is
 /// left free.
 pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let Some((rows, counts)) = rows_of(contours, fit) else { return free() };

@@ -6,7 +6,7 @@ study of one's own.
 
 from __future__ import annotations
 
-from regionpose.evaluation.studies.catalogue import STUDIES, study_named
+from regionpose.evaluation.studies.catalog import STUDIES, study_named
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.config import StudyConfig
 from regionpose.evaluation.studies.dispatch import dask_executor

@@ -33,7 +33,7 @@ may miss a curve by."""
 
 @dataclass(frozen=True)
 class PoseBound:
-    """Least root-mean-square errors: of the rotation in degrees, of the translation at the first region in metres.
+    """Least root-mean-square errors: of the rotation in degrees, of the translation at the first region in meters.
 
     Infinite where the undisturbed boundary leaves a direction free.
     """
@@ -100,7 +100,7 @@ def undisturbed_pieces(problem: StudyProblem) -> tuple[Array, Array]:
 
 
 def _by_increment(camera: Camera, pose: Pose, contours: Contours) -> Array:
-    """Derivatives (v, 2, 6) of the projected vertices by the left increment, rad and metres."""
+    """Derivatives (v, 2, 6) of the projected vertices by the left increment, rad and meters."""
     distance = float(np.linalg.norm(pose.transform(contours.vertices).mean(axis=0)))
     unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
 

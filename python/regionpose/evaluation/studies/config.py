@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from regionpose.calibration import load_camera
 from regionpose.evaluation.masks import image_size
 from regionpose.evaluation.setups import PoseRange, Setup
-from regionpose.evaluation.studies.catalogue import study_named
+from regionpose.evaluation.studies.catalog import study_named
 from regionpose.evaluation.studies.conditions import Grid
 from regionpose.evaluation.studies.dispatch import dask_executor
 from regionpose.evaluation.studies.rows import Results
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StudyConfig:
-    """A study of the catalogue, what is changed of it, and how it is run.
+    """A study of the catalog, what is changed of it, and how it is run.
 
     `values`: other values of the condition's fields. `solver`: options of estimate_pose, each as text, that are
     compared; `system`: systems of equations, each with all of them. `only`: the values, as text, of the fields that

@@ -97,11 +97,11 @@ def _mistaken(
 def mirrored(rings: list[Array], rng: np.random.Generator) -> list[Array]:
     """(n, 3) rings of a planar region mirrored in its plane about a line through its centroid, turning as before."""
     frame = PlaneFrame.of_region(rings)
-    centre = frame.flat(region_centroid(rings)[None])
+    center = frame.flat(region_centroid(rings)[None])
     angle = rng.uniform(0.0, np.pi)
     axis = np.array([np.cos(angle), np.sin(angle)])
     mirror = 2.0 * np.outer(axis, axis) - np.eye(2)
-    return [frame.lifted((frame.flat(ring) - centre) @ mirror + centre)[::-1] for ring in rings]
+    return [frame.lifted((frame.flat(ring) - center) @ mirror + center)[::-1] for ring in rings]
 
 
 def _exchanged(images: list[ImageRegion], places: tuple[int, ...]) -> list[ImageRegion]:

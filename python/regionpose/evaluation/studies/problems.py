@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
 from regionpose.estimation.prior import Prior
-from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabelled
+from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabeled
 from regionpose.evaluation.masks import (
     MaskPatch,
     Window,
@@ -64,7 +64,7 @@ INITIAL_CENTER_SIGMA_M = 0.5
 """Standard deviations along each axis of a rough pose: read off a map, or guessed."""
 
 NEAR_SIGMA_M = 1.0
-"""Standard deviation, metres along each axis, of a place that the camera is near: beside a scanner on a vehicle."""
+"""Standard deviation, meters along each axis, of a place that the camera is near: beside a scanner on a vehicle."""
 
 GRAZING_VIEW_ANGLE_DEG = 90.0
 """Every angle of view is taken where the study asks for grazing ones."""
@@ -301,7 +301,7 @@ def world_sides(
         way = region_centroid(regions[0]) - position
         lidar = lidar.below(float(np.degrees(np.arcsin(way @ up / np.linalg.norm(way)))))
     scan = lidar_scan([*regions, *([] if box is None else [[box]])], position, rng, lidar, up=up)
-    members = {index: mislabelled(scan, index, condition.mislabelled, rng) for index in kept}
+    members = {index: mislabeled(scan, index, condition.mislabeled, rng) for index in kept}
     return scanned_regions(scan, members, condition.scan)
 
 

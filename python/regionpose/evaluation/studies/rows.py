@@ -176,7 +176,7 @@ def true_overlap_error(problem: StudyProblem, pose: Pose) -> float:
 
 
 def displacement(problem: StudyProblem, pose: Pose) -> float:
-    """Mean distance in metres by which a pose misplaces the vertices of the scene's regions in the camera frame."""
+    """Mean distance in meters by which a pose misplaces the vertices of the scene's regions in the camera frame."""
     scene = problem.scene
     vertices = np.concatenate([ring for rings in scene.regions for ring in rings])
     turned = vertices @ (pose.rotation.as_matrix() - scene.rotation).T

@@ -67,7 +67,7 @@ def _number(value: float) -> str:
 
 def value_text(name: str, value: Value) -> str:
     """The value of a condition as people read it: shares in per cent, no solver options as the default."""
-    if name in ("noise", "focal_error", "mislabelled") and isinstance(value, float):
+    if name in ("noise", "focal_error", "mislabeled") and isinstance(value, float):
         return f"{100.0 * value:g} %"
     if name == "solver" and value == "":
         return "default"
