@@ -271,7 +271,7 @@ def test_four_corners_are_their_own_outline() -> None:
         ([[0.0, 0.0, 0.0], [1.0, 0.0, np.nan], [0.0, 1.0, 0.0]], {}, "point 1"),
         ([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], {}, "at least 3"),
         (np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), {}, "on one line"),
-        (np.eye(3), {"radius": -1.0}, "radius"),
+        (np.eye(3), {"radius_m": -1.0}, "radius_m"),
         (np.random.default_rng(0).random((50, 3)), {"sensor_origin": [0.0, 1.0]}, "sensor_origin"),
     ],
 )
