@@ -113,4 +113,4 @@ def test_segmented_regions_keep_their_options(tmp_path: Path) -> None:
     writers = _scene_writers(scene, scene_sides(scene), tmp_path / "out")
     writers["scene.yaml"](tmp_path / "again.yaml")
     text = (tmp_path / "again.yaml").read_text(encoding="utf-8")
-    assert "radius: 0.2" in text and "seen_from" in text
+    assert "radius_m: 0.2" in text and "seen_from" in text
