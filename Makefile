@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint fuzz soak docs bench clean
+.PHONY: demo test lint fuzz soak docs bench packages clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -25,6 +25,8 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest regionpose._core
+	$(BIN)/codespell
+	$(BIN)/proselint --config .proselintrc.json check README.md CONTRIBUTING.md CHANGELOG.md docs/*.md docs/*/*.md
 
 # Mutated files through every reader and random inputs through the crate, for SECONDS together with the build, which shares
 # that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
@@ -42,6 +44,11 @@ soak: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	$(BIN)/python -m sphinx -b html -W --keep-going --quiet docs docs/_build/html
+
+# Wheel, source distribution and crate, each tested from where its user gets it.
+packages: $(STAMP)
+	$(BIN)/python -m pip install --quiet 'maturin>=1.9.4,<2'
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python tools/check_packages.py
 
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'

@@ -27,7 +27,7 @@ const VERTICES: usize = 100;
 /// Pixels a radian.
 const FOCAL: f64 = 1000.0;
 
-/// Mean radius of a region, in metres.
+/// Mean radius of a region, in meters.
 const RADIUS: f64 = 0.6;
 
 /// Boundary noise that the equations are whitened for, in pixels.
@@ -53,14 +53,14 @@ impl Random {
 /// A wavy ring of a random plane, in camera coordinates, aside the optical axis on the spoke `k`.
 fn ring(random: &mut Random, k: usize) -> Vec<Vector3<f64>> {
     let spoke = TAU * k as f64 / REGIONS as f64;
-    let centre = Vector3::new(1.2 * spoke.cos(), 1.2 * spoke.sin(), random.uniform(4.0, 6.0));
+    let center = Vector3::new(1.2 * spoke.cos(), 1.2 * spoke.sin(), random.uniform(4.0, 6.0));
     let tilt = Rotation3::new(random.vector(0.6));
     let waves: Vec<[f64; 2]> = (2..6).map(|_| [random.uniform(0.0, 0.12), random.uniform(0.0, TAU)]).collect();
     let vertex = |i: usize| {
         let angle = TAU * i as f64 / VERTICES as f64;
         let wave = |(n, [height, phase]): (usize, &[f64; 2])| height * ((n + 2) as f64 * angle + phase).cos();
         let radius = RADIUS * (1.0 + waves.iter().enumerate().map(wave).sum::<f64>());
-        centre + tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
+        center + tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
     };
     (0..VERTICES).map(vertex).collect()
 }
@@ -89,10 +89,10 @@ impl Scene {
 }
 
 fn seen(ring: &[Vector3<f64>]) -> ObservedRegion {
-    let centre = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
-    let cone = |i: usize| Matrix3::from_columns(&[centre, ring[i], ring[(i + 1) % ring.len()]]).determinant();
+    let center = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
+    let cone = |i: usize| Matrix3::from_columns(&[center, ring[i], ring[(i + 1) % ring.len()]]).determinant();
     let volume: f64 = (0..ring.len()).map(cone).sum();
-    ObservedRegion::new(vec![ring.to_vec()], FOCAL * FOCAL * volume.abs() / (2.0 * centre.norm().powi(3)))
+    ObservedRegion::new(vec![ring.to_vec()], FOCAL * FOCAL * volume.abs() / (2.0 * center.norm().powi(3)))
 }
 
 #[inline(never)]
@@ -142,16 +142,16 @@ fn main() {
         let problem = problem(&scene);
         let pose = scene.pose.moved(&nalgebra::Vector6::repeat(1e-3));
         let origin = scene.worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / REGIONS as f64;
-        let centred = Pose::new(pose.rotation, pose.transform(&origin));
-        uniform_cost(problem.regions(), &centred);
-        uniform_equations(problem.regions(), &centred);
+        let centered = Pose::new(pose.rotation, pose.transform(&origin));
+        uniform_cost(problem.regions(), &centered);
+        uniform_equations(problem.regions(), &centered);
         for (region, world) in problem.regions().iter().zip(problem.worlds()) {
             closed_form_poses(region, world);
             overlap(region, world, &pose);
             black_box(whitening(region.clone()));
         }
         problem.regions().iter().for_each(|region| _ = region.count(Weighting::Whitened));
-        whitened_equations(problem.regions(), &centred);
+        whitened_equations(problem.regions(), &centered);
         pose_from_nothing(&problem);
     }
     println!(

@@ -14,19 +14,19 @@ use regionpose::{Integration, ObservedRegion, Options, Pose, Problem, System, Wo
 /// Vertices of each region.
 const VERTICES: usize = 100;
 
-/// Area of a region in the image, in pixels: 0.25 m across for each metre of distance, at 1000 pixels a radian.
+/// Area of a region in the image, in pixels: 0.25 m across for each meter of distance, at 1000 pixels a radian.
 const PIXEL_AREA: f64 = 60_000.0;
 
 /// Three wavy rings around the camera's axis, tilted each its own way, in camera coordinates.
 fn rings() -> Vec<Vec<Vector3<f64>>> {
     let region = |k: usize| {
         let spoke = TAU * k as f64 / 3.0;
-        let centre = Vector3::new(spoke.cos(), spoke.sin(), 4.0);
+        let center = Vector3::new(spoke.cos(), spoke.sin(), 4.0);
         let tilt = Rotation3::new(Vector3::new(0.6 * spoke.sin(), 0.5, 0.4 * spoke.cos()));
         let vertex = |i: usize| {
             let angle = TAU * i as f64 / VERTICES as f64;
             let radius = 0.5 + 0.1 * (3.0 * angle).sin() + 0.05 * (2.0 * angle + spoke).cos();
-            centre + tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
+            center + tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
         };
         (0..VERTICES).map(vertex).collect()
     };

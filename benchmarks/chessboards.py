@@ -7,7 +7,7 @@ frames this says so and ends.
 
 A line each: the share of the board that the click grew, the errors, the verdict, its confidence by the regions alone
 and after the rest of the scene was heard, and how well photo and cloud agree (z). Then how many poses were wrong
-(beyond 5 deg or half a metre) and how many of those were trusted.
+(beyond 5 deg or half a meter) and how many of those were trusted.
 
     python -m benchmarks.chessboards [--data ../shared/data] [--clicks 6] [--near]
 """
@@ -23,11 +23,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import regionpose as rp
-import yaml
 from numpy.typing import NDArray
 from regionpose.scene import SceneEstimate, estimate_scene, load_scene
 from regionpose.scene.bundle import Truth, truth_errors
 from regionpose.scene.verdict import verdict
+from regionpose.yaml_text import to_yaml
 
 from benchmarks.real_scenes import DEFAULT_DATA, RIG, camera_item, cloud_file, cloud_of, world_item
 
@@ -72,7 +72,7 @@ def clicked(folder: Path, out: Path, pixel: Array, near: bool) -> SceneEstimate:
     scene["regions"] = [{"name": "board", "image": image, "world": {**(world or {}), "seen_from": [0.0, 0.0, 0.0]}}]
     scene["prior"] = {"up": [0.0, 0.0, 1.0]} | ({} if near else {"camera_near": None})
     path = out / f"{folder.name}.yaml"
-    path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+    path.write_text(to_yaml(scene), encoding="utf-8")
     return estimate_scene(load_scene(path))
 
 

@@ -3,7 +3,7 @@
 Synthetic: a region 4 to 6 m off, as a scanner beside the camera samples it, before a wall 1 m behind. Seeds are the
 median of the region's points. Areas and overlaps of outlines are taken in the plane; poses come from exact coverage
 masks, an ambiguous shape's nearest answer counts, and errors of the position are taken at the region.
-Real: the labelled faces of the scenes below --data, where there are any; boards are 0.61 m x 0.85 m.
+Real: the labeled faces of the scenes below --data, where there are any; boards are 0.61 m x 0.85 m.
 
     python benchmarks/cloud_segmentation.py [--scenes 100] [--data ../shared/data]
 """
@@ -23,7 +23,7 @@ import regionpose as rp
 import shapely
 from numpy.typing import NDArray
 from real_scenes import DEFAULT_DATA, camera_of, cloud_of
-from regionpose.evaluation import Scene, SpinningLidar, lidar_points, perspective_scene
+from regionpose.evaluation import SpinningLidar, SyntheticScene, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.regions.outline import SparseSamplingWarning
@@ -66,7 +66,7 @@ def overlap_of_outlines(region: rp.WorldRegion, rings: list[Array]) -> tuple[flo
     return true.intersection(found).area / true.union(found).area, found.area / true.area - 1.0
 
 
-def scan(scene: Scene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[Array, int]:
+def scan(scene: SyntheticScene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[Array, int]:
     """Points of a scene's first region, then those of the wall that it doesn't hide, and the number of the former."""
     rings = scene.regions[0]
     position = -scene.rotation.T @ scene.translation
@@ -84,8 +84,8 @@ def scan(scene: Scene, lidar: SpinningLidar, rng: np.random.Generator) -> tuple[
     return np.concatenate([near, far[~hidden]]), len(near)
 
 
-def pose_error(scene: Scene, region: rp.WorldRegion) -> tuple[float, float]:
-    """Rotation (deg) and translation error (metres) of the nearest answer with the exact image region."""
+def pose_error(scene: SyntheticScene, region: rp.WorldRegion) -> tuple[float, float]:
+    """Rotation (deg) and translation error (meters) of the nearest answer with the exact image region."""
     estimate = rp.estimate_pose(scene.camera, [rp.ImageRegion.from_mask(scene.coverages()[0])], [region])
     answers = []
     for pose in (estimate.pose, *estimate.alternatives):
@@ -140,8 +140,8 @@ def print_synthetic(scenes: int) -> None:
         )
 
 
-def labelled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str, Any]]]:
-    """(folder, region, calibration) of the labelled faces."""
+def labeled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str, Any]]]:
+    """(folder, region, calibration) of the labeled faces."""
     for path in sorted(data.glob("*/*/regions.json")):
         calibration = json.loads((path.parent / "calib.json").read_text())
         for region in json.loads(path.read_text()):
@@ -151,12 +151,12 @@ def labelled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str,
 
 @lru_cache(maxsize=1)
 def planes_of(folder: Path) -> list[Indices]:
-    """All planes of a scene's cloud, found once for its labelled faces."""
+    """All planes of a scene's cloud, found once for its labeled faces."""
     return rp.find_planes(cloud_of(folder))
 
 
 def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration: dict[str, Any]) -> tuple[float, float]:
-    """Rotation (deg) and translation error (metres, at the region) of the nearest answer."""
+    """Rotation (deg) and translation error (meters, at the region) of the nearest answer."""
     image = rp.ImageRegion.from_polygon([labels["image_polygon"]])
     estimate = rp.estimate_pose(camera_of(calibration), [image], [region])
     rotation, translation = np.array(calibration["R"]), np.array(calibration["t"])
@@ -170,10 +170,10 @@ def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration:
 
 
 def print_real(data: Path) -> None:
-    """Print a line a labelled face."""
-    faces = list(labelled_faces(data))
+    """Print a line a labeled face."""
+    faces = list(labeled_faces(data))
     if not faces:
-        print(f"no labelled faces below {data}: only synthetic scenes are measured")
+        print(f"no labeled faces below {data}: only synthetic scenes are measured")
         return
     print(
         "real                                        IoU  precision recall   area error  rotation deg  translation mm"

@@ -27,7 +27,7 @@ from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.problems import Problem
 from regionpose.evaluation.studies.study import benchmark_setups
-from regionpose.evaluation.studies.verdict import WRONG_DEG
+from regionpose.evaluation.studies.trust import WRONG_DEG
 from rich.progress import track
 from scipy.optimize import minimize
 from scipy.special import erf, expit

@@ -1,6 +1,6 @@
 """Regions grown from one seed on rendered images, against the exact coverage.
 
-Each row draws scenes of the synthetic benchmark, paints every region and the background with a colour, a shading and a
+Each row draws scenes of the synthetic benchmark, paints every region and the background with a color, a shading and a
 texture of its own, blurs as a lens does, adds sensor noise, and grows each region from the pixel deepest inside it.
 Run as `python benchmarks/image_segmentation.py`.
 """
@@ -21,7 +21,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose import ImageRegion, WorldRegion, estimate_pose, grow_image_region, mask_from_file
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene, pose_errors
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors
 from scipy import ndimage
 from skimage.color import lab2rgb
 
@@ -40,10 +40,10 @@ DEMO = Path(__file__).parents[1] / "python" / "regionpose" / "demo" / "files"
 
 
 class Row(NamedTuple):
-    """How one row's images are made: CIELAB difference of the colours, their texture, noise in levels of 255."""
+    """How one row's images are made: CIELAB difference of the colors, their texture, noise in levels of 255."""
 
     name: str
-    scene: Callable[..., Scene]
+    scene: Callable[..., SyntheticScene]
     contrast: float
     texture: float
     noise: float
@@ -79,7 +79,7 @@ def texture(height: int, width: int, rng: np.random.Generator) -> Array:
     return np.asarray(total / total.std() + shading)
 
 
-def painted(scene: Scene, coverages: list[Array], row: Row, rng: np.random.Generator) -> NDArray[np.uint8]:
+def painted(scene: SyntheticScene, coverages: list[Array], row: Row, rng: np.random.Generator) -> NDArray[np.uint8]:
     """The image (h, w, 3) of a scene, sRGB."""
     height, width = coverages[0].shape
     ground = np.array([rng.uniform(35.0, 65.0), *rng.uniform(-20.0, 20.0, size=2)])
@@ -99,11 +99,11 @@ def painted(scene: Scene, coverages: list[Array], row: Row, rng: np.random.Gener
 
 
 def linear_of(color: Array, lightness: Array) -> Array:
-    """Linear light (h, w, 3) of a CIELAB colour whose lightness is changed by `lightness`."""
+    """Linear light (h, w, 3) of a CIELAB color whose lightness is changed by `lightness`."""
     steps = np.linspace(0.0, 100.0, 256)
     lab = np.column_stack([steps, np.full(256, color[1]), np.full(256, color[2])])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Colours outside sRGB are clipped.
+        warnings.simplefilter("ignore", UserWarning)  # Colors outside sRGB are clipped.
         srgb = np.clip(lab2rgb(lab[None])[0], 0.0, 1.0)
     table = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     value = np.clip(color[0] + lightness, 0.0, 100.0)
@@ -145,7 +145,7 @@ def run_scene(row: Row, seed: int) -> tuple[list[Quality], tuple[float, ...], tu
     return qualities, errors(scene, grown), errors(scene, coverages), seconds
 
 
-def errors(scene: Scene, coverages: list[Array]) -> tuple[float, ...]:
+def errors(scene: SyntheticScene, coverages: list[Array]) -> tuple[float, ...]:
     """Rotation error (deg) and position error at the anchor (mm) of the pose that coverages give."""
     world = [WorldRegion.from_polygon(rings) for rings in scene.regions]
     pose = estimate_pose(scene.camera, [ImageRegion.from_mask(coverage) for coverage in coverages], world).pose

@@ -20,7 +20,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.estimation.matching import Pairs
-from regionpose.evaluation import Scene, binary_mask, perspective_scene, problem_generator, squares_on_mask
+from regionpose.evaluation import SyntheticScene, binary_mask, perspective_scene, problem_generator, squares_on_mask
 
 LAYOUTS = {2: (2, 1), 4: (2, 2), 8: (4, 2)}
 """Planes, and regions on each, of a number of regions."""
@@ -41,7 +41,7 @@ ROWS = (
 class Task:
     """What `match_regions` gets, and the true pairs."""
 
-    scene: Scene
+    scene: SyntheticScene
     images: list[rp.ImageRegion]
     worlds: list[rp.WorldRegion]
     pairs: Pairs
@@ -56,13 +56,13 @@ class Tally:
     seconds: list[float] = field(default_factory=list)
 
 
-def scene_of(regions: int, seed: int, study: str) -> Scene:
+def scene_of(regions: int, seed: int, study: str) -> SyntheticScene:
     """A scene of so many regions."""
     planes, on_each = LAYOUTS[regions]
     return perspective_scene(seed, planes, regions_per_plane=on_each, world="arbitrary", front=False, study=study)
 
 
-def distractors(scene: Scene, count: int, seed: int) -> tuple[list[NDArray[np.bool_]], list[rp.WorldRegion]]:
+def distractors(scene: SyntheticScene, count: int, seed: int) -> tuple[list[NDArray[np.bool_]], list[rp.WorldRegion]]:
     """So many masks, and world regions of others, of shapes that the scene and one another do not hold."""
     masks: list[NDArray[np.bool_]] = []
     worlds: list[rp.WorldRegion] = []

@@ -1,7 +1,7 @@
 """Alignment of a lidar cloud with an image by mutual information on KITTI frames, beside poses from regions.
 
-Intensity: the lidar's reflectance against the grey value (Pandey et al. 2012, AAAI); normals: the direction that a
-point's surface faces against the grey value (Taylor and Nieto 2012, normalized). Both measures are maximized over the
+Intensity: the lidar's reflectance against the gray value (Pandey et al. 2012, AAAI); normals: the direction that a
+point's surface faces against the gray value (Taylor and Nieto 2012, normalized). Both measures are maximized over the
 six pose parameters by Nelder and Mead's simplex, from the true pose disturbed by a turn and a shift of given size in
 random directions: the paper's table 2 doesn't say where its runs started, so the size is this command's. `regionpose`
 gets the regions of the frame that has them, no start. Frames that are not there are left out.
@@ -43,7 +43,7 @@ BINS = 32
 SMOOTHING_BINS = 1.0
 """Standard deviation of the Gaussian that the joint histogram is smoothed with, in bins (a kernel density)."""
 
-NEIGHBOURS = 12
+NEIGHBORS = 12
 """Points around each that its normal is fitted to: two or three scan lines of this lidar."""
 
 LEAST_SHARE = 0.3
@@ -61,7 +61,7 @@ STEP_PRECISION = 1e-3
 
 @dataclass(frozen=True)
 class Frame:
-    """An image (h, w) in grey, a cloud (n, 3) with its reflectances (n,), and the true pose."""
+    """An image (h, w) in gray, a cloud (n, 3) with its reflectances (n,), and the true pose."""
 
     name: str
     folder: Path
@@ -82,7 +82,7 @@ def load_frame(folder: Path) -> Frame:
 
 
 def pairs_of(frame: Frame) -> list[tuple[rp.ImageRegion, rp.WorldRegion]]:
-    """The labelled regions of a frame: polygons of the image, outlines of points."""
+    """The labeled regions of a frame: polygons of the image, outlines of points."""
     labels = json.loads((frame.folder / "regions.json").read_text())
     return [
         (
@@ -95,8 +95,8 @@ def pairs_of(frame: Frame) -> list[tuple[rp.ImageRegion, rp.WorldRegion]]:
 
 def facing_angles(points: Array) -> Array:
     """(n,) angle about the vertical, radians, of the normal of the surface around each point (n, 3), to the sensor."""
-    _, neighbours = cKDTree(points).query(points, NEIGHBOURS)
-    patches = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
+    _, neighbors = cKDTree(points).query(points, NEIGHBORS)
+    patches = points[neighbors] - points[neighbors].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))[1][:, :, 0]
     normals *= -np.sign(np.sum(normals * points, axis=1, keepdims=True))
     angles: Array = np.arctan2(normals[:, 1], normals[:, 0])
@@ -224,7 +224,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--degrees", type=float, default=5.0)
-    parser.add_argument("--metres", type=float, default=0.5)
+    parser.add_argument("--meters", type=float, default=0.5)
     arguments = parser.parse_args()
     folders = [arguments.data / "kitti" / name for name in FRAMES]
     for missing in (folder for folder in folders if not folder.exists()):

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import Scene, perspective_scene, problem_generator, squares_on_mask
+from regionpose.evaluation import SyntheticScene, perspective_scene, problem_generator, squares_on_mask
 from regionpose.evaluation.measures import rotation_error, translation_error
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def spread_corners(ring: Array, count: int) -> Array:
     return ring[chosen]
 
 
-def measured(scene: Scene, answer: tuple[Array, Array] | None, seconds: float) -> Measured:
+def measured(scene: SyntheticScene, answer: tuple[Array, Array] | None, seconds: float) -> Measured:
     """The errors of a pose (rotation matrix, translation)."""
     if answer is None:
         return Measured(*FAILED, seconds)
@@ -119,7 +119,7 @@ def timed(run: Callable[[], Any]) -> tuple[Any, float]:
     return result, time.process_time() - begin
 
 
-def from_points(scene: Scene, seed: int, solve: Solver, noise_px: float, count: int) -> Measured:
+def from_points(scene: SyntheticScene, seed: int, solve: Solver, noise_px: float, count: int) -> Measured:
     """The errors of a pose from a few corners of each region, each with its image disturbed."""
     world = np.concatenate([spread_corners(rings[0], count) for rings in scene.regions])
     pixels = scene.camera.project(world @ scene.rotation.T + scene.translation)
@@ -131,13 +131,13 @@ def from_points(scene: Scene, seed: int, solve: Solver, noise_px: float, count: 
     return measured(scene, answer, seconds)
 
 
-def disturbed_masks(scene: Scene, seed: int) -> list[NDArray[np.bool_]]:
+def disturbed_masks(scene: SyntheticScene, seed: int) -> list[NDArray[np.bool_]]:
     """The masks with segmentation error."""
     rng = problem_generator(seed, "masks")
     return [squares_on_mask(mask, SEGMENTATION_ERROR, rng) for mask in scene.masks()]
 
 
-def from_regions(scene: Scene, images: Sequence[Array] | Sequence[NDArray[np.bool_]]) -> Measured:
+def from_regions(scene: SyntheticScene, images: Sequence[Array] | Sequence[NDArray[np.bool_]]) -> Measured:
     """The errors of `regionpose` from masks, its first answer."""
 
     def run() -> rp.PoseEstimate:

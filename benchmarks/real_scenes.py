@@ -5,16 +5,16 @@ says so and ends. Of each a scene file is written and read, as `regionpose estim
 polygons, with the hidden edges that regions.json marks. In the world they are
 
     known    the known rectangles, where there are such
-    outline  the polygon around the labelled points (`WorldRegion.from_points`)
+    outline  the polygon around the labeled points (`WorldRegion.from_points`)
     samples  what the scan knows of them (`WorldRegion.from_scan`)
-    clicks   the same of points grown from a click on the region: the labelled point nearest to their median. The
-             lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width: 0.3`
+    clicks   the same of points grown from a click on the region: the labeled point nearest to their median. The
+             lorry's tailgate has posts in its plane that the polygon leaves out; so does `min_width_m: 0.3`
 
 and of the camera nothing is known, that it is within 1 m of the scanner ("near"), or also that it is upright to 2 deg
 ("near, up"; where the scanner is level and the camera is). Frames of one rig, the boards of acfr_fisheye and the
 natural scenes, are solved together as well: two, four and all at once.
 
-A line each: errors of rotation and of the camera's centre, and in brackets over their standard deviation in that
+A line each: errors of rotation and of the camera's center, and in brackets over their standard deviation in that
 direction; of the answer that comes first, and of the nearest where that is another; whether it is trusted (no warning).
 Then a table of medians and worst cases over the scenes of a kind. A pose is wrong beyond 5 deg.
 
@@ -35,12 +35,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import regionpose as rp
-import yaml
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
+from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -79,7 +79,7 @@ class RealScene:
 
 
 class Errors(NamedTuple):
-    """Of an answer: degrees, metres of the camera's centre, each also over its standard deviation in that direction."""
+    """Of an answer: degrees, meters of the camera's center, each also over its standard deviation in that direction."""
 
     rotation: float
     center: float
@@ -128,7 +128,7 @@ def cloud_file(folder: Path) -> Path:
 
 def cloud_of(folder: Path) -> Array:
     """Points (n, 3) of a scene."""
-    return rp.clouds.read_cloud(cloud_file(folder)).points
+    return rp.read_cloud(cloud_file(folder)).points
 
 
 def scanner_of(folder: Path, calibration: Plain) -> list[float] | None:
@@ -155,14 +155,14 @@ def world_item(region: Plain, folder: Path, way: str, cloud: Array) -> Plain | N
     file = folder / region["point_indices"]
     if way != "clicks":
         return {"points": str(file)}
-    labelled = cloud[np.load(file)]
-    chosen = labelled[np.argmin(np.linalg.norm(labelled - np.median(labelled, axis=0), axis=1))]
+    labeled = cloud[np.load(file)]
+    chosen = labeled[np.argmin(np.linalg.norm(labeled - np.median(labeled, axis=0), axis=1))]
     return {"seed": [float(value) for value in chosen], **region_options(region["name"])}
 
 
 def region_options(name: str) -> Plain:
     """What a user would add to a click after one look at the overlay."""
-    return {"min_width": 0.3} if name == "truck_tailgate" else {}
+    return {"min_width_m": 0.3} if name == "truck_tailgate" else {}
 
 
 def scene_file(folder: Path, out: Path, way: str) -> Path | None:
@@ -179,7 +179,7 @@ def scene_file(folder: Path, out: Path, way: str) -> Path | None:
     scene |= {"cloud": str(cloud_file(folder)), "sensor_origin": scanner_of(folder, calibration)}
     scene |= {"regions": regions, "prior": {"camera_near": None}}
     path = out / f"{folder.parent.name}-{folder.name}-{way}.yaml"
-    path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+    path.write_text(to_yaml(scene), encoding="utf-8")
     return path
 
 
@@ -206,7 +206,7 @@ def scene_of(folder: Path, out: Path) -> RealScene:
 
 
 def outlines_of(sides: SceneSides) -> list[rp.WorldRegion]:
-    """The polygons around the labelled points of a scene."""
+    """The polygons around the labeled points of a scene."""
     assert sides.cloud is not None
     scanner = None if sides.sensor_origin is None else sides.sensor_origin.place - sides.origin
     points = [sides.cloud.points[side.indices] for side in sides.world_sides]
@@ -224,7 +224,7 @@ def joined(scenes: Sequence[RealScene], name: str) -> RealScene:
 def errors_of(pose: rp.Pose, covariance: Array, truth: rp.Pose) -> Errors:
     """How far an answer is from the truth, its covariance that of the left increment, (6, 6)."""
     turn = (pose.rotation * truth.rotation.inv()).as_rotvec()
-    # The centre's error along the camera's axes, in which the covariance's last rows are.
+    # The center's error along the camera's axes, in which the covariance's last rows are.
     shift = pose.rotation.apply(truth.camera_center - pose.camera_center)
     sigmas = (_sigmas(turn, covariance[:3, :3]), _sigmas(shift, covariance[3:, 3:]))
     return Errors(float(np.degrees(np.linalg.norm(turn))), float(np.linalg.norm(shift)), *sigmas)

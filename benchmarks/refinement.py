@@ -4,7 +4,7 @@ The poses are those of the scenes' regions as a scan knows them, the camera with
 and of frames of one rig, two and four at once (`benchmarks/real_scenes.py` has them by other ways). `--drawn` adds
 poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of every frame with a photo and a cloud.
 
-A line each: errors of rotation and of the camera's centre, in brackets over their standard deviation in that direction,
+A line each: errors of rotation and of the camera's center, in brackets over their standard deviation in that direction,
 before and after; the logarithm of the odds for the edges, the largest about turned poses; and seconds. Then a
 table of medians and worst cases by kind. Where there are no scenes this says so and ends.
 

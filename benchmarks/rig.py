@@ -1,12 +1,12 @@
 """One rigid pose from many frames: each frame's influence, and the camera refined with the pose.
 
 The six boards of acfr_fisheye: for each way of naming the regions in the world (those of `real_scenes.py`) the frames
-are solved as one rig with the given camera, then with focal lengths, centre and distortion refined as well. Errors are
+are solved as one rig with the given camera, then with focal lengths, center and distortion refined as well. Errors are
 against calib.json, whose own accuracy is 0.5 deg and 30 mm; the leave-one-out table says how far the pose without each
 frame is from the joint one.
 
 `--synthetic N` instead draws N rigs of the evaluation's pinhole (four frames of one region) and fisheye camera (three
-frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose centre 5 px
+frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose center 5 px
 off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
 each, one frame's world is moved by 3 cm: how many times that frame alone is named.
 
@@ -28,7 +28,7 @@ import numpy as np
 import regionpose as rp
 from real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
 from regionpose.cameras import Camera
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
 
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
 REFINEMENTS = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
@@ -71,8 +71,8 @@ def report(scenes: list[RealScene], way: str) -> None:
             print_refinement(rig.refinement)
 
 
-def synthetic_frame(scene: Scene, offset: float = 0.0) -> rp.Frame:
-    """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` metres."""
+def synthetic_frame(scene: SyntheticScene, offset: float = 0.0) -> rp.Frame:
+    """The scene as the rig's camera sees it from the world frame, its world then moved along x by `offset` meters."""
     own = rp.Pose.from_parts(scene.rotation, scene.translation)
     rings = [[own.transform(ring) + np.array([offset, 0.0, 0.0]) for ring in region] for region in scene.regions]
     images = [rp.ImageRegion.from_mask(mask) for mask in scene.masks()]
@@ -103,7 +103,7 @@ class Trial(NamedTuple):
     sigmas: list[float]
 
 
-def trial_of(scenes: list[Scene], parts: Sequence[str]) -> Trial:
+def trial_of(scenes: list[SyntheticScene], parts: Sequence[str]) -> Trial:
     """The rig that sees the scenes, refined; then with its last frame moved."""
     camera, frames = scenes[0].camera, [synthetic_frame(scene) for scene in scenes]
     wrong = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
@@ -119,7 +119,7 @@ def trial_of(scenes: list[Scene], parts: Sequence[str]) -> Trial:
 
 
 def report_synthetic(
-    name: str, draw: Callable[..., Scene], shape: tuple[int, int], parts: Sequence[str], count: int
+    name: str, draw: Callable[..., SyntheticScene], shape: tuple[int, int], parts: Sequence[str], count: int
 ) -> None:
     """Print what comes of `count` rigs of `shape` (frames, regions of a frame)."""
     trials = [

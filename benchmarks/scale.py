@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 import regionpose as rp
-import yaml
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
+from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ WALLS = [
     ((0.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 3.0)),
     ((10.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.0, 0.0, 3.0)),
 ]
-PANELS = {  # corner and two edges, metres; 10 cm before a wall
+PANELS = {  # corner and two edges, meters; 10 cm before a wall
     "notice": ((6.2, 7.9, 0.9), (1.4, 0.0, 0.0), (0.0, 0.0, 1.0)),
     "poster": ((8.2, 7.9, 1.1), (1.2, 0.0, 0.0), (0.0, 0.0, 1.5)),
     "sign": ((9.9, 4.4, 1.0), (0.0, 1.4, 0.0), (0.0, 0.0, 1.2)),
@@ -102,7 +102,7 @@ def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     """Write the cloud, the image and the scene file."""
     camera = camera_of(megapixels)
     inputs = Inputs(folder / "cloud.ply", folder / "image.png", folder / "scene.yaml")
-    rp.clouds.write_ply(inputs.cloud, rp.clouds.Cloud(points_of(count)))
+    rp.write_ply(inputs.cloud, rp.Cloud(points_of(count)))
     picture_of(camera).save(inputs.image)
     regions = []
     for name, (corner, u, v) in PANELS.items():
@@ -112,7 +112,7 @@ def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     size = {"width": camera.width, "height": camera.height}
     lens = {"model": "pinhole", "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
     scene = {"camera": lens | size, "image": inputs.image.name, "cloud": inputs.cloud.name, "regions": regions}
-    inputs.scene.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    inputs.scene.write_text(to_yaml(scene), encoding="utf-8")
     return inputs
 
 
@@ -126,9 +126,9 @@ class Loaded:
         self.seed = corner + 0.5 * u + 0.5 * v
         self.pixel = self.camera.project(self.pose.transform(self.seed[None]))[0]
 
-    def cloud(self) -> rp.clouds.Cloud:
+    def cloud(self) -> rp.Cloud:
         """The cloud."""
-        return rp.clouds.read_cloud(self.inputs.cloud)
+        return rp.read_cloud(self.inputs.cloud)
 
     def image(self) -> NDArray[np.uint8]:
         """The image (h, w, 3)."""
@@ -178,7 +178,7 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         "WorldRegion.from_points (a wall)": lambda: partial(rp.WorldRegion.from_points, wall()),
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
         "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
-        "write_ply": lambda: partial(rp.clouds.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
+        "write_ply": lambda: partial(rp.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
         "regionpose estimate, all files": lambda: held.run,
     }
 

@@ -1,7 +1,7 @@
 """How well the rest of a scene tells right poses from wrong ones, on frames with ground truth.
 
 Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
-pose and at poses that are turned by 8 to 180 degrees, most of them moved by a metre or two, too. Where there are no
+pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
 frames this says so and ends.
 
 A line each: depth steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
@@ -57,7 +57,7 @@ def frames(data: Path) -> Iterator[RealFrame]:
     for path in sorted(data.glob("*/*/calib.json")):
         folder, calibration = path.parent, json.loads(path.read_text())
         if "cameras" in calibration:
-            points = rp.clouds.read_cloud(folder / "points.bin").points
+            points = rp.read_cloud(folder / "points.bin").points
             for name, held in calibration["cameras"].items():
                 yield frame(f"{folder.parent.name}/{name}", folder / held["image"], held, points)
         elif (folder / "points.npy").exists() or (folder / "points.bin").exists():

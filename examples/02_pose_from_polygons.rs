@@ -5,10 +5,10 @@
 use nalgebra::Vector3;
 use regionpose::{ObservedRegion, Problem, Result, WorldRegion};
 
-/// A pinhole camera: focal length and centre in pixels.
+/// A pinhole camera: focal length and center in pixels.
 const CAMERA: [f64; 3] = [1200.0, 960.0, 540.0];
 
-/// A door on the wall y = 0 and a sign on the wall x = 2, metres, z up.
+/// A door on the wall y = 0 and a sign on the wall x = 2, meters, z up.
 const DOOR: [[f64; 3]; 4] = [[0.2, 0.0, 0.0], [1.1, 0.0, 0.0], [1.1, 0.0, 2.0], [0.2, 0.0, 2.0]];
 const SIGN: [[f64; 3]; 5] = [[2.0, -1.2, 1.0], [2.0, -0.4, 1.0], [2.0, -0.4, 1.5], [2.0, -0.8, 1.8], [2.0, -1.2, 1.5]];
 
@@ -34,7 +34,7 @@ fn main() -> Result<()> {
     };
     let pose = estimate.best.pose;
     let deviation = |k: usize| estimate.best.covariance[(k, k)].sqrt();
-    println!("camera centre (world)   {:.3?} m", pose.inverse().translation.as_slice());
+    println!("camera center (world)   {:.3?} m", pose.inverse().translation.as_slice());
     println!("viewing direction       {:.3?}", (pose.rotation.inverse() * Vector3::z()).as_slice());
     println!("standard deviations     {:.3?} deg", [0, 1, 2].map(|k| deviation(k).to_degrees()));
     println!("                        {:.4?} m", [3, 4, 5].map(deviation));

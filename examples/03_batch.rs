@@ -11,14 +11,14 @@ use regionpose::{ObservedRegion, Pose, Problem, Result, WorldRegion, in_parallel
 /// Images around the plate.
 const IMAGES: usize = 200;
 
-/// An L-shaped plate, metres.
+/// An L-shaped plate, meters.
 const PLATE: [[f64; 2]; 6] = [[-0.3, -0.3], [0.5, -0.3], [0.5, 0.0], [0.0, 0.0], [0.0, 0.6], [-0.3, 0.6]];
 
 /// `camera_from_world` of a camera 2 m from the plate's middle and 1.5 m above it, looking at it.
 fn camera(angle: f64) -> Pose {
-    let centre = Vector3::new(2.0 * angle.cos(), 2.0 * angle.sin(), 1.5);
-    let rotation = Rotation3::face_towards(&-centre, &-Vector3::z()).inverse();
-    Pose::new(rotation, -(rotation * centre))
+    let center = Vector3::new(2.0 * angle.cos(), 2.0 * angle.sin(), 1.5);
+    let rotation = Rotation3::face_towards(&-center, &-Vector3::z()).inverse();
+    Pose::new(rotation, -(rotation * center))
 }
 
 fn main() -> Result<()> {

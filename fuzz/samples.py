@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import seals
-import yaml
 from PIL import Image
+from regionpose.yaml_text import to_yaml
 
 Reader = Callable[[Path], object]
 
@@ -113,7 +113,7 @@ def _pictures() -> list[Sample]:
     from regionpose.segmentation.masks import masks_from_file
 
     camera = PinholeCamera(20.0, 20.0, 8.0, 6.0)
-    depth = partial(cloud_from_depth, camera=camera, scale=0.001)
+    depth = partial(cloud_from_depth, camera=camera, unit_m=0.001)
     kinds = {"png": {}, "gif": {}, "tiff": {"compression": "tiff_deflate"}, "jpeg": {}, "webp": {}, "bmp": {}}
     photos = [
         Sample(f"photo.{kind}", _image(LABELS * 90, kind, **given), read_picture) for kind, given in kinds.items()
@@ -125,7 +125,7 @@ def _pictures() -> list[Sample]:
         Sample("sealed.png", _image(LABELS, "png"), masks_from_file, seals.png),
         Sample("sealed_photo.png", _image(colors, "png"), read_picture, seals.png),
         Sample("sealed_depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth, seals.png),
-        Sample("colours.png", _image(colors, "png"), masks_from_file),
+        Sample("colors.png", _image(colors, "png"), masks_from_file),
         Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
         Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
         Sample("depth.tiff", _image(LABELS.astype(np.float32), "tiff"), depth),
@@ -141,9 +141,9 @@ def _texts() -> list[Sample]:
     lidar = {"results": {"T_lidar_camera": [1, 2, 3, 0, 0, 0, 1]}}
     matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4))
     return [
-        Sample("scene.yaml", yaml.safe_dump(SCENE).encode(), load_scene),
+        Sample("scene.yaml", to_yaml(SCENE).encode(), load_scene),
         Sample("scene.json", _json(SCENE), load_scene),
-        Sample("facts.yaml", yaml.safe_dump(SCENE).encode(), file_facts),
+        Sample("facts.yaml", to_yaml(SCENE).encode(), file_facts),
         Sample("coco.json", _json(COCO), masks_from_file),
         Sample("coco_regions.json", _json(COCO), regions_from_file),
         Sample("labelme.json", _json(LABELME), masks_from_file),

@@ -49,7 +49,7 @@ def estimate(
 ) -> tuple[rp.Pose, Info]:
     """The pose `camera_from_world` and how it was found (paper sections 2.1, 2.2).
 
-    `world_regions`: for each image region the (n, 3) rings of its 3D side in metres, the outer one first and
+    `world_regions`: for each image region the (n, 3) rings of its 3D side in meters, the outer one first and
     counter-clockwise as the image shows it. The first region is solved alone, then all together. `up`: the world
     direction (3,) that is up in the image. `start`: the reading of the initial pose. ValueError for a scheme that isn't
     in `SCHEMES`.

@@ -10,7 +10,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.evaluation import (
-    Scene,
+    SyntheticScene,
     omnidirectional_scene,
     overlap_error,
     perspective_scene,
@@ -24,7 +24,7 @@ from regionpose.evaluation.templates import TemplateSet
 
 from benchmarks import published
 
-MAKERS: dict[published.System, Callable[..., Scene]] = {
+MAKERS: dict[published.System, Callable[..., SyntheticScene]] = {
     "plane": perspective_scene,
     "sphere": omnidirectional_scene,
 }
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
     evaluations: float
 
 
-def outcome(scene: Scene, poses: Sequence[rp.Pose], seconds: float, evaluations: int) -> Outcome:
+def outcome(scene: SyntheticScene, poses: Sequence[rp.Pose], seconds: float, evaluations: int) -> Outcome:
     """The errors of the nearest of some poses."""
     pose = min(poses, key=lambda pose: rotation_error(pose.rotation.as_matrix(), scene.rotation))
     rotation = pose.rotation.as_matrix()
@@ -49,7 +49,7 @@ def outcome(scene: Scene, poses: Sequence[rp.Pose], seconds: float, evaluations:
     return Outcome(turn, shift, scene_overlap_error(scene, pose), seconds, evaluations)
 
 
-def scene_overlap_error(scene: Scene, pose: rp.Pose) -> float:
+def scene_overlap_error(scene: SyntheticScene, pose: rp.Pose) -> float:
     """The paper's delta over all regions in pixels; infinite where a region leaves the view."""
     areas = np.array([even_odd_shape(rings).area for rings in scene.image_rings])
     try:
@@ -66,7 +66,7 @@ def scene_overlap_error(scene: Scene, pose: rp.Pose) -> float:
 class Problem(NamedTuple):
     """A scene and the masks that the methods get."""
 
-    scene: Scene
+    scene: SyntheticScene
     masks: list[NDArray[np.bool_]]
 
 

@@ -74,7 +74,7 @@ class MeshSide:
 
 @dataclass(frozen=True)
 class CellSide:
-    """A planar region as equal cells: centres (n, 3), the vector area (3,) of one; the paper's reference 46."""
+    """A planar region as equal cells: centers (n, 3), the vector area (3,) of one; the paper's reference 46."""
 
     centers: Array
     cell: Array
@@ -151,7 +151,7 @@ class SeenPlane:
         return lifted
 
     def cells(self, rings: Sequence[Array]) -> tuple[Array, Array]:
-        """Centres (n, 3) of the cells inside flat rings and the vector area (3,) of one."""
+        """Centers (n, 3) of the cells inside flat rings and the vector area (3,) of one."""
         turn = np.array([[np.cos(GRID_TURN), -np.sin(GRID_TURN)], [np.sin(GRID_TURN), np.cos(GRID_TURN)]])
         polygon = shapely.Polygon(rings[0] @ turn, [ring @ turn for ring in rings[1:]])
         size = np.sqrt(polygon.area / WORLD_CELLS)

@@ -14,14 +14,17 @@ from collections.abc import Callable
 
 import numpy as np
 import regionpose as rp
-from regionpose.evaluation import Scene, omnidirectional_scene, perspective_scene
+from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene
 from regionpose.evaluation.measures import SOLVED_ROTATION_DEG, rotation_error
 from scipy.spatial.transform import Rotation
 
 from benchmarks import published
 
 ANGLES_DEG = (0, 20, 45, 60, 70, 80, 90, 100, 120, 150)
-MAKERS: dict[published.System, Callable[..., Scene]] = {"plane": perspective_scene, "sphere": omnidirectional_scene}
+MAKERS: dict[published.System, Callable[..., SyntheticScene]] = {
+    "plane": perspective_scene,
+    "sphere": omnidirectional_scene,
+}
 
 
 def is_reached(system: published.System, seed: int, planes: int, angle_deg: float, start: published.Start) -> bool:

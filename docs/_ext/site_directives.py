@@ -1,7 +1,9 @@
-"""What the site adds to Sphinx: the help of every command, and links to folders as their names."""
+"""What the site adds to Sphinx: the help of every command, links to folders as their names, and tables as CSV files."""
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import click
 import typer
 from docutils import nodes
+from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util.docutils import SphinxDirective
 
 if TYPE_CHECKING:
@@ -63,8 +66,48 @@ class CommandHelp(SphinxDirective):
         return section
 
 
+class TableFiles(SphinxPostTransform):
+    """Each table of the measurements as a CSV file beside the page, with a link below it."""
+
+    default_priority = 200
+    builders = ("html",)
+    pages: ClassVar[tuple[str, ...]] = ("results", "results/measurements")
+
+    def run(self, **_: Any) -> None:
+        """Write the files of a page that has them."""
+        page = self.env.docname
+        if page not in self.pages:
+            return
+        folder = Path(self.app.outdir, "results", "tables")
+        folder.mkdir(parents=True, exist_ok=True)
+        prefix = "" if page.startswith("results/") else "results/"
+        for number, table in enumerate(list(self.document.findall(nodes.table)), start=1):
+            name = f"{Path(page).name}-{_section_of(table)}-{number}.csv"
+            (folder / name).write_text(table_text(table), encoding="utf-8")
+            link = f'<p class="table-file"><a href="{prefix}tables/{name}" download>CSV</a></p>'
+            table.parent.insert(table.parent.index(table) + 1, nodes.raw("", link, format="html"))
+
+
+def _section_of(table: nodes.table) -> str:
+    """The id of the section that holds a table."""
+    around = table.parent
+    while not isinstance(around, nodes.section):
+        around = around.parent
+    return str(around["ids"][0])
+
+
+def table_text(table: nodes.table) -> str:
+    """A table as CSV, its heads first."""
+    held = io.StringIO()
+    csv.writer(held, lineterminator="\n").writerows(
+        [entry.astext() for entry in row.findall(nodes.entry)] for row in table.findall(nodes.row)
+    )
+    return held.getvalue()
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register both."""
+    """Register them."""
     app.add_directive("regionpose-commands", CommandHelp)
+    app.add_post_transform(TableFiles)
     app.connect("source-read", name_folders)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -14,7 +14,7 @@ depth_camera = rp.PinholeCamera(400, 400, 319.5, 239.5, width=640, height=480)
 color_camera = rp.PinholeCamera(900, 900, 640, 360, width=1280, height=720)
 color_from_depth = rp.Pose.from_quat([0.02, -0.04, 0.01, np.sqrt(1 - 0.0021)], [-0.06, 0.01, 0.02])
 
-# Three boards: a corner, an edge vector to the right and one down, metres, frame of the depth camera.
+# Three boards: a corner, an edge vector to the right and one down, meters, frame of the depth camera.
 boards = [
     (np.array([-0.9, -0.5, 2.2]), np.array([0.7, 0.0, -0.3]), np.array([0.0, 0.6, 0.1])),
     (np.array([0.2, -0.6, 2.0]), np.array([0.6, 0.0, 0.4]), np.array([0.05, 0.7, 0.0])),

@@ -14,7 +14,7 @@ demo = scene.load()
 names = [region.name for region in demo.regions]
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 outlines = [[np.array(ring) for ring in region.rings] for region in demo.regions]
-# One outline of the cloud is moved by half a metre, as a slip of the hand may do.
+# One outline of the cloud is moved by half a meter, as a slip of the hand may do.
 wrong = 1
 outlines[wrong] = [ring + np.array([0.0, 0.0, 0.5]) for ring in outlines[wrong]]
 world_regions = [rp.WorldRegion.from_polygon(rings) for rings in outlines]

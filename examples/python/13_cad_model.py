@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
 
-# A bench block: a box of 0.4 x 0.3 x 0.2 m whose front has a slanted corner, metres.
+# A bench block: a box of 0.4 x 0.3 x 0.2 m whose front has a slanted corner, meters.
 front = [[0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.12], [0.3, 0, 0.2], [0, 0, 0.2]]
 side = [[0.4, 0, 0], [0.4, 0.3, 0], [0.4, 0.3, 0.12], [0.4, 0, 0.12]]
 top = [[0, 0, 0.2], [0.3, 0, 0.2], [0.3, 0.3, 0.2], [0, 0.3, 0.2]]

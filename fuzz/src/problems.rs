@@ -44,7 +44,7 @@ fn plane(random: &mut Random) -> Pose {
     Pose::new(turn * tilted, aside + Vector3::z() * magnitude(random, 0.0, 1.5))
 }
 
-/// What a camera sees of rings along its axes; any direction where one lies at its centre.
+/// What a camera sees of rings along its axes; any direction where one lies at its center.
 fn bearings(rings: &[SpaceRing]) -> Vec<SpaceRing> {
     let unit = |x: &Vector3<f64>| x.try_normalize(0.0).unwrap_or_else(Vector3::z);
     rings.iter().map(|ring| ring.iter().map(unit).collect()).collect()
@@ -242,7 +242,7 @@ pub fn contours(random: &mut Random) -> Outcome {
     Ok(true)
 }
 
-/// Regions with samples inside and outside, mislabelled now and then.
+/// Regions with samples inside and outside, mislabeled now and then.
 pub fn samples(random: &mut Random) -> Outcome {
     let Some(mut set) = set(random, -3.0, 3.0) else { return Ok(false) };
     let worlds = std::mem::take(&mut set.worlds);
@@ -264,8 +264,8 @@ fn with_samples(random: &mut Random, world: WorldRegion) -> WorldRegion {
         let share = |random: &mut Random| random.uniform(-0.3, 1.3);
         let (x, y) = (share(random), share(random));
         let place = lower + (upper - lower).component_mul(&nalgebra::Vector2::new(x, y));
-        let labelled = world.outline().contains(place) != once_in(random, 20);
-        let side = if labelled { &mut inside } else { &mut outside };
+        let labeled = world.outline().contains(place) != once_in(random, 20);
+        let side = if labeled { &mut inside } else { &mut outside };
         side.push(world.frame().lifted(&place));
     }
     world.clone().with_samples(&inside, &outside).unwrap_or(world)

@@ -75,7 +75,7 @@ def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.i
 def depth_steps(
     points: ArrayLike, cell: float, gap: float, share: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond;
+    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbors beyond;
     distances (m,) of the former.
     """
 
@@ -335,13 +335,14 @@ class Prior:
         up: ArrayLike | None = None,
         up_sigma_deg: float | None = None,
         initial: tuple[ArrayLike, ArrayLike] | None = None,
-        initial_sigma: ArrayLike | None = None,
+        initial_rotation_sigma_deg: float | None = None,
+        initial_center_sigma_m: float | None = None,
         camera_near: ArrayLike | None = None,
         camera_near_sigma_m: float | None = None,
     ) -> Prior: ...
     @property
     def camera_near_sigma_m(self) -> float | None:
-        """Deviation of the camera's place, metres, the conventional one where none was given; None without a place."""
+        """Deviation of the camera's place, meters, the conventional one where none was given; None without a place."""
 
     def penalty(self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> float:
         """What counts against a pose with this covariance (6, 6) of its left increment, in variances."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Arra
         raise ValueError(f"rings is empty; needed at least one (n, {columns}) array")
     if _is_vertex(listed[0]):
         listed = [listed]
-    return [_ring_array(ring, index, columns) for index, ring in enumerate(listed)]
+    return [row_array(ring, f"ring {index}", columns).copy() for index, ring in enumerate(listed)]
 
 
 def _is_vertex(item: object) -> bool:
@@ -33,11 +33,18 @@ def _is_vertex(item: object) -> bool:
         return False
 
 
-def _ring_array(ring: object, index: int, columns: int) -> Array:
-    array = real_array(ring, f"ring {index}", f"(n, {columns})")
+def row_array(values: object, item: str, columns: int) -> Array:
+    """The values as floats (n, columns), the array itself where it holds such."""
+    return real_rows(values, item, columns).astype(np.float64, copy=False)
+
+
+def real_rows(values: object, item: str, columns: int) -> NDArray[Any]:
+    """The values as real numbers (n, columns), of whatever kind they are."""
+    needed = f"(n, {columns})"
+    array = real_array(values, item, needed)
     if array.ndim != 2 or array.shape[1] != columns:
-        raise ValueError(f"ring {index} has shape {array.shape}; needed (n, {columns})")
-    return array.astype(np.float64)
+        raise ValueError(f"{item} has shape {array.shape}; needed {needed}")
+    return array
 
 
 def real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:

@@ -33,7 +33,7 @@ class Pose:
     rotation : scipy.spatial.transform.Rotation
         One rotation, from world to camera axes.
     translation : (3,) array
-        The world's origin in the camera's frame, in the world's unit (metres, as a rule); kept read-only.
+        The world's origin in the camera's frame, in the world's unit (meters, as a rule); kept read-only.
 
     Raises
     ------

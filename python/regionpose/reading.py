@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -31,12 +30,6 @@ masks and constant columns unfold a thousandfold."""
 
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
-
-MOST_LEVELS = 100
-"""Levels of a YAML file; scenes and calibrations have up to ten."""
-
-YamlLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""libyaml's where PyYAML was built with it: ten times as fast."""
 
 ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
@@ -204,24 +197,6 @@ def refuse_halves(text: str, value: object) -> None:
     """UnicodeEncodeError where a value read from a text holds half of a surrogate pair, which no file can."""
     if ESCAPED_SURROGATE.search(text):
         json.dumps(value, ensure_ascii=False, default=str, skipkeys=True).encode("utf-8")
-
-
-def check_yaml(text: str, aliases: bool = False) -> None:
-    """Pass a YAML text that may be composed; yaml.MarkedYAMLError where it nests too deep, or names another value (*)
-    without `aliases`.
-
-    The parser goes on without recursion; libyaml's composer would run out of the process's stack.
-    """
-    depth = 0
-    for event in yaml.parse(text, Loader=YamlLoader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if isinstance(event, yaml.AliasEvent) and not aliases:
-            problem = "found an alias (*); needed the value itself"
-        elif depth > MOST_LEVELS:
-            problem = f"found more than {MOST_LEVELS} levels; needed fewer"
-        else:
-            continue
-        raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)  # type: ignore[arg-type]
 
 
 def whole_number(word: str) -> int | None:

@@ -37,15 +37,15 @@ LEAK_SIDES = 3
 of its own outline anyway."""
 
 LARGEST_REGION_M = 200.0
-"""Root of the area of the largest planar region, metres. Between the largest faces that stand in a photo and the
-smallest: a football ground has 85 m, an aircraft hangar's front 190 m; in millimetres this is a plate of 20 cm."""
+"""Root of the area of the largest planar region, meters. Between the largest faces that stand in a photo and the
+smallest: a football ground has 85 m, an aircraft hangar's front 190 m; in millimeters this is a plate of 20 cm."""
 
 WIDEST_SPACING = 1.0
-"""Median distance of neighbouring points, in the cloud's unit, from which it hardly is the metre: terrestrial scans of
-1 km have 0.05 to 0.5 m, airborne ones 0.1 to 0.7 m; scans in millimetres have 1 to 50."""
+"""Median distance of neighboring points, in the cloud's unit, from which it hardly is the meter: terrestrial scans of
+1 km have 0.05 to 0.5 m, airborne ones 0.1 to 0.7 m; scans in millimeters have 1 to 50."""
 
 LEAST_EXTENT = 1000.0
-"""Diagonal of a cloud, in its unit, below which such a spacing means few points; in millimetres this is 1 m."""
+"""Diagonal of a cloud, in its unit, below which such a spacing means few points; in millimeters this is 1 m."""
 
 MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 """Where in the photo, as a share of each side, the optical axis is looked for. Of a photo made smaller or larger by
@@ -65,7 +65,7 @@ def check_regions(
     """Warnings about regions before a pose is estimated: doubles, leaked masks, odd units.
 
     `coincident-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
-    covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as metres hardly
+    covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as meters hardly
     make them. Each names its regions by their places in the lists, and what to do.
 
     Parameters
@@ -125,28 +125,28 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
-    """What the file of a cloud says against its coordinates being metres: `odd-unit`, with the factor to use."""
+    """What the file of a cloud says against its coordinates being meters: `odd-unit`, with the factor to use."""
     factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()
     text = (
         "the cloud's file states a unit of {unit_m:.7g} m: multiply its coordinates, and those of the scene, by that,"
-        " otherwise all lengths in metres are wrong"
+        " otherwise all lengths in meters are wrong"
     )
     return (PoseWarning("odd-unit", text, values={"unit_m": factor}),)
 
 
 def unit_remark(spacing: float, extent: float) -> str | None:
-    """What a cloud's size says of its unit: None where it may well be the metre, else the factor to use.
+    """What a cloud's size says of its unit: None where it may well be the meter, else the factor to use.
 
-    `spacing`: median distance of neighbouring points; `extent`: diagonal of the cloud; both in its unit. A foot is too
-    like a metre to be told so: `check_unit` reads it.
+    `spacing`: median distance of neighboring points; `extent`: diagonal of the cloud; both in its unit. A foot is too
+    like a meter to be told so: `check_unit` reads it.
     """
     if spacing <= WIDEST_SPACING or extent <= LEAST_EXTENT:
         return None
     return (
-        f"points {spacing:.3g} apart over {extent:.4g} look like millimetres: multiply the coordinates by"
-        f" {MILLIMETER:g} for metres"
+        f"points {spacing:.3g} apart over {extent:.4g} look like millimeters: multiply the coordinates by"
+        f" {MILLIMETER:g} for meters"
     )
 
 
@@ -214,7 +214,7 @@ def _leaks(index: int, region: ImageRegion, image_size: tuple[int, int] | None) 
 
 
 def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
-    """A warning where the largest world region is larger than a face is in metres."""
+    """A warning where the largest world region is larger than a face is in meters."""
     if not regions:
         return
     index = int(np.argmax([region.area for region in regions]))
@@ -222,8 +222,8 @@ def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
     if size > LARGEST_REGION_M:
         text = (
             "the world side of {0} would be {size_m:.0f} m across (the root of its area): the coordinates look like"
-            " millimetres, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
-            " by {unit_m:g}, otherwise all lengths in metres are wrong"
+            " millimeters, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
+            " by {unit_m:g}, otherwise all lengths in meters are wrong"
         )
         values = {"size_m": size, "in_millimeters_m": MILLIMETER * size, "unit_m": MILLIMETER}
         yield PoseWarning("odd-unit", text, (index,), values)

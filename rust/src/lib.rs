@@ -7,14 +7,14 @@
 //!
 //! Cameras end at bearings: any central camera, up to regions 87 degrees off their own axis, is served by the same code.
 //!
-//! Poses are `camera_from_world`, increments from the left and `[omega (rad), tau (metres)]`. An input that cannot be used is an
+//! Poses are `camera_from_world`, increments from the left and `[omega (rad), tau (meters)]`. An input that cannot be used is an
 //! [`Error`] that names it; whatever makes a pose doubtful is a [`Warning`] of the [`Estimate`].
 //!
 //! ```
 //! use nalgebra::Vector3;
 //! use regionpose::{ObservedRegion, Problem, WorldRegion};
 //!
-//! // An L-shaped sign in the world (metres), and its corners as a camera 4 m before it sees them.
+//! // An L-shaped sign in the world (meters), and its corners as a camera 4 m before it sees them.
 //! let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
 //! let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
 //! let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();

@@ -7,7 +7,7 @@ use crate::geometry::pose::Pose;
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
 
-/// Standard deviation of the camera's place along each axis where none is given, metres: a convention, that of a camera
+/// Standard deviation of the camera's place along each axis where none is given, meters: a convention, that of a camera
 /// on the same vehicle, mast or tripod as a scanner.
 pub const NEAR_SIGMA: f64 = 2.0;
 
@@ -26,7 +26,7 @@ const FAR: f64 = std::f64::consts::FRAC_PI_4;
 pub struct PoseSigma {
     /// Of the camera's rotation, rad.
     pub rotation: f64,
-    /// Of the camera's place, metres.
+    /// Of the camera's place, meters.
     pub place: f64,
 }
 
@@ -61,7 +61,7 @@ pub struct Prior {
     pub up_sigma: Option<f64>,
     /// A place of the world that the camera stands near.
     pub near: Option<Vector3<f64>>,
-    /// Standard deviation of the camera's place about it along each axis, metres; [`NEAR_SIGMA`] where there is none.
+    /// Standard deviation of the camera's place about it along each axis, meters; [`NEAR_SIGMA`] where there is none.
     pub near_sigma: Option<f64>,
 }
 
@@ -89,7 +89,7 @@ impl<const D: usize> Default for Gaussian<D> {
 pub struct FromInitial {
     /// Rotation, rad.
     pub rotation: f64,
-    /// Distance between the two places of the camera, metres.
+    /// Distance between the two places of the camera, meters.
     pub place: f64,
     /// Both in standard deviations of prior and pose together; `None` where the prior has none.
     pub sigmas: Option<f64>,
@@ -121,7 +121,7 @@ impl FromUp {
 /// How far the camera is from the place that it stands near.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FromNear {
-    /// Distance, metres.
+    /// Distance, meters.
     pub place: f64,
     /// The same in standard deviations of prior and pose together.
     pub sigmas: f64,
@@ -163,7 +163,7 @@ impl Prior {
     ///
     /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and
     /// prior agree: from anywhere, the mean of each term alone is one Newton step away, so none drifts from one
-    /// linearisation to the next.
+    /// linearization to the next.
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian::default();
         if let Some((initial, sigma)) = self.rough() {
@@ -275,8 +275,8 @@ mod tests {
         let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.0, 0.0, 0.6));
         let from = rough(0.1, 0.3).from_initial(&carried, &known).unwrap();
         assert!(from.rotation < 1e-7 && (from.place - 0.6).abs() < 1e-12);
-        let centres = carried.inverse().translation - pose().inverse().translation;
-        assert!((from.place - centres.norm()).abs() < 1e-12);
+        let centers = carried.inverse().translation - pose().inverse().translation;
+        assert!((from.place - centers.norm()).abs() < 1e-12);
         assert!((from.sigmas.unwrap() - 2.0).abs() < 1e-6);
     }
 

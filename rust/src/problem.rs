@@ -140,7 +140,7 @@ impl Problem {
 
     /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.
     pub fn crease_segment(&self, crease: &Crease, pose: &Pose) -> [Vector3<f64>; 2] {
-        crease.segment(&self.centred(pose)).map(|place| place + self.origin)
+        crease.segment(&self.centered(pose)).map(|place| place + self.origin)
     }
 
     /// What one look at all of the problem counts as (`effort`): its moments, the pieces of its contours, its samples.
@@ -168,7 +168,7 @@ impl Problem {
 
     /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.
     pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
-        evaluate(&self.regions, &self.centred(pose), weighting)
+        evaluate(&self.regions, &self.centered(pose), weighting)
     }
 
     /// Residuals at a pose moved by a left increment, and their derivatives by that increment.
@@ -196,12 +196,12 @@ impl Problem {
     }
 
     /// The pose for world points about the problem's origin.
-    pub fn centred(&self, pose: &Pose) -> Pose {
+    pub fn centered(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.transform(&self.origin))
     }
 
     /// The pose for world points, of one for points about the problem's origin.
-    pub(crate) fn uncentred(&self, pose: &Pose) -> Pose {
+    pub(crate) fn uncentered(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.translation - pose.rotation * self.origin)
     }
 }

@@ -14,7 +14,7 @@ use derived::Derived;
 use samples::Samples;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
-/// good to a few millimetres in a metre, while a ring bent more than this is not one plane.
+/// good to a few millimeters in a meter, while a ring bent more than this is not one plane.
 const PLANARITY_TOLERANCE: f64 = 0.01;
 
 /// Smallest share of the extent that a region must have across, below which no plane can be told.
@@ -56,7 +56,7 @@ pub struct ObservedRegion {
 /// The pixels of a mask: where each looks, and the solid angle of the part of it that belongs to the region.
 #[derive(Debug, Clone)]
 pub struct Pixels {
-    /// Unit bearings of the pixels' centres.
+    /// Unit bearings of the pixels' centers.
     pub bearings: Vec<Vector3<f64>>,
     /// Solid angles, in steradians.
     pub solid_angles: Vec<f64>,

@@ -24,7 +24,7 @@ def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
         card = (np.abs(rays[..., :2] - center) < half).all(axis=-1) & (near < depth)
         depth[card], shade[card] = near, rng.uniform(0.0, 255.0)
     photo = np.clip(shade + rng.normal(0.0, 2.0, x.shape), 0.0, 255.0).astype(np.uint8)
-    # Range noise and uneven rays, as a scan has: neighbours that are equally far would be chosen by rounding.
+    # Range noise and uneven rays, as a scan has: neighbors that are equally far would be chosen by rounding.
     rays = rays + rng.normal(0.0, 2e-4, rays.shape)
     points = (rays * depth[..., None])[::3, ::3].reshape(-1, 3)
     return photo, POSE.inverse().transform(points)

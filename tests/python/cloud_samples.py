@@ -15,7 +15,7 @@ INTENSITY = np.array([0.0, 0.5, 1.0, 0.25])
 TRIANGLES = np.array([[0, 1, 2], [2, 1, 3]])
 
 UTM = np.array([449_123.456, 5_411_987.123456, 117.25])
-"""A place on the map: easting, northing and height in metres."""
+"""A place on the map: easting, northing and height in meters."""
 
 
 def full_cloud() -> Cloud:
@@ -25,7 +25,7 @@ def full_cloud() -> Cloud:
 
 
 def assert_same(cloud: Cloud, points: Any = POINTS, colors: Any = None, intensity: Any = None) -> None:
-    """The cloud holds exactly these points, colours and intensities."""
+    """The cloud holds exactly these points, colors and intensities."""
     np.testing.assert_array_equal(cloud.points, points)
     for found, needed in ((cloud.colors, colors), (cloud.intensity, intensity)):
         if needed is None:
@@ -120,7 +120,7 @@ def compressed_pcd(rows: Any) -> bytes:
 
 
 def ascii_pcd() -> str:
-    """An ASCII PCD, its packed colours written as the floats that they claim to be."""
+    """An ASCII PCD, its packed colors written as the floats that they claim to be."""
     lines = [
         f"{row['x']} {row['y']} {row['z']} {row['rgb'].view(np.float32):.9g} 0 0 0 {row['intensity']}"
         for row in pcd_rows()

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose import PinholeCamera, Pose
+from regionpose.yaml_text import to_yaml
 from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT = 320, 240
@@ -24,7 +24,7 @@ PLATES: dict[str, NDArray[np.float64]] = {
 
 
 def scene_values(shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> dict[str, Any]:
-    """The scene's values, the world moved by `shift` (metres)."""
+    """The scene's values, the world moved by `shift` (meters)."""
     regions = [
         {
             "name": name,
@@ -41,5 +41,5 @@ def write_scene(folder: Path, values: dict[str, Any] | None = None, name: str = 
     """The path of a scene file and its image, written to `folder`."""
     Image.fromarray(np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8)).save(folder / "image.png")
     path = folder / name
-    path.write_text(yaml.safe_dump(values or scene_values(), sort_keys=False), encoding="utf-8")
+    path.write_text(to_yaml(values or scene_values()), encoding="utf-8")
     return path

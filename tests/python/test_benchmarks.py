@@ -10,9 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import regionpose as rp
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
 from regionpose.evaluation.studies import Study
 from small_study import SMALL
 

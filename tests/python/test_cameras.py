@@ -46,7 +46,7 @@ CAMERAS = [
 
 
 def image_grid(step: float = 16.0) -> np.ndarray:
-    """Pixels (n, 2) over the whole image, its border, the centre and a point next to the centre."""
+    """Pixels (n, 2) over the whole image, its border, the center and a point next to the center."""
     u, v = np.meshgrid(np.arange(-0.5, WIDTH, step), np.arange(-0.5, HEIGHT, step))
     corner = [WIDTH - 0.5, HEIGHT - 0.5]
     return np.vstack([np.stack([u.ravel(), v.ravel()], axis=1), [corner, CENTER, np.add(CENTER, 1e-7)]])
@@ -335,7 +335,7 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         ),
         (lambda: PinholeCamera(1, 1, 0, 0, width=640, height=0), "height: found 0; needed a whole number above 0"),
         (lambda: PinholeCamera.from_matrix(((1, 0.5, 0), (0, 1, 0), (0, 0, 1))), "skew of 0.5"),
-        (lambda: PinholeCamera.from_matrix(np.eye(4)), r"matrix: found an array of shape \(4, 4\)"),
+        (lambda: PinholeCamera.from_matrix(np.eye(4)), r"matrix has shape \(4, 4\)"),
         (lambda: FisheyeCamera(1, 1, 0, 0, distortion=(1, 2)), "distortion: found 2 coefficients; needed 4"),
         (lambda: FisheyeCamera(1, 1, 0, 0, distortion=3), "distortion: found 3; needed a sequence of numbers"),  # type: ignore[arg-type]
         (lambda: OcamCamera((), (0, 0)), "polynomial: found no coefficients"),
@@ -344,12 +344,12 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         (lambda: OcamCamera((1.0,), (0, 0), stretch=((1, 2), (2, 4))), "stretch: found .* invertible"),
         (
             lambda: OcamCamera((1.0,), (0, 0), stretch=(1, 2)),  # type: ignore[arg-type]
-            r"stretch: found an array of shape \(2,\)",
+            r"stretch has shape \(2,\)",
         ),
         (lambda: UnifiedCamera(1, 1, 0, 0, xi=-0.1), "xi: found -0.1; needed a number of at least 0"),
-        (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels: found an array of shape \(2,\); needed \(n, 2\)"),
-        (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points: found an array of shape \(3, 2\); needed \(n, 3\)"),
-        (lambda: CAMERAS[0].project([["a", "b", "c"]]), "points: found .* needed numbers of shape"),
+        (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels has shape \(2,\); needed \(n, 2\)"),
+        (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points has shape \(3, 2\); needed \(n, 3\)"),
+        (lambda: CAMERAS[0].project([["a", "b", "c"]]), "points has type .* needed real numbers"),
     ],
 )
 def test_bad_parameters_are_named(make: object, message: str) -> None:

@@ -128,9 +128,9 @@ def test_a_doubtful_pose_is_written_and_ends_with_3(tmp_path: Path, capsys: pyte
 
 def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     initial = {"camera_from_world": {"matrix": POSE.matrix.tolist()}}
-    sigma = {"rotation_deg": 5.0, "camera_center_m": 0.2}
+    sigmas = {"initial_rotation_sigma_deg": 5.0, "initial_center_sigma_m": 0.2}
     # The same place twice is warned of; the pose is right.
-    scene = one_square(tmp_path, ["square", "again"], prior={"initial": initial, "initial_sigma": sigma})
+    scene = one_square(tmp_path, ["square", "again"], prior={"initial": initial, **sigmas})
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
     assert code == 0 and "check: " in said and "warning: " in said
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
@@ -226,7 +226,7 @@ def test_fuse_colors_a_cloud_as_the_estimate_did(
 
 
 def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from regionpose.pictures.colors import View, blend_colors
+    from regionpose.pictures.colors import PosedImage, blend_colors
 
     files, out = demo_folder(), tmp_path / "colored.ply"
     image = np.asarray(Image.open(files / "image.jpg"))
@@ -244,7 +244,7 @@ def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pyte
     assert code == 0 and json.loads(said)["images"] == 2
     assert "colors of image 1 of 2 ..." in err and "colors of image 2 of 2, about" in err and "s left ..." in err
     points = read_cloud(files / "cloud.ply").points
-    colors, visible = blend_colors(points, [View(image, camera, pose), View(255 - image, camera, back)])
+    colors, visible = blend_colors(points, [PosedImage(image, camera, pose), PosedImage(255 - image, camera, back)])
     cloud = read_cloud(out)
     np.testing.assert_array_equal(cloud.fields["visible"] > 0, visible)
     assert cloud.colors is not None

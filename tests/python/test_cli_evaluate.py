@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 from regionpose.cli import main
-from regionpose.evaluation import studies
-from regionpose.evaluation.studies import read_rows
+from regionpose.evaluation.studies import config, read_rows, run_study
 
 CAMERA = """%YAML:1.0
 image_width: 360
@@ -64,18 +63,18 @@ def test_finished_files_are_replaced_by_force_alone(
 def test_a_stopped_study_says_so_and_goes_on(
     quick: list[str | Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole = studies.run_study
+    whole = run_study
 
     def stopped(study: Any, scenes: int, **options: Any) -> Any:
         whole(study, scenes, **options)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(studies, "run_study", stopped)
+    monkeypatch.setattr(config, "run_study", stopped)
     code, _, err = run(capsys, *quick, "--no-plots")
     partial = tmp_path / "out" / "rows.csv.partial"
     assert code == 130 and str(partial) in err and partial.exists()
     assert not (tmp_path / "out" / "rows.csv").exists()
-    monkeypatch.setattr(studies, "run_study", whole)
+    monkeypatch.setattr(config, "run_study", whole)
     code, _, err = run(capsys, *quick, "--no-plots", "--scenes", "1")
     assert code == 2 and "other settings" in err
     assert run(capsys, *quick, "--no-plots")[0] == 0
@@ -138,5 +137,5 @@ def test_bad_options_are_one_line(
 
 
 def test_a_range_of_one_number_is_named(quick: list[str | Path], capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, err = run(capsys, *quick, "--depth", "4")
-    assert code == 2 and "--depth" in err and "as 4,6" in err
+    code, _, err = run(capsys, *quick, "--depth-m", "4")
+    assert code == 2 and "--depth-m" in err and "as 4,6" in err

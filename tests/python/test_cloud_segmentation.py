@@ -26,7 +26,7 @@ def rectangle(width: float, height: float, turn: Rotation, center: tuple[float, 
     return [turn.apply(corners) + center]
 
 
-def labelled(parts: list[Array]) -> tuple[Array, NDArray[np.intp]]:
+def labeled(parts: list[Array]) -> tuple[Array, NDArray[np.intp]]:
     """The parts joined, and which part each point is of."""
     return np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
 
@@ -40,7 +40,7 @@ def yard(lidar: SpinningLidar) -> tuple[Array, NDArray[np.intp]]:
         rectangle(6.0, 3.0, Rotation.identity(), (0.0, 0.2, 6.0)),
         rectangle(4.0, 3.0, Rotation.from_euler("y", 90.0, degrees=True), (3.0, 0.2, 4.0)),
     ]
-    return labelled([lidar_points(rings, np.zeros(3), generator, lidar) for rings in surfaces])
+    return labeled([lidar_points(rings, np.zeros(3), generator, lidar) for rings in surfaces])
 
 
 def room(count: int) -> tuple[Array, NDArray[np.intp]]:
@@ -54,7 +54,7 @@ def room(count: int) -> tuple[Array, NDArray[np.intp]]:
             part = generator.uniform(0.0, 1.0, (int(count * share), 3)) * size
             part[:, axis] = side * size[axis] + generator.normal(0.0, 0.003, len(part))
             parts.append(part)
-    return labelled(parts)
+    return labeled(parts)
 
 
 def recall_and_precision(found: NDArray[np.intp], truth: NDArray[np.bool_]) -> tuple[float, float]:
@@ -130,7 +130,7 @@ def test_hedge_and_scattered_points_are_no_planes() -> None:
     wall[:, 1] += generator.normal(0.0, 0.005, len(wall))
     hedge = generator.uniform(0.0, 1.0, (10_000, 3)) * [4.0, 0.2, 1.5] + [8.0, 3.0, 0.0]
     crown = generator.uniform(0.0, 2.0, (10_000, 3)) + np.array([2.0, 1.0, 2.0])
-    points, labels = labelled([wall, hedge, crown])
+    points, labels = labeled([wall, hedge, crown])
     found = find_planes(points)
     assert len(found) == 1
     assert recall_and_precision(found[0], labels == 0) == pytest.approx((1.0, 1.0), abs=0.02)
@@ -182,7 +182,7 @@ def test_gap_wider_than_the_radius_parts_two_planes() -> None:
     flat = np.random.default_rng(0).uniform(0.0, 1.0, (8000, 2))
     points = np.column_stack([flat + np.where(flat[:, :1] > 0.5, [0.3, 0.0], 0.0), np.zeros(8000)])
     assert len(grow_plane(points, (0.2, 0.5, 0.0))) == (flat[:, 0] <= 0.5).sum()
-    assert len(grow_plane(points, (0.2, 0.5, 0.0), radius=0.4)) == 8000
+    assert len(grow_plane(points, (0.2, 0.5, 0.0), radius_m=0.4)) == 8000
 
 
 def test_ray_meets_the_surface_in_front() -> None:
@@ -199,8 +199,8 @@ def test_ray_meets_the_surface_in_front() -> None:
         ([1.0, 2.0], {}, "needed an index or 3 finite"),
         ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
         ([500.0, 0.0, 0.0], {}, "490 m from the nearest point"),
-        (0, {"distance": 0.0}, "distance is 0.0"),
-        (0, {"radius": -1.0}, "radius is -1.0"),
+        (0, {"distance_m": 0.0}, "distance_m is 0.0"),
+        (0, {"radius_m": -1.0}, "radius_m is -1.0"),
         (0, {"angle_deg": np.nan}, "angle_deg is nan"),
     ],
 )

@@ -190,7 +190,7 @@ def test_depth_png_with_holes_and_colors(tmp_path: Path) -> None:
     millimeters = np.array([[1000, 0, 2000], [65535, 1500, 1]], dtype=np.uint16)
     Image.fromarray(millimeters).save(tmp_path / "depth.png")
     shades = np.arange(18, dtype=np.uint8).reshape(2, 3, 3)
-    cloud = cloud_from_depth(tmp_path / "depth.png", camera, scale=1e-3, colors=shades)
+    cloud = cloud_from_depth(tmp_path / "depth.png", camera, unit_m=1e-3, colors=shades)
     np.testing.assert_allclose(cloud.points[:, 2], [1.0, 2.0, 65.535, 1.5, 0.001], rtol=1e-14)
     np.testing.assert_array_equal(cloud.colors, np.delete(shades.reshape(-1, 3), 1, axis=0))
     assert (cloud.dropped, cloud.source) == (1, tmp_path / "depth.png")

@@ -137,7 +137,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("objects.npz", npz(points=np.array([None])), "points.npy: found object values"),
     ("columns.npz", npz(a=np.ones(3), b=np.ones(3)), "missing: x, y, z"),
     ("points.npz", npz(points=np.ones((3, 4)), b=np.ones(3)), "points: found"),
-    ("colours.npz", npz(points=np.ones((3, 3)), colors=np.ones((2, 3))), "colors: found"),
+    ("colors.npz", npz(points=np.ones((3, 3)), colors=np.ones((2, 3))), "colors: found"),
     ("intensity.npz", npz(points=np.ones((3, 3)), intensity=np.ones(2)), "intensity: found"),
     ("origin.npz", npz(points=np.ones((3, 3)), origin=np.ones(2)), "origin: found"),
     ("zip.npz", b"PK\x03\x04" + GARBAGE, "archive: found"),
@@ -274,8 +274,8 @@ CAMERA = PinholeCamera(10.0, 10.0, 1.0, 1.0)
     [
         (np.ones(4), {}, r"depth: found float64 of shape \(4,\)"),
         (np.ones((2, 2, 3)), {}, "depth: found"),
-        (np.ones((2, 2), dtype=np.uint16), {}, "scale: found none"),
-        (np.ones((2, 2)), {"scale": -1.0}, "scale: found -1.0"),
+        (np.ones((2, 2), dtype=np.uint16), {}, "unit_m: found none"),
+        (np.ones((2, 2)), {"unit_m": -1.0}, "unit_m: found -1.0"),
         (np.ones((2, 2)), {"colors": np.zeros((2, 3, 3))}, "colors: found"),
         (np.zeros((2, 2)), {}, "4 points, none with finite"),
         (np.ones((2, 2)), {"distance": "depth"}, "distance: found 'depth'"),
@@ -298,17 +298,17 @@ def test_damaged_depth_images(tmp_path: Path) -> None:
     for content in (whole[:40], b"", GARBAGE, zlib.compress(whole)):
         path.write_bytes(content)
         with pytest.raises(CloudError, match=r"depth\.png: found no picture"):
-            cloud_from_depth(path, CAMERA, scale=1e-3)
+            cloud_from_depth(path, CAMERA, unit_m=1e-3)
     Image.fromarray(np.ones((3, 3, 3), dtype=np.uint8)).save(path)
     with pytest.raises(CloudError, match="mode RGB"):
-        cloud_from_depth(path, CAMERA, scale=1e-3)
+        cloud_from_depth(path, CAMERA, unit_m=1e-3)
 
 
 def test_missing_files(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_cloud(tmp_path / "none.ply")
     with pytest.raises(FileNotFoundError):
-        cloud_from_depth(tmp_path / "none.png", CAMERA, scale=1.0)
+        cloud_from_depth(tmp_path / "none.png", CAMERA, unit_m=1.0)
     with pytest.raises(CloudError, match="path: found a directory"):
         read_cloud(tmp_path)
 

@@ -257,7 +257,7 @@ def test_lidar_scans_of_real_scenes() -> None:
         assert len(cloud) > 10_000
         assert cloud.intensity is not None
         assert 0.0 <= cloud.intensity.min() <= cloud.intensity.max() <= 255.0
-        # The ground lies some two metres below the scanner on a car's roof.
+        # The ground lies some two meters below the scanner on a car's roof.
         assert -2.2 < np.percentile(cloud.points[:, 2], 20) < -1.2
 
 

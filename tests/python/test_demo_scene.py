@@ -6,31 +6,32 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.demo import courtyard, generate, rendering
 from regionpose.demo.scene import DemoRegion, DemoScene, folder, load
-from regionpose.demo.surfaces import Frame, Surface, are_blocked, first_hits, inside
-from regionpose.demo.textures import plain
 from scipy.ndimage import distance_transform_edt
+
+from tools.demo_scene import courtyard, generate, rendering
+from tools.demo_scene.surfaces import Frame, Surface, are_blocked, first_hits, inside
+from tools.demo_scene.textures import plain
 
 Array = NDArray[np.float64]
 
 BOUNDARY_PIXELS = 1.0
-"""Distance between the centres of a border pixel and of the nearest pixel on the other side."""
+"""Distance between the centers of a border pixel and of the nearest pixel on the other side."""
 
 TIP_PIXELS = 3.0
-"""As far as this an acute corner may reach beyond the last pixel centre that it holds."""
+"""As far as this an acute corner may reach beyond the last pixel center that it holds."""
 
 NOISE_BOUND = 6.0 * generate.RANGE_NOISE
-"""Metres: of 10^5 normal errors none is expected beyond 6 deviations (chance 2e-4)."""
+"""Meters: of 10^5 normal errors none is expected beyond 6 deviations (chance 2e-4)."""
 
 IMAGE_LEVELS = 3.0
 """Mean difference in levels that sensor noise (1.3 each in two pictures) and JPEG leave."""
 
 SAME = 1e-9
-"""Metres or unitless: a different processor may round the last digits of a rotation otherwise."""
+"""Meters or unitless: a different processor may round the last digits of a rotation otherwise."""
 
 FLOAT32_STEP = 2e-6
-"""Metres: one step of float32 at 20 m."""
+"""Meters: one step of float32 at 20 m."""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +84,7 @@ def test_the_scene_has_the_promised_sizes(scene: DemoScene) -> None:
     assert set(np.unique(scene.labels)) == {0, *(region.label for region in scene.regions)}
 
 
-def test_the_truth_is_a_rigid_motion_of_a_metre_and_a_quarter_turn(scene: DemoScene) -> None:
+def test_the_truth_is_a_rigid_motion_of_a_meter_and_a_quarter_turn(scene: DemoScene) -> None:
     assert np.allclose(scene.rotation @ scene.rotation.T, np.eye(3), atol=SAME)
     assert np.linalg.det(scene.rotation) == pytest.approx(1.0)
     angle = np.degrees(np.arccos(0.5 * (np.trace(scene.rotation) - 1.0)))

@@ -21,13 +21,13 @@ GRAY = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8)
 WORLD = [rp.WorldRegion.from_polygon([plate]) for plate in PLATES.values()]
 SEEN = [rp.ImageRegion.from_polygon([CAMERA.project(POSE.transform(plate))]) for plate in PLATES.values()]
 STEP_RATIO = 1.25
-"""Largest over smallest step of the colour table: rounding to 8 bits moves a colour by up to half a unit of CIELAB."""
+"""Largest over smallest step of the color table: rounding to 8 bits moves a color by up to half a unit of CIELAB."""
 
 BARREL = rp.PinholeCamera(150.0, 150.0, 159.5, 119.5, width=WIDTH, height=HEIGHT, distortion=(-0.2, 0.02, 0.0, 0.0))
 
 
 def like(picture: NDArray[np.uint8], color: tuple[int, int, int]) -> NDArray[np.bool_]:
-    """Pixels (h, w) of about a colour."""
+    """Pixels (h, w) of about a color."""
     return np.asarray((np.abs(picture.astype(int) - color) < 60).all(axis=2))
 
 
@@ -44,7 +44,7 @@ def test_contours_lie_where_the_camera_projects_them(camera: rp.PinholeCamera) -
     exact = along(WORLD[0].rings[0], camera, POSE)
     rows, columns = np.nonzero(like(picture, PROJECTED))
     drawn = np.column_stack([columns, rows])
-    # The legend's line sample, near a corner, has the colour too.
+    # The legend's line sample, near a corner, has the color too.
     drawn = drawn[np.linalg.norm(drawn - exact.mean(axis=0), axis=1) < 80.0]
     apart = np.linalg.norm(drawn[:, None] - exact[None], axis=2)
     assert apart.min(axis=1).max() < 2.0, "a pixel is drawn off the contour"
@@ -119,7 +119,7 @@ def test_near_dots_are_light_far_ones_dark_and_lie_on_their_pixels() -> None:
     pixels = np.array([[60.0, 50.0], [100.0, 180.0], [140.0, 120.0]])
     depths = np.array([2.0, 5.0, 20.0])
     bearings = CAMERA.bearings(pixels)
-    picture = overlay_depth(np.zeros_like(GRAY), CAMERA, AT_ORIGIN, bearings * depths[:, None], limits=(2.0, 20.0))
+    picture = overlay_depth(np.zeros_like(GRAY), CAMERA, AT_ORIGIN, bearings * depths[:, None], limits_m=(2.0, 20.0))
     near, middle, far = picture[pixels[:, 1].astype(int), pixels[:, 0].astype(int)]
     table = depth_colors()
     np.testing.assert_array_equal(near, table[255])
@@ -133,12 +133,12 @@ def test_a_point_behind_a_wall_is_not_drawn() -> None:
     wall = np.column_stack([x, y, np.full(x.size, 3.0)])
     hidden = np.array([[0.004, 0.005, 9.0]])
     with_it, without = (
-        overlay_depth(GRAY, CAMERA, AT_ORIGIN, points, limits=(2.0, 10.0))
+        overlay_depth(GRAY, CAMERA, AT_ORIGIN, points, limits_m=(2.0, 10.0))
         for points in (np.concatenate([wall, hidden]), wall)
     )
     np.testing.assert_array_equal(with_it, without)
-    alone = overlay_depth(GRAY, CAMERA, AT_ORIGIN, hidden, limits=(2.0, 10.0))
-    assert (alone != overlay_depth(GRAY, CAMERA, AT_ORIGIN, -hidden, limits=(2.0, 10.0))).any()
+    alone = overlay_depth(GRAY, CAMERA, AT_ORIGIN, hidden, limits_m=(2.0, 10.0))
+    assert (alone != overlay_depth(GRAY, CAMERA, AT_ORIGIN, -hidden, limits_m=(2.0, 10.0))).any()
 
 
 def test_equal_steps_of_the_depth_colors_look_equal() -> None:
@@ -151,7 +151,7 @@ def test_equal_steps_of_the_depth_colors_look_equal() -> None:
 @pytest.mark.parametrize("limits", [(0.0, 1.0), (2.0, 2.0), (3.0, 1.0), (1.0, np.inf), (np.nan, 1.0)])
 def test_limits_that_give_no_scale_are_named(limits: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="needed 0 < nearest < farthest"):
-        overlay_depth(GRAY, CAMERA, AT_ORIGIN, np.ones((1, 3)), limits=limits)
+        overlay_depth(GRAY, CAMERA, AT_ORIGIN, np.ones((1, 3)), limits_m=limits)
 
 
 def test_a_picture_is_saved_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from shapely import affinity
 
 Array = NDArray[np.float64]
-SceneMaker = Callable[..., scenes.Scene]
+SceneMaker = Callable[..., scenes.SyntheticScene]
 
 SCENE_KINDS: list[SceneMaker] = [scenes.perspective_scene, scenes.omnidirectional_scene, scenes.fisheye_scene]
 # (planes, regions on each) of the benchmark
@@ -48,7 +48,7 @@ def reflected(shape: Any, axis_deg: float) -> Any:
 
 
 def star_shaped_ring(rng: np.random.Generator, center: tuple[float, float], radius: float, count: int = 9) -> Array:
-    """A random simple ring around a centre, counter-clockwise in (x, y)."""
+    """A random simple ring around a center, counter-clockwise in (x, y)."""
     angles = np.sort(rng.uniform(0, 2 * np.pi, count)) * 0.2 + np.arange(count) * (1.6 * np.pi / count)
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
     ring: Array = np.asarray(center) + radius * rng.uniform(0.5, 1.0, (count, 1)) * rays
@@ -60,7 +60,7 @@ def ring_with_hole(seed: int) -> list[Array]:
     rng = np.random.default_rng(seed)
     center = (rng.uniform(0, 40), rng.uniform(0, 30))
     outer = star_shaped_ring(rng, center, 18.0, 12)
-    # Shrunk about the centre it lies inside, the outer ring being star-shaped.
+    # Shrunk about the center it lies inside, the outer ring being star-shaped.
     hole = (np.asarray(center) + 0.4 * (outer - center))[::-1]
     return [outer, hole]
 
@@ -79,7 +79,7 @@ def test_there_are_25_templates_of_every_promised_kind() -> None:
 
 
 @pytest.mark.parametrize("template", all_templates(), ids=lambda template: template.name)
-def test_template_is_simple_centerd_and_one_metre_long(template: Template) -> None:
+def test_template_is_simple_centered_and_one_meter_long(template: Template) -> None:
     shape = template_shape(template)
     assert shape.is_valid
     assert np.ptp(template.rings[0], axis=0).max() == pytest.approx(1.0, abs=1e-12)
@@ -139,7 +139,7 @@ def test_mask_holds_exactly_the_pixel_centers_inside(seed: int) -> None:
 @given(SEEDS)
 @settings(max_examples=40, deadline=None)
 def test_masks_of_two_sides_of_a_cut_tile_the_whole(seed: int) -> None:
-    """Corners on pixel centres make ties along every edge: no pixel may be lost or counted twice."""
+    """Corners on pixel centers make ties along every edge: no pixel may be lost or counted twice."""
     corners = np.random.default_rng(seed).integers(0, 20, (4, 2)).astype(float)
     triangles = [corners[[0, 1, 2]], corners[[0, 2, 3]]]
     halves = [masks.binary_mask([triangle], 20, 20) for triangle in triangles]

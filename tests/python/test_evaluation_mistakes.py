@@ -10,24 +10,24 @@ import shapely
 from regionpose.evaluation.planar import area_vector, region_centroid
 from regionpose.evaluation.polygons import VERTICES, random_polygon
 from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies import Condition, Problem, Results, results_table, run_study
-from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies import Condition, Results, StudyProblem, results_table, run_study
+from regionpose.evaluation.studies.catalog import STUDIES
 from regionpose.evaluation.studies.conditions import Mistake
 from regionpose.evaluation.studies.mistakes import FOCAL_ERROR, FRONTAL_DEG, draw_mistaken_problem, mirrored
 from regionpose.evaluation.studies.rows import failed_row, whole_row
-from regionpose.evaluation.studies.verdict import is_false_alarm, untold_rows
+from regionpose.evaluation.studies.trust import is_false_alarm, untold_rows
 from regionpose.evaluation.templates import is_symmetric
 
 MISTAKES = typing.get_args(Mistake)
 
 
-def drawn(mistake: Mistake, seed: int) -> Problem:
+def drawn(mistake: Mistake, seed: int) -> StudyProblem:
     """A problem of the pinhole camera."""
     return draw_mistaken_problem(perspective_setup(), Condition(mistake=mistake), seed)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_random_polygons_are_simple_and_centred(seed: int) -> None:
+def test_random_polygons_are_simple_and_centered(seed: int) -> None:
     ring = random_polygon(np.random.default_rng(seed), 2.0)
     polygon = shapely.Polygon(ring)
     assert VERTICES[0] <= len(ring) <= VERTICES[1] and polygon.is_valid

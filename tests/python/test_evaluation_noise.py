@@ -30,7 +30,7 @@ def changed_share(shape: Any, other: Any) -> float:
 
 
 def small_mask(seed: int) -> NDArray[np.bool_]:
-    """A template drawn at 200 px a metre, with room around it."""
+    """A template drawn at 200 px a meter, with room around it."""
     template = all_templates()[seed % 25]
     return masks.binary_mask([ring * 200.0 + 150.0 for ring in template.rings], 300, 300)
 
@@ -193,7 +193,7 @@ def test_calibration_errors_have_the_stated_spread_and_stay_consistent() -> None
 
 
 def random_pose(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Any rotation and a translation of a few metres."""
+    """Any rotation and a translation of a few meters."""
     return setups.any_rotation(rng), rng.normal(0.0, 3.0, 3)
 
 

@@ -11,7 +11,15 @@ from pathlib import Path
 
 import pytest
 from regionpose.evaluation import setups
-from regionpose.evaluation.studies import Condition, Problem, Results, Study, dask_executor, draw_problem, run_study
+from regionpose.evaluation.studies import (
+    Condition,
+    Results,
+    Study,
+    StudyProblem,
+    dask_executor,
+    draw_problem,
+    run_study,
+)
 from regionpose.evaluation.studies.dispatch import Dispatcher
 from regionpose.evaluation.studies.storage import Journal, OtherSettingsError
 from small_study import FISHEYE, QUICK, comparable
@@ -20,14 +28,14 @@ CALLS = "REGIONPOSE_TEST_CALLS"
 """Environment variable with the folder in which problems of the tests leave a file each time they are made."""
 
 
-def counted_problem(setup: setups.Setup, condition: Condition, seed: int) -> Problem:
+def counted_problem(setup: setups.Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem; its call is recorded."""
     folder = Path(os.environ[CALLS])
     (folder / f"{condition.noise}-{seed}-{len(list(folder.glob(f'{condition.noise}-{seed}-*')))}").touch()
     return draw_problem(setup, condition, seed)
 
 
-def killing_once(setup: setups.Setup, condition: Condition, seed: int) -> Problem:
+def killing_once(setup: setups.Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem; the first time that seed 3 of the noisy condition is asked for, the process ends."""
     mark = Path(os.environ[CALLS]) / "killed"
     if seed == 3 and condition.noise > 0.0 and not mark.exists():
@@ -36,14 +44,14 @@ def killing_once(setup: setups.Setup, condition: Condition, seed: int) -> Proble
     return draw_problem(setup, condition, seed)
 
 
-def killing_always(setup: setups.Setup, condition: Condition, seed: int) -> Problem:
+def killing_always(setup: setups.Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem; the process ends whenever seed 3 of the noisy condition is asked for."""
     if seed == 3 and condition.noise > 0.0:
         os._exit(1)
     return draw_problem(setup, condition, seed)
 
 
-def interrupted(setup: setups.Setup, condition: Condition, seed: int) -> Problem:
+def interrupted(setup: setups.Setup, condition: Condition, seed: int) -> StudyProblem:
     """Ctrl-C at seed 9, once."""
     mark = Path(os.environ[CALLS]) / "interrupted"
     if seed == 9 and not mark.exists():

@@ -13,15 +13,23 @@ from regionpose._core import moved_pose
 from regionpose.evaluation import noise, planar
 from regionpose.evaluation.measures import translation_error
 from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies import Condition, Problem, Results, Study, draw_problem, results_table, run_study
+from regionpose.evaluation.studies import (
+    Condition,
+    Results,
+    Study,
+    StudyProblem,
+    draw_problem,
+    results_table,
+    run_study,
+)
 from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
-from regionpose.evaluation.studies.catalogue import STUDIES
+from regionpose.evaluation.studies.catalog import STUDIES
 from regionpose.evaluation.studies.conditions import NoiseModel
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
 from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, outlier_named, whole_row
-from regionpose.evaluation.studies.verdict import Verdicts, silent_rows
+from regionpose.evaluation.studies.trust import Verdicts, silent_rows
 from regionpose.evaluation.templates import template_named
 from small_study import PERSPECTIVE, QUICK, comparable
 
@@ -279,7 +287,7 @@ def test_coverage_tells_a_variance_that_is_too_small() -> None:
 # Bounds
 
 
-def moved(problem: Problem, increment: Array) -> Problem:
+def moved(problem: StudyProblem, increment: Array) -> StudyProblem:
     """The problem with its scene at a pose moved by a left increment."""
     scene = problem.scene
     rotation, translation = moved_pose(scene.rotation, scene.translation, increment)

@@ -11,13 +11,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 from regionpose import FisheyeCamera, OcamCamera, PinholeCamera, Pose, UnifiedCamera, load_camera
 from regionpose.cameras import Camera
 from regionpose.cli import main
 from regionpose.exporting import FORMATS, ExportedView, exported
 from regionpose.exporting.view import camera_of_values, camera_values
+from regionpose.yaml_text import plain_value, yaml_node
 from scipy.spatial.transform import Rotation
 
 POSE = Pose(Rotation.from_euler("xyz", [100.0, -20.0, 35.0], degrees=True), np.array([0.3, -1.2, 2.5]))
@@ -78,7 +78,8 @@ def test_a_urdf_joint_places_the_camera_in_the_cloud_s_frame(body: bool) -> None
 
 
 def test_autoware_gets_a_body_frame_by_roll_pitch_and_yaw() -> None:
-    held = yaml.safe_load(exported(view(body=True), "autoware")["sensors_calibration.yaml"])["lidar"]["camera"]
+    text = exported(view(body=True), "autoware")["sensors_calibration.yaml"]
+    held = plain_value(yaml_node(text))["lidar"]["camera"]
     turn = fixed_axes(held["roll"], held["pitch"], held["yaw"])
     np.testing.assert_allclose(seen(turn, [held["x"], held["y"], held["z"]]), optical(True), atol=1e-12)
 
@@ -136,7 +137,7 @@ def test_nerfstudio_s_camera_looks_along_minus_z_with_y_up(camera: PinholeCamera
 def test_kalibr_s_camchain_is_read_back(camera: Camera, tmp_path: Path) -> None:
     text = exported(view(camera), "kalibr")["camchain.yaml"]
     (tmp_path / "camchain.yaml").write_text(text, encoding="utf-8")
-    matrix = np.array(yaml.safe_load(text)["cam0"]["T_cam_imu"])
+    matrix = np.array(plain_value(yaml_node(text))["cam0"]["T_cam_imu"])
     np.testing.assert_allclose(matrix, POSE.matrix, atol=0)
     read = load_camera(tmp_path / "camchain.yaml")
     np.testing.assert_allclose(read.project(optical(False)), camera.project(optical(False)), atol=1e-9)
@@ -159,7 +160,7 @@ def test_meshlab_s_camera_projects_as_vcglib_does() -> None:
     held = next(iter(ElementTree.fromstring(text))).attrib
     rows = np.array(held["RotationMatrix"].split(), dtype=float).reshape(4, 4)[:3, :3]
     center = -np.array(held["TranslationVector"].split(), dtype=float)[:3]
-    # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the centre, from the lower left.
+    # Shot::Project: local = R (p - c); focal * local / -z over the pixel's size, plus the center, from the lower left.
     local = (POINTS - center) @ rows.T
     size, middle = (np.array(held[key].split(), dtype=float) for key in ("PixelSizeMm", "CenterPx"))
     across, up = (float(held["FocalMm"]) * local[:, :2] / -local[:, 2:] / size + middle).T

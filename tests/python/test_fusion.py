@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.arrays import checked_image
 from regionpose.clouds import Cloud
-from regionpose.pictures.colors import View, blend_colors, colored_cloud, colorize, project_points
+from regionpose.pictures.colors import PosedImage, blend_colors, colored_cloud, colorize, project_points
 from scene_files import CAMERA, HEIGHT, WIDTH
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
@@ -115,7 +115,7 @@ def test_no_point_of_a_hidden_wall_is_colored_and_nearly_all_others_are(
 
 
 def test_a_road_keeps_its_colors_up_to_the_horizon() -> None:
-    # 64 rings from 1.7 m above a level road; the camera is half a metre beside the lidar.
+    # 64 rings from 1.7 m above a level road; the camera is half a meter beside the lidar.
     elevations, azimuths = np.radians(np.linspace(-24.8, -2.2, 60)), np.radians(np.arange(-30.0, 30.0, 0.2))
     elevation, azimuth = (grid.ravel() for grid in np.meshgrid(elevations, azimuths, indexing="ij"))
     ranges = 1.7 / np.tan(-elevation)
@@ -159,7 +159,9 @@ def test_colors_of_points_do_not_depend_on_their_order() -> None:
 def test_two_images_blend_by_their_share_of_pixels(near: float, far: float, lean: float, one: int, two: int) -> None:
     # Two cameras look along z from the point's front; its normal leans towards x, the rays are (0, 0, 1).
     views = [
-        View(np.full((HEIGHT, WIDTH), value, np.uint8), CAMERA, rp.Pose(Rotation.identity(), np.array([0.0, 0.0, at])))
+        PosedImage(
+            np.full((HEIGHT, WIDTH), value, np.uint8), CAMERA, rp.Pose(Rotation.identity(), np.array([0.0, 0.0, at]))
+        )
         for value, at in ((one, near), (two, far))
     ]
     normal = np.array([[lean, 0.0, -np.sqrt(1.0 - lean**2)]])
@@ -222,8 +224,8 @@ def test_images_of_other_types_have_the_same_colors() -> None:
         ({"image": np.zeros((4, 4), np.int64)}, "image has type int64"),
         ({"image": np.full((4, 4), np.nan)}, "image holds values from nan"),
         ({"image": np.full((4, 4), 255.0)}, "needed floats in"),
-        ({"points": np.zeros((3, 2))}, r"points have shape \(3, 2\)"),
-        ({"points": np.array([["a", "b", "c"]])}, "points have shape"),
+        ({"points": np.zeros((3, 2))}, r"points has shape \(3, 2\)"),
+        ({"points": np.array([["a", "b", "c"]])}, "points has type"),
         ({"depth_tolerance": -0.1}, "depth_tolerance is -0.1"),
         ({"depth_tolerance": np.nan}, "depth_tolerance is nan"),
     ],
@@ -243,4 +245,4 @@ def test_no_views_and_wrong_normals_are_named() -> None:
     with pytest.raises(ValueError, match="there are 0 views"):
         blend_colors(np.zeros((1, 3)), [])
     with pytest.raises(ValueError, match=r"normals have shape \(2, 3\); needed \(1, 3\)"):
-        blend_colors(np.zeros((1, 3)), [View(noise(), CAMERA, AT_ORIGIN)], normals=np.zeros((2, 3)))
+        blend_colors(np.zeros((1, 3)), [PosedImage(noise(), CAMERA, AT_ORIGIN)], normals=np.zeros((2, 3)))

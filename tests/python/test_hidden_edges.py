@@ -33,7 +33,7 @@ CAMERAS: dict[str, Camera] = {
 POSE = rp.Pose(Rotation.from_euler("xyz", [25.0, -20.0, 12.0], degrees=True), np.array([0.1, -0.05, 3.2]))
 
 SHAPE = np.array([[-0.9, -0.6], [0.7, -0.7], [1.0, 0.4], [0.3, 0.5], [0.2, 0.9], [-0.7, 0.6]])
-"""An outline without symmetry, metres."""
+"""An outline without symmetry, meters."""
 
 RING = np.column_stack([SHAPE, np.zeros(len(SHAPE))])
 WORLD = rp.WorldRegion.from_polygon(RING)

@@ -30,10 +30,10 @@ CAMERAS: dict[str, Camera] = {
 }
 
 SHAPE = np.array([[-0.9, -0.6], [0.7, -0.7], [1.0, 0.4], [0.3, 0.5], [0.2, 0.9], [-0.7, 0.6]])
-"""An outline without symmetry, metres."""
+"""An outline without symmetry, meters."""
 
 BORDERS = {"left": (20.0, 240.0), "top": (320.0, 15.0), "right": (625.0, 230.0), "bottom": (310.0, 460.0)}
-"""Pixels near the middle of each border, on which a region's centre is seen."""
+"""Pixels near the middle of each border, on which a region's center is seen."""
 
 ROTATION = np.radians(1.0)
 """The paper's bound for solved."""
@@ -72,7 +72,7 @@ def mask_of(polygon: shapely.Polygon) -> NDArray[np.bool_]:
 
 
 def cut_polygon(polygon: shapely.Polygon, margin: float) -> Array:
-    """What the image shows of a polygon, up to `margin` outside the outermost centres."""
+    """What the image shows of a polygon, up to `margin` outside the outermost centers."""
     image = shapely.box(-margin, -margin, WIDTH - 1 + margin, HEIGHT - 1 + margin)
     return np.asarray(shapely.get_coordinates(shapely.intersection(polygon, image)))[:-1]
 
@@ -105,7 +105,7 @@ def test_a_mask_that_a_border_cuts_gives_the_pose(name: str, border: str, refine
     assert found.overlap_error < POOR and "poor-overlap" not in {warning.code for warning in found.warnings}
 
 
-@pytest.mark.parametrize("margin", [0.0, 0.5, 1.0], ids=["centres", "border", "corners"])
+@pytest.mark.parametrize("margin", [0.0, 0.5, 1.0], ids=["centers", "border", "corners"])
 @pytest.mark.parametrize("border", BORDERS)
 def test_a_polygon_drawn_along_the_border_is_cut_there(border: str, margin: float) -> None:
     camera = CAMERAS["pinhole"]

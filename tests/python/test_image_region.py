@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 WIDTH, HEIGHT = 240, 180
 
 SIMPLIFY_TOLERANCE_PX = 0.01
-"""Vertices of a mask's contour within this distance of the line through their neighbours are left out."""
+"""Vertices of a mask's contour within this distance of the line through their neighbors are left out."""
 
 COVERAGE_EDGE_PX = 0.1
 """Distance of a coverage's contour from a straight edge: linear interpolation is off by 0.09 on some diagonals."""
@@ -37,10 +37,10 @@ COVERAGE_CENTROID_PX = 0.1
 """Of a coverage's contour: only the cut corners move it."""
 
 BINARY_EDGE_PX = 0.51
-"""Mean distance of a binary mask's contour from an edge: half a pixel along edges that follow the centres."""
+"""Mean distance of a binary mask's contour from an edge: half a pixel along edges that follow the centers."""
 
 BINARY_CENTROID_PX = 0.62
-"""Of a binary mask's contour: half a pixel where all of the boundary follows the centres, and 0.6 where a hole of a
+"""Of a binary mask's contour: half a pixel where all of the boundary follows the centers, and 0.6 where a hole of a
 tenth
 of the area does so the other way."""
 
@@ -170,7 +170,7 @@ COVERAGES = st.sampled_from([0.0, 0.125, 0.375, 0.5, 0.625, 1.0])
 @settings(max_examples=200, deadline=None)
 @given(arrays(np.float64, array_shapes(min_dims=2, max_dims=2, max_side=8), elements=COVERAGES))
 def test_every_coverage_has_simple_rings_around_the_pixels_above_a_half(mask: Array) -> None:
-    """With the level itself among the values, where a contour that passes a centre could touch itself."""
+    """With the level itself among the values, where a contour that passes a center could touch itself."""
     if mask.max() <= 0.5:
         with pytest.raises(ValueError, match="mask is empty"):
             rp.ImageRegion.from_mask(mask)

@@ -48,7 +48,7 @@ def painted(
     noise: float = 2.0,
     seed: int = 0,
 ) -> NDArray[np.uint8]:
-    """The image of a shape in a colour on another: mixed as light, encoded, with noise in levels of 255."""
+    """The image of a shape in a color on another: mixed as light, encoded, with noise in levels of 255."""
     weight = share[..., None]
     levels = 255.0 * encoded(weight * linear(np.array(inner)) + (1.0 - weight) * linear(np.array(outer)))
     noisy = levels + np.random.default_rng(seed).normal(0.0, noise, levels.shape)
@@ -93,11 +93,11 @@ def gray_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(image[..., 0])
 
 
-@pytest.mark.parametrize("kind", ["grey", "uint16", "float32", "float64", "grey uint16", "view"])
+@pytest.mark.parametrize("kind", ["gray", "uint16", "float32", "float64", "gray uint16", "view"])
 def test_kinds_of_images(kind: str) -> None:
     share = disc_share()
     color = painted(share)
-    image: NDArray[np.generic] = gray_of(color) if "grey" in kind else color
+    image: NDArray[np.generic] = gray_of(color) if "gray" in kind else color
     if "uint16" in kind:
         image = image.astype(np.uint16) * np.uint16(257)
     if "float" in kind:
@@ -129,7 +129,7 @@ def test_joints_of_a_brick_wall_are_smoothed_away() -> None:
     levels = np.where(joint[..., None], (0.62, 0.5, 0.42), (0.58, 0.3, 0.22))
     image = np.where(wall[..., None], levels, (0.85, 0.85, 0.8))
     image = np.clip(image + np.random.default_rng(0).normal(0.0, 0.01, image.shape), 0.0, 1.0)
-    assert overlap(grow_image_region(image, (203, 147), smoothing=3), wall) > 0.97
+    assert overlap(grow_image_region(image, (203, 147), smoothing_px=3), wall) > 0.97
 
 
 def test_small_region_in_a_large_image() -> None:
@@ -168,7 +168,7 @@ def test_pieces_that_are_not_connected_stay_out() -> None:
 
 
 def test_tolerance_decides_what_belongs() -> None:
-    # Three bands whose grey differs by about 12 and 12 CIELAB units of lightness.
+    # Three bands whose gray differs by about 12 and 12 CIELAB units of lightness.
     image = np.full((HEIGHT, WIDTH), 90, dtype=np.uint8)
     image[:, 70:115], image[:, 115:] = 120, 150
     assert grow_image_region(image, (20, 70), tolerance=4.0).sum() == pytest.approx(70 * HEIGHT, rel=0.02)
@@ -248,7 +248,7 @@ def test_seed_that_is_no_pixel(seed: object) -> None:
         grow_image_region(IMAGE, seed)  # type: ignore[call-overload]
 
 
-@pytest.mark.parametrize("option", ["tolerance", "smoothing"])
+@pytest.mark.parametrize("option", ["tolerance", "smoothing_px"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_options_below_zero(option: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"{option} is .*; needed a finite number of at least 0"):
@@ -258,4 +258,4 @@ def test_options_below_zero(option: str, value: float) -> None:
 def test_a_region_of_single_pixels_says_what_is_needed() -> None:
     noise = np.random.default_rng(3).integers(0, 256, (60, 60, 3), dtype=np.uint8)
     with pytest.raises(ValueError, match="needed a larger tolerance"):
-        grow_image_region(noise, (30, 30), tolerance=0.5, smoothing=0)
+        grow_image_region(noise, (30, 30), tolerance=0.5, smoothing_px=0)

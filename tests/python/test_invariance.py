@@ -22,14 +22,14 @@ SHARE = 0.01
 """Of a standard deviation, on noisy data."""
 
 FAR = np.array([1e6, -7e5, 3e5])
-"""How far the world is moved, metres: a 1e-9 of the distance is then the last digit of its coordinates."""
+"""How far the world is moved, meters: a 1e-9 of the distance is then the last digit of its coordinates."""
 
 ROUNDING = 8 * np.finfo(float).eps
 """Of coordinates of the world, relative, in the camera's place."""
 
 
 class Given(NamedTuple):
-    """A problem by its numbers: rings of each region in pixels and metres, and what leads its pose back."""
+    """A problem by its numbers: rings of each region in pixels and meters, and what leads its pose back."""
 
     camera: rp.PinholeCamera
     image: list[Rings]
@@ -80,7 +80,7 @@ def scaled(given: Given) -> Given:
 
 
 def mirrored(given: Given) -> Given:
-    """Image and world in a mirror, the camera's centre with them."""
+    """Image and world in a mirror, the camera's center with them."""
     camera, mirror = given.camera, np.diag([-1.0, 1.0, 1.0, 1.0])
     assert camera.width is not None
     last = camera.width - 1.0

@@ -43,7 +43,7 @@ def labels() -> NDArray[np.uint8]:
 
 
 def inside(points: list[list[float]]) -> Mask:
-    """Pixels whose centre is inside a corner-based polygon, one point at a time by shapely."""
+    """Pixels whose center is inside a corner-based polygon, one point at a time by shapely."""
     columns, rows = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     return np.asarray(shapely.contains_xy(shapely.Polygon(points), columns, rows))
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.evaluation import (
-    Scene,
+    SyntheticScene,
     fisheye_scene,
     omnidirectional_scene,
     perspective_scene,
@@ -41,14 +41,14 @@ UP = np.array([0.0, -1.0, 0.0])
 
 
 @cache
-def scene_of(seed: int, draw: Callable[..., Scene] = perspective_scene) -> Scene:
+def scene_of(seed: int, draw: Callable[..., SyntheticScene] = perspective_scene) -> SyntheticScene:
     """Eight different shapes on four planes."""
     return draw(seed, 4, regions_per_plane=2, world="arbitrary", front=False)
 
 
 @cache
 def sides_of(
-    seed: int, draw: Callable[..., Scene] = perspective_scene
+    seed: int, draw: Callable[..., SyntheticScene] = perspective_scene
 ) -> tuple[list[rp.ImageRegion], list[rp.WorldRegion]]:
     """Exact contours of a scene, and its world regions."""
     scene = scene_of(seed, draw)
@@ -57,7 +57,7 @@ def sides_of(
 
 
 def window(x: float, y: float, width: float = 0.8, height: float = 1.2) -> Array:
-    """A rectangle of the facade with its upper left corner at (x, y), metres."""
+    """A rectangle of the facade with its upper left corner at (x, y), meters."""
     return np.array([[x, y, 0.0], [x + width, y, 0.0], [x + width, y + height, 0.0], [x, y + height, 0.0]])
 
 
@@ -85,7 +85,7 @@ def codes(warnings: Sequence[rp.PoseWarning]) -> list[str]:
 
 @pytest.mark.parametrize("draw", [perspective_scene, omnidirectional_scene, fisheye_scene])
 @pytest.mark.parametrize("seed", range(3))
-def test_regions_in_the_same_order_are_paired_in_order(seed: int, draw: Callable[..., Scene]) -> None:
+def test_regions_in_the_same_order_are_paired_in_order(seed: int, draw: Callable[..., SyntheticScene]) -> None:
     scene = scene_of(seed, draw)
     found = rp.match_regions(scene.camera, *sides_of(seed, draw))
     assert found.pairs == tuple((k, k) for k in range(REGIONS))

@@ -78,7 +78,7 @@ def exponents_to(order: int) -> list[tuple[int, int, int]]:
 
 
 def longest_arc(ring: Array) -> float:
-    """Longest angle between neighbours, radians."""
+    """Longest angle between neighbors, radians."""
     return float(np.arccos(np.clip((ring * np.roll(ring, -1, axis=0)).sum(axis=1), -1.0, 1.0)).max())
 
 

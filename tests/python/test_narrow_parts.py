@@ -48,7 +48,7 @@ def test_the_piece_at_the_seed_stays_of_two_that_a_narrow_bridge_joins() -> None
 
 @pytest.mark.parametrize("width", [0.0, -1.0, np.nan, np.inf])
 def test_a_width_must_be_positive(width: float) -> None:
-    with pytest.raises(ValueError, match=r"min_width is .*; needed a positive number of metres"):
+    with pytest.raises(ValueError, match=r"min_width_m is .*; needed a positive number of meters"):
         without_narrow_parts(placed(PANEL), SHIFT, width)
 
 

@@ -35,7 +35,7 @@ def overlap(first: list[Array], second: list[Array]) -> float:
 
 
 def grid(width: int, height: int, step: tuple[float, float]) -> Array:
-    """Samples at the centres of width x height cells of a size, the first cell's corner at the origin."""
+    """Samples at the centers of width x height cells of a size, the first cell's corner at the origin."""
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     return np.column_stack([columns.ravel() * step[0], rows.ravel() * step[1]])
 
@@ -209,7 +209,7 @@ def test_few_rows_of_samples_are_warned_of() -> None:
 
 
 def test_parts_that_the_outline_misses_are_warned_of() -> None:
-    # Two fields a metre apart, hardly joined by two points.
+    # Two fields a meter apart, hardly joined by two points.
     fields = np.concatenate(
         [grid(20, 20, (0.02, 0.02)), grid(10, 20, (0.02, 0.02)) + np.array([1.4, 0.0]), [[0.7, 0.2], [1.0, 0.2]]]
     )
@@ -271,7 +271,7 @@ def test_four_corners_are_their_own_outline() -> None:
         ([[0.0, 0.0, 0.0], [1.0, 0.0, np.nan], [0.0, 1.0, 0.0]], {}, "point 1"),
         ([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], {}, "at least 3"),
         (np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), {}, "on one line"),
-        (np.eye(3), {"radius": -1.0}, "radius"),
+        (np.eye(3), {"radius_m": -1.0}, "radius_m"),
         (np.random.default_rng(0).random((50, 3)), {"sensor_origin": [0.0, 1.0]}, "sensor_origin"),
     ],
 )

@@ -12,7 +12,12 @@ from numpy.typing import ArrayLike
 from regionpose.cameras import PinholeCamera
 from regionpose.evaluation import setups
 from regionpose.evaluation.studies.conditions import Condition
-from regionpose.evaluation.studies.problems import INITIAL_SIGMA, Problem, draw_problem
+from regionpose.evaluation.studies.problems import (
+    INITIAL_CENTER_SIGMA_M,
+    INITIAL_ROTATION_SIGMA_DEG,
+    StudyProblem,
+    draw_problem,
+)
 from regionpose.evaluation.studies.rows import displacement, judged
 from scipy.spatial.transform import Rotation
 
@@ -40,7 +45,7 @@ class Outcome:
     codes: tuple[str, ...]
 
 
-def outcome(problem: Problem, estimate: rp.PoseEstimate) -> Outcome:
+def outcome(problem: StudyProblem, estimate: rp.PoseEstimate) -> Outcome:
     """What an estimate is worth."""
     answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
     nearest = min(answers, key=lambda pose: displacement(problem, pose))
@@ -120,7 +125,7 @@ def test_up_and_the_visible_side_leave_one_pose_of_a_rectangle(driver: str) -> N
 def test_an_initial_pose_with_its_uncertainty_leaves_one(driver: str) -> None:
     rough = rp.Pose(Rotation.from_rotvec([0.1, 0.1, -0.1]) * POSE.rotation, POSE.translation + 0.2)
     assert len(seen(WORLD, driver=driver, initial=rough).alternatives) == 3
-    estimate = seen(WORLD, driver=driver, initial=rough, initial_sigma=(10.0, 0.3))
+    estimate = seen(WORLD, driver=driver, initial=rough, initial_rotation_sigma_deg=10.0, initial_center_sigma_m=0.3)
     assert not estimate.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
 
@@ -145,7 +150,12 @@ PARTS: list[dict[str, object]] = [
     {},
     {"up": np.array([0, 0, 1]), "up_sigma_deg": 5},
     {"up": (0.1, 0.2, 1.0 / 3.0)},
-    {"initial": POSE, "initial_sigma": np.array([5.0, 0.1]), "camera_near": [1, 2, 3]},
+    {
+        "initial": POSE,
+        "initial_rotation_sigma_deg": np.float32(5.0),
+        "initial_center_sigma_m": 0.1,
+        "camera_near": [1, 2, 3],
+    },
     {"camera_near": np.array([1.5, 2.0, 1e-9], dtype=np.float32), "camera_near_sigma_m": np.float64(0.5)},
 ]
 
@@ -213,9 +223,8 @@ def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_
         (turned, (2.0, 1.0), "10.0"),
         (carried, (5.0, 0.5), None),
     ):
-        codes = {
-            warning.code: warning.message for warning in seen(WORLD, initial=initial, initial_sigma=sigma).warnings
-        }
+        sigmas = dict(zip(("initial_rotation_sigma_deg", "initial_center_sigma_m"), sigma, strict=True))
+        codes = {warning.code: warning.message for warning in seen(WORLD, initial=initial, **sigmas).warnings}
         assert ("initial-contradicted" in codes) == (times is not None), codes
         if times is not None:
             assert f"{times} times the uncertainty" in codes["initial-contradicted"]
@@ -266,5 +275,5 @@ def test_the_studys_priors_err_by_what_they_say() -> None:
         true = rp.Pose.from_parts(scene.rotation, scene.translation)
         turns.append(np.degrees((rough.rotation * true.rotation.inv()).as_rotvec()))
         ways.append(rough.camera_center - true.camera_center)
-    for errors, sigma in zip((turns, ways), INITIAL_SIGMA, strict=True):
+    for errors, sigma in ((turns, INITIAL_ROTATION_SIGMA_DEG), (ways, INITIAL_CENTER_SIGMA_M)):
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(sigma, rel=0.2)

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import Scene, omnidirectional_scene, perspective_scene
+from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from scipy.spatial.transform import Rotation
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks import published
 from benchmarks.published import __main__ as command
@@ -33,7 +31,10 @@ from benchmarks.published.system import SeenPlane, observed_moments, world_side
 
 Array = NDArray[np.float64]
 
-MAKERS: dict[published.System, Callable[..., Scene]] = {"plane": perspective_scene, "sphere": omnidirectional_scene}
+MAKERS: dict[published.System, Callable[..., SyntheticScene]] = {
+    "plane": perspective_scene,
+    "sphere": omnidirectional_scene,
+}
 
 PAPER_ROTATION_DEG = 1.0
 """Rotation error below which the paper counts a problem as solved (section 3)."""

@@ -54,7 +54,7 @@ def archive(members: dict[str, bytes]) -> bytes:
 
 
 def png_header(width: int, height: int, color: int) -> bytes:
-    """A PNG of 8 bits that states a size and holds nothing. `color`: 0 grey, 6 RGBA."""
+    """A PNG of 8 bits that states a size and holds nothing. `color`: 0 gray, 6 RGBA."""
     held = b"IHDR" + struct.pack(">II5B", width, height, 8, color, 0, 0, 0)
     chunks = b"".join(
         struct.pack(">I", len(part) - 4) + part + struct.pack(">I", zlib.crc32(part)) for part in (held, b"IDAT")
@@ -93,7 +93,7 @@ HUGE = npy_header(f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 45
 
 def depth(path: Path) -> object:
     """A depth image's cloud."""
-    return cloud_from_depth(path, PinholeCamera(9.0, 9.0, 4.0, 4.0), scale=0.001)
+    return cloud_from_depth(path, PinholeCamera(9.0, 9.0, 4.0, 4.0), unit_m=0.001)
 
 
 KITTI = (SAMPLES / "kitti_object.txt").read_bytes()

@@ -52,8 +52,8 @@ def test_every_export_is_listed(page: Path) -> None:
     assert set(FORMATS) <= first_cells(page)
 
 
-def test_every_dependency_has_its_licence() -> None:
-    text = (REFERENCE / "licences.md").read_text(encoding="utf-8")
+def test_every_dependency_has_its_license() -> None:
+    text = (REFERENCE / "licenses.md").read_text(encoding="utf-8")
     listed = {name.lower() for name in re.findall(r"^\| ([\w.-]+) \|", text, re.MULTILINE)}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     crates = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["dependencies"]

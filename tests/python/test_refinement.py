@@ -28,7 +28,7 @@ def frame(seed: int) -> rp.SceneFrame:
 
 
 def errors(pose: rp.Pose) -> Array:
-    """Degrees and metres from the true pose."""
+    """Degrees and meters from the true pose."""
     turn = np.degrees((pose.rotation * POSE.rotation.inv()).magnitude())
     return np.array([turn, np.linalg.norm(pose.camera_center - POSE.camera_center)])
 

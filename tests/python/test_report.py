@@ -3,15 +3,15 @@ from __future__ import annotations
 import re
 import shutil
 from base64 import b64decode
-from html import escape
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import escape
 from PIL import Image
-from regionpose.pictures.splat import BACKGROUND, View, splatted, viewpoints
+from regionpose.pictures.splat import BACKGROUND, Viewpoint, splatted, viewpoints
 from regionpose.scene import SceneError, SceneEstimate, estimate_scene, load_scene, scene_result
 from regionpose.scene.report import Figure, Report, data_url, report_html
 from scene_files import scene_values, write_scene
@@ -136,7 +136,7 @@ def test_large_pictures_are_scaled_down() -> None:
 
 
 def test_a_splat_lies_where_a_pinhole_camera_sees_it_and_hides_what_is_behind() -> None:
-    view = View(np.array([0.0, -5.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]), field_deg=90.0)
+    view = Viewpoint(np.array([0.0, -5.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]), field_deg=90.0)
     points = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.5, 0.0, 1.0], [0.0, -9.0, 0.0]])
     colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], dtype=np.uint8)
     picture = splatted(points, colors, view, 200, 100)
@@ -160,7 +160,7 @@ def test_viewpoints_look_at_the_points_from_two_sides() -> None:
 
 
 def test_views_work_without_points_and_straight_from_above() -> None:
-    view = View(np.array([0.0, 0.0, 5.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    view = Viewpoint(np.array([0.0, 0.0, 5.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     assert np.isfinite(view.rotation).all()
     empty = splatted(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint8), view, 40, 30)
     assert (empty == BACKGROUND).all()

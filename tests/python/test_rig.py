@@ -22,17 +22,17 @@ from regionpose.estimation.contours import (
     contours_of,
     correlation_length,
     distances_of,
-    neighbour_scatter,
+    neighbor_scatter,
 )
 from regionpose.estimation.intrinsics import PARAMETERS, CameraPart, ContourProblem, refined_camera
-from regionpose.evaluation import Scene, fisheye_scene, perspective_scene, pose_errors, squares_on_mask
+from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors, squares_on_mask
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 RIG = rp.Pose(Rotation.from_rotvec([0.4, -0.2, 0.1]), np.array([0.1, -0.2, 0.05]))
-"""The rig's camera_from_world: any rotation and decimetres."""
+"""The rig's camera_from_world: any rotation and decimeters."""
 
 SIGMAS = 3.0
 """Standard deviations that an estimate may be off by."""
@@ -46,7 +46,9 @@ SLOPE = 1e-6
 ALL: tuple[CameraPart, ...] = ("focal", "center", "distortion")
 
 
-def frame_of(scene: Scene, disturb: Callable[[NDArray[np.bool_]], NDArray[np.bool_]] = lambda mask: mask) -> rp.Frame:
+def frame_of(
+    scene: SyntheticScene, disturb: Callable[[NDArray[np.bool_]], NDArray[np.bool_]] = lambda mask: mask
+) -> rp.Frame:
     """The scene as a frame of the rig: its world moved to where the rig's camera sees it as the scene's does."""
     own = rp.Pose.from_parts(scene.rotation, scene.translation)
     worlds = [[RIG.inverse().transform(own.transform(ring)) for ring in rings] for rings in scene.regions]
@@ -83,7 +85,7 @@ def fisheye_frames(first: int, count: int) -> tuple[rp.FisheyeCamera, list[rp.Fr
 
 
 def moved(frame: rp.Frame, offset: Sequence[float]) -> rp.Frame:
-    """The frame with its world regions moved, metres."""
+    """The frame with its world regions moved, meters."""
     regions = [[ring + np.array(offset) for ring in region.rings] for region in frame.world_regions]
     return replace(frame, world_regions=[rp.WorldRegion.from_polygon(rings) for rings in regions])
 
@@ -216,7 +218,7 @@ def test_split_edges_follow_the_camera_s_curves() -> None:
     assert gap < 1.1 * BEND_TOLERANCE_PX
 
 
-def test_neighbours_scatter_with_bartlett_s_weights() -> None:
+def test_neighbors_scatter_with_bartlett_s_weights() -> None:
     """The windows' mean is the double sum over lags with falling weights."""
     rng = np.random.default_rng(1)
     rings = [rng.normal(size=(count, 2)) for count in (100, 75)]
@@ -224,7 +226,7 @@ def test_neighbours_scatter_with_bartlett_s_weights() -> None:
     for ring in rings:
         for lag in range(-STRETCH + 1, STRETCH):
             expected += (1.0 - abs(lag) / STRETCH) * ring.T @ np.roll(ring, lag, axis=0)
-    assert neighbour_scatter(rings) == pytest.approx(expected)
+    assert neighbor_scatter(rings) == pytest.approx(expected)
 
 
 def test_a_moving_sum_varies_over_its_length() -> None:
@@ -301,7 +303,7 @@ def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
 
 @pytest.mark.parametrize("first", [0, 2])
 def test_a_wrong_focal_length_and_center_are_recovered(first: int) -> None:
-    """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimetres."""
+    """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimeters."""
     camera, frames = perspective_frames(first, 4)
     given = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
     rig = rp.estimate_rig(given, frames, refine_camera=("focal", "center"))
@@ -346,7 +348,7 @@ def test_a_right_camera_is_confirmed_and_nothing_changes(
 
 
 def test_a_frontal_plane_determines_no_camera() -> None:
-    """Nearer and wider look alike, and so do aside and a moved centre."""
+    """Nearer and wider look alike, and so do aside and a moved center."""
     shape = np.array([[-1.0, -0.6, 4.0], [1.2, -0.8, 4.0], [0.9, 0.7, 4.0], [0.1, 0.2, 4.0], [-0.7, 0.9, 4.0]])
     camera = rp.PinholeCamera(800.0, 800.0, 400.0, 300.0, width=800, height=600)
     frame = rp.Frame([rp.ImageRegion.from_polygon(camera.project(shape))], [world_of(shape)], "wall")
@@ -447,11 +449,15 @@ def test_what_is_known_beforehand_is_said_where_the_frames_contradict_it() -> No
     camera, frames = fisheye_frames(0, 2)
     turn = Rotation.from_euler("y", 40.0, degrees=True)
     wrong = rp.Pose(turn * RIG.rotation, RIG.translation)
-    told = rp.Prior(initial=wrong, initial_sigma=(3.0, 0.1), up=[0.0, 0.0, 1.0], up_sigma_deg=0.01)
+    told = rp.Prior(
+        initial=wrong, initial_rotation_sigma_deg=3.0, initial_center_sigma_m=0.1, up=[0.0, 0.0, 1.0], up_sigma_deg=0.01
+    )
     rig = rp.estimate_rig(camera, frames, prior=told)
     contradicted = {"initial-contradicted", "up-contradicted"}
     assert {warning.code for warning in rig.warnings} == contradicted and millimeters(rig.pose, frames) < 5.0
-    known = rp.estimate_rig(camera, frames, prior=rp.Prior(initial=RIG, initial_sigma=(3.0, 0.1)))
+    known = rp.estimate_rig(
+        camera, frames, prior=rp.Prior(initial=RIG, initial_rotation_sigma_deg=3.0, initial_center_sigma_m=0.1)
+    )
     assert not known.warnings
     elsewhere = rp.Prior(camera_near=RIG.camera_center + np.array([9.0, 0.0, 0.0]), camera_near_sigma_m=0.5)
     far = rp.estimate_rig(camera, frames, prior=elsewhere)

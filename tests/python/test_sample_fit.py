@@ -75,6 +75,6 @@ def test_pictures_show_samples_on_the_wrong_side_alone() -> None:
     for pose in (TRUE, ASIDE):
         picture = rp.overlay_regions(gray, CAMERA, pose, [image], [region()], [""])
         counts.append([int((picture == color).all(axis=2).sum()) for color in (PROJECTED, OUTSIDE)])
-    # Beyond the outlines' and the legend's own: 32 dots of each colour.
+    # Beyond the outlines' and the legend's own: 32 dots of each color.
     assert counts[1][0] > counts[0][0] + 100
     assert counts[1][1] > counts[0][1] + 100

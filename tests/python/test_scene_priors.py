@@ -54,7 +54,7 @@ def rough(turn_deg: float, away: float) -> dict[str, Any]:
 
 
 def test_a_rough_pose_and_how_rough_leave_one_pose(tmp_path: Path) -> None:
-    prior = {"initial": rough(8.0, 0.2), "initial_sigma": {"rotation_deg": 5, "camera_center_m": 0.3}}
+    prior = {"initial": rough(8.0, 0.2), "initial_rotation_sigma_deg": 5, "initial_center_sigma_m": 0.3}
     result = result_of(poster(prior), tmp_path)
     assert result["alternatives"] == [] and result["warnings"] == []
     np.testing.assert_allclose(result["camera_center_in_world_m"], POSE.camera_center, atol=1e-6)
@@ -116,7 +116,7 @@ def test_a_camera_far_from_the_scanner_is_warned_of_with_advice(tmp_path: Path) 
 
 CONTRADICTED: list[tuple[dict[str, Any], str]] = [
     (
-        {"initial": rough(0.0, 2.0), "initial_sigma": {"rotation_deg": 5, "camera_center_m": 0.2}},
+        {"initial": rough(0.0, 2.0), "initial_rotation_sigma_deg": 5, "initial_center_sigma_m": 0.2},
         "initial-contradicted",
     ),
     ({"initial": rough(60.0, 0.0)}, "initial-contradicted"),
@@ -143,13 +143,13 @@ def test_a_contradicted_side_names_its_region(tmp_path: Path) -> None:
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
     (
-        poster({"initial_sigma": {"rotation_deg": 5, "camera_center_m": 1}}),
-        r"prior\.initial_sigma: found a deviation of nothing; needed the key initial",
+        poster({"initial_rotation_sigma_deg": 5, "initial_center_sigma_m": 1}),
+        r"prior\.initial_rotation_sigma_deg: found a deviation of nothing; needed the key initial",
     ),
     (poster({"initial": "paper"}), r"prior\.initial: found 'paper'; needed camera_from_world or world_from_camera"),
     (
-        poster({"initial": rough(0.0, 0.0), "initial_sigma": {"rotation_deg": 0, "camera_center_m": 1}}),
-        r"prior\.initial_sigma\.rotation_deg: found 0; needed greater than 0",
+        poster({"initial": rough(0.0, 0.0), "initial_rotation_sigma_deg": 0, "initial_center_sigma_m": 1}),
+        r"prior\.initial_rotation_sigma_deg: found 0; needed greater than 0",
     ),
     (poster({"up_sigma_deg": 5}), r"prior\.up_sigma_deg: found a deviation of nothing; needed the key up"),
     (

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-import yaml
 from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
 from PIL import Image
@@ -17,6 +16,7 @@ from regionpose.clouds import Cloud, write_ply
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
+from regionpose.yaml_text import to_yaml
 from scene_files import write_scene
 
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
@@ -46,12 +46,12 @@ def rough_scene(folder: Path, refine: str, *, other_photo: bool = False) -> Path
     values["solver"] = {"refine": refine}
     Image.fromarray(np.repeat(photo[..., None], 3, axis=2)).save(folder / "photo.png")
     path = folder / "scene.yaml"
-    path.write_text(yaml.safe_dump(values), encoding="utf-8")
+    path.write_text(to_yaml(values), encoding="utf-8")
     return path
 
 
 def errors(pose: rp.Pose) -> NDArray[np.float64]:
-    """Degrees and metres from the true pose."""
+    """Degrees and meters from the true pose."""
     turn = np.degrees((pose.rotation * POSE.rotation.inv()).magnitude())
     return np.array([turn, np.linalg.norm(pose.camera_center - ORIGIN - POSE.camera_center)])
 

@@ -66,7 +66,7 @@ def test_labels_places_and_clicks_are_the_same_returns(world: dict[str, Any], tm
     ("world", "keys", "why"),
     [
         ({"polygon": PLATES["floor"].tolist()}, {}, "it is given as a polygon"),
-        ({"points": "labels.npy", "label": 0, "radius": 0.2}, {}, "its radius is given"),
+        ({"points": "labels.npy", "label": 0, "radius_m": 0.2}, {}, "its radius_m is given"),
         ({"points": "labels.npy", "label": 0}, {"sensor_origin": None}, "sensor_origin isn't known, and no points"),
         ({"points": "moved.npy"}, {}, "its points aren't the cloud's"),
     ],
@@ -80,7 +80,7 @@ def test_an_outline_says_why_it_is_one(
     assert side.outline_because is not None and side.outline_because.startswith(why)
 
 
-def test_neighbours_on_the_plane_serve_without_the_scanner(tmp_path: Path) -> None:
+def test_neighbors_on_the_plane_serve_without_the_scanner(tmp_path: Path) -> None:
     x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.02), np.arange(-1.5, 1.5, 0.02))
     wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
     np.savetxt(tmp_path / "wall.xyz", wall)
@@ -108,9 +108,9 @@ def test_map_coordinates_lose_no_sample(tmp_path: Path) -> None:
 def test_segmented_regions_keep_their_options(tmp_path: Path) -> None:
     from regionpose.cli.segment import _scene_writers
 
-    world = {"points": "labels.npy", "label": 0, "seen_from": SCANNER.tolist(), "radius": 0.2}
+    world = {"points": "labels.npy", "label": 0, "seen_from": SCANNER.tolist(), "radius_m": 0.2}
     scene = load_scene(scanned(tmp_path, {"floor": world}, sensor_origin=SCANNER.tolist()))
     writers = _scene_writers(scene, scene_sides(scene), tmp_path / "out")
     writers["scene.yaml"](tmp_path / "again.yaml")
     text = (tmp_path / "again.yaml").read_text(encoding="utf-8")
-    assert "radius: 0.2" in text and "seen_from" in text
+    assert "radius_m: 0.2" in text and "seen_from" in text

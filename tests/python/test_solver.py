@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.estimation.batch import Problem
+from regionpose.estimation.batch import PoseProblem
 from regionpose.estimation.options import System
-from regionpose.evaluation import Scene, omnidirectional_scene, perspective_scene, pose_errors
+from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene, pose_errors
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ SCENE_TIMEOUT_S = 60
 """A forked child needs a second; one that waits for a lock of its parent needs for ever."""
 
 
-def problem_of(scene: Scene, coverage: bool = False) -> Problem:
+def problem_of(scene: SyntheticScene, coverage: bool = False) -> PoseProblem:
     """Masks and world polygons of a scene."""
     masks = scene.coverages() if coverage else scene.masks()
     images = [rp.ImageRegion.from_mask(mask) for mask in masks]
@@ -66,7 +66,7 @@ def test_both_drivers_end_at_the_same_poses(seed: int, planes: int) -> None:
 @pytest.mark.parametrize("seed", [3, 5])
 @pytest.mark.parametrize("draw", [perspective_scene, omnidirectional_scene])
 def test_systems_and_integrations_agree(draw: object, seed: int) -> None:
-    scene: Scene = draw(seed, 3)  # type: ignore[operator]
+    scene: SyntheticScene = draw(seed, 3)  # type: ignore[operator]
     problem = problem_of(scene, coverage=True)
     plane, plane_mesh, sphere, sphere_mesh, pixels = (
         rp.estimate_pose(*problem, solver=rp.Solver(system=system, integration=integration, driver="native")).pose  # type: ignore[arg-type]
@@ -113,11 +113,11 @@ def test_three_planes_are_solved_within_millimeters() -> None:
 
 
 @pytest.fixture(scope="module")
-def batch() -> list[Problem]:
+def batch() -> list[PoseProblem]:
     return [problem_of(perspective_scene(seed, 1 + 2 * (seed % 2), world="arbitrary")) for seed in range(6)]
 
 
-def solved(problems: Iterable[Problem], threads: int | None = None) -> list[rp.PoseEstimate]:
+def solved(problems: Iterable[PoseProblem], threads: int | None = None) -> list[rp.PoseEstimate]:
     """The batch's estimates, all of which are there."""
     found = rp.estimate_poses(problems, threads=threads)
     estimates = [estimate for estimate in found if isinstance(estimate, rp.PoseEstimate)]
@@ -135,7 +135,7 @@ def assert_same(a: rp.PoseEstimate, b: rp.PoseEstimate) -> None:
 
 
 @pytest.mark.parametrize("threads", [None, 1, 2, 5])
-def test_a_batch_is_the_same_as_one_by_one(batch: list[Problem], threads: int | None) -> None:
+def test_a_batch_is_the_same_as_one_by_one(batch: list[PoseProblem], threads: int | None) -> None:
     """In order, to rounding; poses that fit equally well may change places."""
     found = solved(iter(batch), threads)
     for problem, estimate in zip(batch, found, strict=True):
@@ -144,7 +144,7 @@ def test_a_batch_is_the_same_as_one_by_one(batch: list[Problem], threads: int | 
         assert all(min(apart(pose, other, origin) for other in alone) < DRIVERS for pose in poses_of(estimate))
 
 
-def test_the_number_of_threads_changes_nothing(batch: list[Problem]) -> None:
+def test_the_number_of_threads_changes_nothing(batch: list[PoseProblem]) -> None:
     for a, b in zip(solved(batch, 1), solved(batch, 5), strict=True):
         assert_same(a, b)
 
@@ -153,13 +153,13 @@ def test_an_empty_batch_is_empty() -> None:
     assert rp.estimate_poses([]) == []
 
 
-def test_a_problem_without_a_pose_leaves_the_others(batch: list[Problem]) -> None:
+def test_a_problem_without_a_pose_leaves_the_others(batch: list[PoseProblem]) -> None:
     """One square cannot be seen 75 deg to the left and 75 deg to the right at once."""
     camera = rp.FisheyeCamera(300.0, 300.0, 500.0, 500.0)
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     sides = [np.array([500.0 + 300.0 * np.radians(angle), 500.0]) for angle in (-75.0, 75.0)]
     images = [rp.ImageRegion.from_polygon(center + 40.0 * (square[:, :2] - 0.5)) for center in sides]
-    blind: Problem = camera, images, [rp.WorldRegion.from_polygon(square)] * 2
+    blind: PoseProblem = camera, images, [rp.WorldRegion.from_polygon(square)] * 2
     before, error, after = rp.estimate_poses([batch[0], blind, batch[1]])
     assert isinstance(error, rp.PoseError) and "no pose shows every world region" in str(error)
     for estimate, expected in zip([before, after], solved(batch[:2]), strict=True):
@@ -170,12 +170,12 @@ def test_a_problem_without_a_pose_leaves_the_others(batch: list[Problem]) -> Non
             rp.estimate_pose(*blind, solver=rp.Solver(driver=driver))
 
 
-def test_problems_that_are_refused_leave_the_others(batch: list[Problem]) -> None:
+def test_problems_that_are_refused_leave_the_others(batch: list[PoseProblem]) -> None:
     """A world region is missing; an image region lies where the camera has no rays."""
     camera, images, worlds = batch[1]
     narrow = rp.FisheyeCamera(100.0, 100.0, 500.0, 500.0)
     beyond = rp.ImageRegion.from_polygon(np.array([[900.0, 500.0], [990.0, 500.0], [950.0, 560.0]]))
-    refused: list[Problem] = [
+    refused: list[PoseProblem] = [
         (camera, images, worlds[:2]),
         (narrow, [beyond], worlds[:1]),
     ]
@@ -187,7 +187,7 @@ def test_problems_that_are_refused_leave_the_others(batch: list[Problem]) -> Non
         assert_same(estimate, expected)
 
 
-def test_the_error_names_what_is_no_problem(batch: list[Problem]) -> None:
+def test_the_error_names_what_is_no_problem(batch: list[PoseProblem]) -> None:
     camera, _, worlds = batch[1]
     with pytest.raises(ValueError, match="problem 1: region 0 is a str; needed a ImageRegion"):
         rp.estimate_poses([batch[0], (camera, ["mask"], worlds)])  # type: ignore[list-item]
@@ -195,12 +195,12 @@ def test_the_error_names_what_is_no_problem(batch: list[Problem]) -> None:
         rp.estimate_poses(batch[:1], threads=0)
 
 
-def solve_in_child(problem: Problem) -> Array:
+def solve_in_child(problem: PoseProblem) -> Array:
     """The batch's answer in another process."""
     return solved([problem], 2)[0].pose.matrix
 
 
-def test_a_forked_child_solves_after_its_parent(batch: list[Problem]) -> None:
+def test_a_forked_child_solves_after_its_parent(batch: list[PoseProblem]) -> None:
     expected = [estimate.pose.matrix for estimate in solved(batch[:2], 2)]
     with multiprocessing.get_context("fork").Pool(2) as pool:
         found = pool.map_async(solve_in_child, batch[:2]).get(SCENE_TIMEOUT_S)

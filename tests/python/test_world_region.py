@@ -125,10 +125,10 @@ def test_the_radius_bridges_scan_lines(spacing: tuple[float, float]) -> None:
 
 def test_a_given_radius_is_used() -> None:
     points = scan(0, (0.02, 0.02), 0.0)
-    assert len(rp.WorldRegion.from_points(points, radius=0.02).rings) == 2
-    assert len(rp.WorldRegion.from_points(points, radius=np.inf).rings) == 1
+    assert len(rp.WorldRegion.from_points(points, radius_m=0.02).rings) == 2
+    assert len(rp.WorldRegion.from_points(points, radius_m=np.inf).rings) == 1
     with pytest.raises(ValueError, match=r"radius .* keeps none of the triangles; it needs to be at least"):
-        rp.WorldRegion.from_points(points, radius=1e-3)
+        rp.WorldRegion.from_points(points, radius_m=1e-3)
 
 
 def test_points_do_not_depend_on_order_or_frame() -> None:

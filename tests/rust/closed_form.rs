@@ -28,7 +28,7 @@ const SOLVED: f64 = 1e-6;
 /// Iterations to the end, also from far away.
 const PATIENT: Stopping = Stopping { tolerance: 1e-12, evaluations: 1400 };
 
-/// A region under weak perspective: its centroid is the centre of the projection.
+/// A region under weak perspective: its centroid is the center of the projection.
 struct AffineView {
     chart: Chart,
     outline: PlaneRings,
@@ -52,17 +52,17 @@ fn centroid(ring: &Ring) -> Vector2<f64> {
 impl AffineView {
     fn new(random: &mut Random, ring: &Ring, front: bool) -> Self {
         let mean = centroid(ring);
-        let centred: Ring = ring.iter().map(|p| p - mean).collect();
+        let centered: Ring = ring.iter().map(|p| p - mean).collect();
         let (depth, tilt, turn) = (random.uniform(3.0, 5.0), random.uniform(0.35, 1.1), random.rotation());
         let axis_from_plane = seen_plane(random, &Vector3::z(), depth, tilt, front);
         let project = |p: &Vector2<f64>| {
             let x = axis_from_plane.rotation * Vector3::new(p.x, p.y, 0.0) / depth;
             turn * Vector3::new(x.x, x.y, 1.0)
         };
-        let bearings: SpaceRing = centred.iter().map(project).collect();
+        let bearings: SpaceRing = centered.iter().map(project).collect();
         let world_from_plane = random.pose(5.0);
         let (chart, outline) = Chart::of(&[bearings]).unwrap();
-        let world = WorldRegion::from_rings(&placed(&[centred], &world_from_plane)).unwrap();
+        let world = WorldRegion::from_rings(&placed(&[centered], &world_from_plane)).unwrap();
         let camera_from_plane = Pose::new(turn, Vector3::zeros()).after(&axis_from_plane);
         Self { chart, outline, world, truth: camera_from_plane.after(&world_from_plane.inverse()), world_from_plane }
     }
@@ -148,8 +148,8 @@ proptest! {
         for (pose, side) in poses.iter().zip([-1.0, 1.0]) {
             let normal = pose.rotation * world.frame().axes[2];
             prop_assert!((normal - ray * side).norm() < 1e-12);
-            let centre = world.frame().lifted(&centroid(&world.outline().rings()[0]));
-            let place = pose.transform(&centre);
+            let center = world.frame().lifted(&centroid(&world.outline().rings()[0]));
+            let place = pose.transform(&center);
             prop_assert!((place.normalize() - ray).norm() < 1e-12);
             let area = world.outline().area() / place.norm_squared() * chart.scale * chart.scale;
             prop_assert!((area - 1.0).abs() < 1e-12);
@@ -166,9 +166,9 @@ proptest! {
         let (world, origin) = (&scene.worlds[0], random.direction());
         let pose = Pose::new(scene.pose.rotation, scene.pose.transform(&origin));
         let other = conjugate(&pose, world, &origin);
-        let centre = world.frame().lifted(&centroid(&world.outline().rings()[0])) - origin;
-        let ray = pose.transform(&centre).normalize();
-        prop_assert!((other.transform(&centre) - pose.transform(&centre)).norm() < 1e-12);
+        let center = world.frame().lifted(&centroid(&world.outline().rings()[0])) - origin;
+        let ray = pose.transform(&center).normalize();
+        prop_assert!((other.transform(&center) - pose.transform(&center)).norm() < 1e-12);
         // Across the ray both show the plane's axes alike; along it one goes away where the other comes near.
         for axis in &world.frame().axes[..2] {
             let (one, two) = (pose.rotation * axis, other.rotation * axis);

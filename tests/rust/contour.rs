@@ -77,7 +77,7 @@ fn a_piece_across_the_boundary_counts_as_farther_than_its_mean() {
 fn few_pieces_read_as_they_do_among_all() {
     let scene = Scene::random(&mut Random::new(5), layout(2));
     let problem = problem(&scene, &scene.observed);
-    let pose = problem.centred(&scene.pose.moved(&Random::new(6).tangent(0.02, 0.05)));
+    let pose = problem.centered(&scene.pose.moved(&Random::new(6).tangent(0.02, 0.05)));
     for contour in problem.contours() {
         let (mut all, mut few) = (Vec::new(), Vec::new());
         contour.read(&pose, 1, &mut all).unwrap();
@@ -96,8 +96,8 @@ fn normal_equations_are_sums_over_the_rows() {
     let mut equations = NormalEquations::default();
     for contour in problem.contours() {
         let mut before = Vec::new();
-        contour.read(&problem.centred(&pose), 1, &mut before).unwrap();
-        contour.add_normal_equations(&problem.centred(&pose), 1, &before, weight, &mut equations).unwrap();
+        contour.read(&problem.centered(&pose), 1, &mut before).unwrap();
+        contour.add_normal_equations(&problem.centered(&pose), 1, &before, weight, &mut equations).unwrap();
     }
     let (mut matrix, mut gradient) = (Matrix6::zeros(), Tangent::zeros());
     for (reading, row) in rows(&problem, &pose) {
@@ -114,8 +114,8 @@ fn a_pose_that_shows_nothing_has_no_readings() {
     let behind = Pose::new(scene.pose.rotation, scene.pose.translation - Vector3::z() * 20.0);
     let problem = problem(&scene, &scene.observed);
     assert!(readings(&problem, &behind).is_none());
-    assert!(ContourFit::at(problem.contours(), &problem.centred(&behind), 1).is_none());
-    assert!(refined(problem.contours(), &problem.centred(&behind), 1).is_none());
+    assert!(ContourFit::at(problem.contours(), &problem.centered(&behind), 1).is_none());
+    assert!(refined(problem.contours(), &problem.centered(&behind), 1).is_none());
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn a_refined_pose_is_likelier_than_its_start() {
         let observed = all_bitten(&scene, 1.0);
         let problem = problem(&scene, &observed);
         let likelihood = |pose: &Pose| {
-            let fit = ContourFit::at(problem.contours(), &problem.centred(pose), 1).unwrap();
+            let fit = ContourFit::at(problem.contours(), &problem.centered(pose), 1).unwrap();
             fit.mixture.likelihood
         };
         // A robust sum: distances count up to two pixels.
@@ -217,7 +217,7 @@ fn a_refined_pose_is_likelier_than_its_start() {
         let moments = estimated(&scene, &observed, Refinement::Off).best.pose;
         let contours = estimated(&scene, &observed, Refinement::Contour).best.pose;
         assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
-        let start = problem.centred(&scene.pose.moved(&Random::new(seed).tangent(0.02, 0.05)));
+        let start = problem.centered(&scene.pose.moved(&Random::new(seed).tangent(0.02, 0.05)));
         let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
         let led = refined(problem.contours(), &start, 1).unwrap();
         assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");

@@ -147,8 +147,8 @@ fn cut(ring: &SpaceRing, normal: &Vector3<f64>) -> SpaceRing {
 
 /// Solid angle of a small ring of bearings.
 fn area(ring: &SpaceRing) -> f64 {
-    let centre = ring.iter().sum::<Vector3<f64>>().normalize();
-    ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| 0.5 * a.cross(b).dot(&centre)).sum::<f64>().abs()
+    let center = ring.iter().sum::<Vector3<f64>>().normalize();
+    ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| 0.5 * a.cross(b).dot(&center)).sum::<f64>().abs()
 }
 
 /// The observed region behind an edge that hides about the share of it.

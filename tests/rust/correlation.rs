@@ -1,4 +1,4 @@
-//! How neighbours on a contour vary together, and that regions do not.
+//! How neighbors on a contour vary together, and that regions do not.
 
 mod support;
 
@@ -6,7 +6,7 @@ use regionpose::contour::correlation::correlation;
 use support::random::Random;
 
 #[test]
-fn neighbours_that_take_turns_sum_to_less_and_alike_ones_to_more() {
+fn neighbors_that_take_turns_sum_to_less_and_alike_ones_to_more() {
     let turns: Vec<f64> = (0..400).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
     let alike: Vec<f64> = (0..400).map(|k| if (k / 40) % 2 == 0 { 1.0 } else { -1.0 }).collect();
     let mut random = Random::new(3);
@@ -19,7 +19,7 @@ fn neighbours_that_take_turns_sum_to_less_and_alike_ones_to_more() {
 
 /// Two regions that vary, each by itself, as one: their order says nothing, one long region of both would.
 #[test]
-fn the_end_of_a_region_is_no_neighbour_of_the_next_ones_beginning() {
+fn the_end_of_a_region_is_no_neighbor_of_the_next_ones_beginning() {
     let up: Vec<f64> = (0..60).map(|k| f64::from(k) / 60.0).collect();
     let down: Vec<f64> = up.iter().map(|value| value - 1.0).collect();
     let (there, back) = ([up.clone(), down.clone()].concat(), [down, up].concat());

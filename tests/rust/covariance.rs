@@ -32,7 +32,7 @@ fn mahalanobis(random: &mut Random, sigma: f64) -> f64 {
     };
     let observed: Vec<_> = scene.observed.iter().map(|region| disturbed(region, random)).collect();
     let problem = Problem::new(&observed, &scene.worlds).unwrap();
-    let truth = problem.centred(&scene.pose);
+    let truth = problem.centered(&scene.pose);
     let fit = refined(problem.contours(), &truth, 1).unwrap();
     let turn: Rotation3<f64> = truth.rotation * fit.pose.rotation.inverse();
     let (omega, tau) = (turn.scaled_axis(), truth.translation - turn * fit.pose.translation);
@@ -56,7 +56,7 @@ fn it_is_symmetric_positive_and_grows_with_what_is_disturbed() {
     let scene = Scene::random(&mut Random::new(12), layout);
     let of = |observed: &[ObservedRegion]| {
         let problem = Problem::new(observed, &scene.worlds).unwrap();
-        let fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
+        let fit = refined(problem.contours(), &problem.centered(&scene.pose), 1).unwrap();
         covariance(problem.contours(), &fit)
     };
     let bitten = of(&all_bitten(&scene, 1.0));
@@ -71,7 +71,7 @@ fn it_is_symmetric_positive_and_grows_with_what_is_disturbed() {
 fn a_pose_in_no_view_has_no_covariance() {
     let scene = Scene::random(&mut Random::new(2), Layout { regions: 1, ..Layout::default() });
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    let mut fit = refined(problem.contours(), &problem.centred(&scene.pose), 1).unwrap();
+    let mut fit = refined(problem.contours(), &problem.centered(&scene.pose), 1).unwrap();
     let away = Rotation3::from_euler_angles(0.0, 3.0, 0.0) * fit.pose.rotation;
     fit.pose = Pose::new(away, -fit.pose.translation);
     assert!(covariance(problem.contours(), &fit).iter().all(|value| value.is_infinite()));

@@ -47,7 +47,7 @@ fn faces_of_a_box_share_the_edge_where_their_planes_meet() {
         let creases = problem.creases();
         let [crease] = creases else { panic!("{} creases", creases.len()) };
         assert_eq!(crease.regions, [0, 1]);
-        let pose = problem.centred(&scene.pose);
+        let pose = problem.centered(&scene.pose);
         assert!(residuals(crease, &pose).amax() < 1e-6, "{}", residuals(crease, &pose));
         // As far as both faces go, which is 0.9 m.
         let places = crease.ends.map(|ray| place_on(crease, &pose, &ray));
@@ -69,7 +69,7 @@ fn derivatives_are_exact_and_a_crease_holds_two_directions() {
         let scene = scene(&mut random);
         let problem = problem(&scene.observed, &scene.worlds);
         let crease = problem.creases()[0];
-        let pose = problem.centred(&scene.pose).moved(&random.tangent(0.3, 0.5));
+        let pose = problem.centered(&scene.pose).moved(&random.tangent(0.3, 0.5));
         let rows = crease.rows(&pose).unwrap();
         let jacobian = OMatrix::<f64, Dyn, U6>::from_rows(&rows.map(|(_, row)| row.transpose()));
         assert_jacobian(&jacobian, |by| residuals(&crease, &pose.moved(by)), &Default::default(), 1.0, 1e-7);
@@ -103,7 +103,7 @@ fn outlines_that_end_short_of_the_corner_change_nothing() {
     };
     let short = problem(&scene.observed, &shrunk(0.85));
     let crease = short.creases()[0];
-    assert!(residuals(&crease, &short.centred(&scene.pose)).amax() < 1e-6);
+    assert!(residuals(&crease, &short.centered(&scene.pose)).amax() < 1e-6);
     assert!(crease.direction.cross(&whole.direction).norm() < 1e-9);
     assert!(problem(&scene.observed, &shrunk(0.3)).creases().is_empty(), "too far from the corner");
 }

@@ -8,7 +8,7 @@ use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::steps::depth_steps;
 use support::random::Random;
 
-/// Between neighbours of the grid, about, rad.
+/// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;
 const CELL: f64 = 1e-3;
 const GAP: f64 = 0.06;

@@ -213,16 +213,16 @@ fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
         let scene = one_sided(&mut random, &camera, trial % 2 == 0);
         let pose = camera.moved(&random.tangent(0.05, 0.1));
         let middle = scene.worlds[0].frame().origin;
-        let centred = Pose::new(pose.rotation, pose.transform(&middle));
+        let centered = Pose::new(pose.rotation, pose.transform(&middle));
         for (system, weighting) in [System::Plane, System::Sphere].into_iter().flat_map(|s| WEIGHTINGS.map(|w| (s, w)))
         {
             let problem = scene.problem(system, Integration::Boundary);
             let Evaluation { residual, jacobian } = problem.evaluate(&pose, weighting).unwrap();
-            let normal = normal_equations(problem.regions(), &centred, weighting).unwrap();
+            let normal = normal_equations(problem.regions(), &centered, weighting).unwrap();
             let (information, gradient) = (jacobian.transpose() * &jacobian, jacobian.transpose() * &residual);
             let squared = residual.norm_squared();
             assert!((normal.cost - squared).abs() < 1e-12 * squared);
-            assert!((cost(problem.regions(), &centred, weighting).unwrap() - squared).abs() < 1e-10 * squared);
+            assert!((cost(problem.regions(), &centered, weighting).unwrap() - squared).abs() < 1e-10 * squared);
             assert!((normal.information - information).amax() < 1e-12 * information.amax());
             assert!((normal.gradient - gradient).amax() < 1e-11 * gradient.amax());
         }

@@ -24,9 +24,9 @@ fn near(place: Vector3<f64>) -> Prior {
 fn found(scene: &Scene, prior: &Prior) -> Vec<Pose> {
     let problem = problem(scene);
     // The pose about the problem's origin of the world's own.
-    let origin = problem.centred(&Pose::identity()).translation;
-    let uncentred = |pose: Pose| Pose::new(pose.rotation, pose.translation - pose.rotation * origin);
-    direction_poses(&problem, prior, ALL).into_iter().map(uncentred).collect()
+    let origin = problem.centered(&Pose::identity()).translation;
+    let uncentered = |pose: Pose| Pose::new(pose.rotation, pose.translation - pose.rotation * origin);
+    direction_poses(&problem, prior, ALL).into_iter().map(uncentered).collect()
 }
 
 fn asymmetric(random: &mut Random, regions: usize, field: f64) -> Scene {
@@ -97,12 +97,12 @@ fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
         for _ in 0..20 {
             let scene = asymmetric(&mut random, regions, 0.5);
             let problem = problem(&scene);
-            let centred = problem.centred(&scene.pose);
+            let centered = problem.centered(&scene.pose);
             let ray = scene.pose.transform(&scene.middle()).normalize();
             let turn = Rotation3::new(ray * 10.0_f64.to_radians());
-            let start = Pose::new(turn * centred.rotation, turn * centred.translation);
+            let start = Pose::new(turn * centered.rotation, turn * centered.translation);
             let fit = refined(problem.contours(), &start, ALL).unwrap();
-            assert!(fit.pose.angle_to(&centred) < 1e-3, "{:.2e} rad", fit.pose.angle_to(&centred));
+            assert!(fit.pose.angle_to(&centered) < 1e-3, "{:.2e} rad", fit.pose.angle_to(&centered));
         }
     }
 }

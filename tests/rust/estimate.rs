@@ -62,14 +62,14 @@ fn worst_error(layout: Layout, system: System, integration: Integration, trials:
 #[test]
 fn exact_images_are_recovered_in_any_direction_unit_and_place() {
     for regions in [1, 2, 3] {
-        let metres = Layout { regions, ..Layout::default() };
+        let meters = Layout { regions, ..Layout::default() };
         let layouts = [
-            metres,
-            Layout { front: false, ..metres },
-            Layout { unit: 1e3, ..metres },
-            Layout { unit: 1e-3, ..metres },
-            Layout { vertices: 60, ..metres },
-            Layout { offset: 1e6, ..metres },
+            meters,
+            Layout { front: false, ..meters },
+            Layout { unit: 1e3, ..meters },
+            Layout { unit: 1e-3, ..meters },
+            Layout { vertices: 60, ..meters },
+            Layout { offset: 1e6, ..meters },
         ];
         for (k, layout) in layouts.into_iter().enumerate() {
             let error = worst_error(layout, System::Plane, Integration::Boundary, 30);
@@ -150,7 +150,7 @@ fn a_triangle_returns_the_poses_of_its_three_points() {
         let (scene, poses) = symmetric_view(&mut random, regular(3, 1.0), 3, 1.0);
         let estimate = estimated(&scene, &NO_PRIOR);
         let found = all_poses(&estimate);
-        // Three points in space have up to four poses for each of six labellings.
+        // Three points in space have up to four poses for each of six labelings.
         assert!(found.len() >= 6 && found.len().is_multiple_of(6), "{} poses", found.len());
         assert!(poses.iter().all(|expected| found.iter().any(|pose| pose.angle_to(expected) < SYMMETRIC)));
         assert!(estimate.alternatives.iter().all(|solution| solution.overlap_error < 1e-6));

@@ -92,7 +92,7 @@ fn a_pose_that_looks_away_misses_all_of_every_region() {
     assert_eq!(overlap_errors(&problem, &away), (1.0, vec![1.0, 1.0]));
 }
 
-/// Regions of a micrometre and a kilometre, seen once and twice, from any side.
+/// Regions of a micrometer and a kilometer, seen once and twice, from any side.
 #[test]
 fn covariances_are_symmetric_and_positive_or_infinite_with_a_warning() {
     let mut random = Random::new(63);

@@ -42,7 +42,7 @@ fn a_ring_has_a_hole_and_pixels_that_touch_at_a_corner_are_apart() {
 }
 
 #[test]
-fn the_border_cuts_half_a_pixel_outside_the_outermost_centres() {
+fn the_border_cuts_half_a_pixel_outside_the_outermost_centers() {
     let whole = traced(&["###", "###"]).rings;
     assert_eq!(whole.bounds(), (Vector2::new(-0.5, -0.5), Vector2::new(2.5, 1.5)));
     assert_eq!((whole.area(), whole.rings()[0].len()), (6.0, 4));
@@ -52,12 +52,12 @@ fn the_border_cuts_half_a_pixel_outside_the_outermost_centres() {
 fn the_contour_of_a_coverage_is_interpolated() {
     let values = [0.0, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0, 0.0, 0.0];
     let found = contours(&values, 3).expect("a mask");
-    // From 0.75 to 0 the level is a third of the way from the centre.
+    // From 0.75 to 0 the level is a third of the way from the center.
     assert!((found.rings.area() - 2.0 / 9.0).abs() < 1e-12 && !found.binary);
 }
 
 #[test]
-fn a_pixel_at_the_level_is_no_region_and_joins_its_neighbours_without_a_touch() {
+fn a_pixel_at_the_level_is_no_region_and_joins_its_neighbors_without_a_touch() {
     let lone = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
     assert_eq!(contours(&lone, 4).expect("a mask").rings.rings().len(), 1);
     let neck = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];

@@ -18,7 +18,7 @@ fn scene(seed: u64, regions: usize) -> Scene {
 /// The odds at the true pose.
 fn odds(scene: &Scene, observed: &[ObservedRegion]) -> Vec<f64> {
     let problem = Problem::new(observed, &scene.worlds).unwrap();
-    log_odds(&ContourFit::at(problem.contours(), &problem.centred(&scene.pose), 1).unwrap())
+    log_odds(&ContourFit::at(problem.contours(), &problem.centered(&scene.pose), 1).unwrap())
 }
 
 #[test]

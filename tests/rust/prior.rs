@@ -15,7 +15,7 @@ use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regula
 /// Error allowed of the poses of a symmetric shape: rad, and a share of the distance.
 const SYMMETRIC: f64 = 1e-8;
 
-/// A few degrees and a few decimetres.
+/// A few degrees and a few decimeters.
 const ROUGH: PoseSigma = PoseSigma { rotation: 0.1, place: 0.2 };
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
@@ -133,7 +133,7 @@ fn energy(prior: &Prior, pose: &Pose, by: &Tangent) -> f64 {
     [initial, up, near].into_iter().flatten().map(|sigmas| 0.5 * sigmas * sigmas).sum()
 }
 
-/// The vector of the factor is the slope of the log density wherever the pose is, up to a radian and metres away.
+/// The vector of the factor is the slope of the log density wherever the pose is, up to a radian and meters away.
 #[test]
 fn a_priors_gaussian_has_the_slope_of_its_density() {
     let mut random = Random::new(71);
@@ -235,15 +235,15 @@ fn a_camera_elsewhere_than_the_place_it_should_be_near_is_warned_of_and_stands()
 fn a_pose_elsewhere_than_the_initial_one_is_warned_of_and_stands() {
     let mut random = Random::new(64);
     let scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
-    let true_centre = scene.pose.inverse().translation;
-    let away = Pose::new(scene.pose.rotation, -(scene.pose.rotation * (true_centre + Vector3::new(3.0, 0.0, 0.0))));
+    let true_center = scene.pose.inverse().translation;
+    let away = Pose::new(scene.pose.rotation, -(scene.pose.rotation * (true_center + Vector3::new(3.0, 0.0, 0.0))));
     let prior = Prior { initial: Some(away), initial_sigma: Some(ROUGH), ..Prior::default() };
     let estimate = estimated(&scene, &prior);
     assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     assert_eq!(codes(&estimate), ["initial-contradicted"]);
     let message = estimate.warnings[0].to_string();
     assert!(message.starts_with("the pose lies 0.00 deg and 3000.0 mm from the initial one, 15.0 times"), "{message}");
-    // Without an uncertainty a metre is as good as any, half a turn is not.
+    // Without an uncertainty a meter is as good as any, half a turn is not.
     assert!(codes(&estimated(&scene, &Prior { initial_sigma: None, ..prior })).is_empty());
     let turned = Pose::new(Rotation3::new(Vector3::y() * 1.5), Vector3::zeros()).after(&scene.pose);
     let turned = estimated(&scene, &Prior { initial: Some(turned), ..Prior::default() });

@@ -22,7 +22,7 @@ use support::scene::{Layout, Scene, rectangle, regular, star};
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;
 
-const CLEAN: Trust = Trust { blur: 1.0, wide: 8.0, disturbed: 0.1, mislabelled: 0.02 };
+const CLEAN: Trust = Trust { blur: 1.0, wide: 8.0, disturbed: 0.1, mislabeled: 0.02 };
 
 fn layout(regions: usize) -> Layout {
     Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() }
@@ -129,7 +129,7 @@ fn at_the_true_pose_every_sample_is_on_its_side() {
     let mut random = Random::new(3);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
-    let pose = problem.centred(&scene.pose);
+    let pose = problem.centered(&scene.pose);
     for region in problem.sampled() {
         let right = |reading: &Reading| matches!(reading, Reading::Seen(sight) if sight.margin > -1e-6);
         assert!((0..region.count()).all(|number| right(&region.read(&pose, number))));
@@ -141,7 +141,7 @@ fn margins_have_exact_derivatives() {
     let mut random = Random::new(4);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.2, 1.0)).unwrap();
-    let pose = problem.centred(&scene.pose).moved(&random.tangent(0.02, 0.05));
+    let pose = problem.centered(&scene.pose).moved(&random.tangent(0.02, 0.05));
     for region in problem.sampled() {
         let numbers: Vec<usize> = (0..region.count()).collect();
         let read = |at: &Tangent| numbers.iter().map(|&n| region.read(&pose.moved(at), n)).collect::<Vec<_>>();
@@ -202,9 +202,9 @@ fn moments_of_a_line_are_those_of_quadrature() {
 
 /// The probability of a label by its definition.
 fn label(margin: f64) -> f64 {
-    let Trust { blur, wide, disturbed, mislabelled } = CLEAN;
+    let Trust { blur, wide, disturbed, mislabeled } = CLEAN;
     let clean = (1.0 - disturbed) * cumulative(margin / blur) + disturbed * cumulative(margin / wide);
-    mislabelled + (1.0 - 2.0 * mislabelled) * clean
+    mislabeled + (1.0 - 2.0 * mislabeled) * clean
 }
 
 fn quadrature(value: impl Fn(f64) -> f64) -> f64 {
@@ -263,7 +263,7 @@ fn moments_are_those_of_sampling() {
 /// Beyond an edge that hides the region a label is a coin's, before it as right as beside any other.
 #[test]
 fn beyond_a_hiding_edge_nothing_is_known() {
-    let trust = Trust { mislabelled: 0.02, ..CLEAN };
+    let trust = Trust { mislabeled: 0.02, ..CLEAN };
     let at = |edge: Edge, margin: f64| trust.label(edge, margin, 0.0).log_probability.exp();
     assert!((at(Edge::Own, 1e3) - 0.98).abs() < 1e-9 && (at(Edge::Own, -1e3) - 0.02).abs() < 1e-9);
     assert!((at(Edge::HidesInside, 1e3) - 0.98).abs() < 1e-9 && (at(Edge::HidesInside, -1e3) - 0.5).abs() < 1e-9);

@@ -92,9 +92,9 @@ fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
     let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let scene = Scene::of_shapes(&mut Random::new(3), vec![vec![regular(6, 1.0)]], layout);
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    let turned = turned_poses(&problem, &problem.centred(&scene.pose), 1);
+    let turned = turned_poses(&problem, &problem.centered(&scene.pose), 1);
     let whole = scene.worlds[0].rings().remove(0);
-    let places: Vec<Pose> = symmetric(&scene, &whole, 6).iter().map(|pose| problem.centred(pose)).collect();
+    let places: Vec<Pose> = symmetric(&scene, &whole, 6).iter().map(|pose| problem.centered(pose)).collect();
     let near = |pose: &Pose| turned.iter().any(|found| found.angle_to(pose) < FOUND);
     assert!(!near(&places[0]) && places[1..].iter().all(near), "{} turns", turned.len());
 }
@@ -103,7 +103,7 @@ fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
 fn regions_of_several_planes_have_no_turns() {
     let scene = Scene::random(&mut Random::new(4), Layout { regions: 2, ..Layout::default() });
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    assert!(turned_poses(&problem, &problem.centred(&scene.pose), 1).is_empty());
+    assert!(turned_poses(&problem, &problem.centered(&scene.pose), 1).is_empty());
 }
 
 #[test]

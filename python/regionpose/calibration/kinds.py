@@ -27,7 +27,7 @@ YAML_KINDS = (
 def load_camera(path: str | Path, name: str | None = None, *, model: str | None = None) -> Camera:
     """The camera that a calibration file describes, in OpenCV's pixels (an integer is a pixel's center).
 
-    The kind is told from the content, and the camera model is the one that the file names.
+    The content decides the kind; the camera model is the one that the file names.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ def read_camera(source: CalibrationText, name: str | None) -> Camera:
 
 
 def load_lidar_pose(path: str | Path, name: str | None = None) -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,), in metres, of the lidar's points into the camera `name` of a KITTI file.
+    """Rotation (3, 3) and translation (3,), in meters, of the lidar's points into the camera `name` of a KITTI file.
 
     `x_camera = rotation x_lidar + translation` for the rectified camera that `load_camera(path, name)` gives, by
     `P [R0_rect 0; 0 1] [Tr; 0 1] x`: the rotation is that of `R0_rect Tr`, made exactly orthonormal, and the

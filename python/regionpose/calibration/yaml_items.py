@@ -1,17 +1,15 @@
 """Items of a YAML file with their lines.
 
-The file is parsed to nodes and numbers are read from their text, so that `1e-3`, which YAML 1.1 takes for a string,
-is a number, tags such as `!!opencv-matrix` build nothing, and errors can name the line.
+The file is parsed to nodes and numbers are read from their text, so that tags such as `!!opencv-matrix` build nothing,
+and errors can name the line.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import yaml
-
 from regionpose.calibration.text import CalibrationError, CalibrationText
-from regionpose.reading import YamlLoader, check_yaml
+from regionpose.yaml_text import MappingNode, Node, ScalarNode, SequenceNode, YamlTextError, line_of, yaml_node
 
 DIRECTIVES = ("%YAML:1.0", "%YAML 1.0", "%YAML 1.1", "%YAML 1.2")
 """First lines that OpenCV and others write; OpenCV's colon is not YAML."""
@@ -23,12 +21,12 @@ class YamlItem:
 
     source: CalibrationText
     name: str
-    node: yaml.Node
+    node: Node
 
     @property
     def line(self) -> int:
         """The line of the value, from 1."""
-        return int(self.node.start_mark.line) + 1
+        return line_of(self.node)
 
     def error(self, found: object, needed: str) -> CalibrationError:
         """The error about this item."""
@@ -36,7 +34,7 @@ class YamlItem:
 
     def text(self) -> str:
         """The value as a word."""
-        if not isinstance(self.node, yaml.ScalarNode):
+        if not isinstance(self.node, ScalarNode):
             raise self.error(self._kind(), "a single value")
         return str(self.node.value)
 
@@ -50,13 +48,13 @@ class YamlItem:
 
     def numbers(self) -> list[float]:
         """The numbers of a sequence, of sequences row by row, or of a mapping with rows, cols and data."""
-        if isinstance(self.node, yaml.MappingNode):
+        if isinstance(self.node, MappingNode):
             return self.mapping()._matrix_numbers()
-        if not isinstance(self.node, yaml.SequenceNode):
+        if not isinstance(self.node, SequenceNode):
             raise self.error(self._kind(), "a sequence of numbers")
         values: list[float] = []
         for item in self._children():
-            nested = isinstance(item.node, yaml.SequenceNode)
+            nested = isinstance(item.node, SequenceNode)
             values.extend([entry.number() for entry in item._children()] if nested else [item.number()])
         return values
 
@@ -73,22 +71,22 @@ class YamlItem:
 
     def mapping(self) -> YamlMapping:
         """The item as a mapping."""
-        if not isinstance(self.node, yaml.MappingNode):
+        if not isinstance(self.node, MappingNode):
             raise self.error(self._kind(), "a mapping")
         return YamlMapping.of(self.source, self.name, self.node)
 
     @property
     def is_mapping(self) -> bool:
         """Whether the item holds named items."""
-        return isinstance(self.node, yaml.MappingNode)
+        return isinstance(self.node, MappingNode)
 
     @property
     def is_scalar(self) -> bool:
         """Whether the item is a single value."""
-        return isinstance(self.node, yaml.ScalarNode)
+        return isinstance(self.node, ScalarNode)
 
     def _kind(self) -> str:
-        kinds = {yaml.ScalarNode: "a single value", yaml.SequenceNode: "a sequence", yaml.MappingNode: "a mapping"}
+        kinds = {ScalarNode: "a single value", SequenceNode: "a sequence", MappingNode: "a mapping"}
         return kinds.get(type(self.node), "something else")
 
 
@@ -111,26 +109,22 @@ class YamlMapping:
             # JSON is YAML but for tabs between values.
             text = text.replace("\t", " ")
         try:
-            check_yaml(text, aliases=True)
-            node = next(iter(yaml.compose_all(text, Loader=YamlLoader)), None)
-        except yaml.MarkedYAMLError as error:
-            line = None if error.problem_mark is None else error.problem_mark.line + 1
-            raise source.error("YAML", error.problem or "an error", "a complete calibration file", line) from error
-        except (yaml.YAMLError, RecursionError) as error:
-            raise source.error("YAML", type(error).__name__, "a complete calibration file") from error
-        return cls.of(source, "", node) if isinstance(node, yaml.MappingNode) else None
+            node = yaml_node(text, aliases=True)
+        except YamlTextError as error:
+            raise source.error("YAML", error, "a complete calibration file", error.line) from error
+        return cls.of(source, "", node) if isinstance(node, MappingNode) else None
 
     @classmethod
-    def of(cls, source: CalibrationText, name: str, node: yaml.MappingNode) -> YamlMapping:
+    def of(cls, source: CalibrationText, name: str, node: MappingNode) -> YamlMapping:
         """The items of `node`; CalibrationError when a name appears twice."""
         items: dict[str, YamlItem] = {}
         for key, value in node.value:
-            label = str(key.value) if isinstance(key, yaml.ScalarNode) else ""
+            label = str(key.value) if isinstance(key, ScalarNode) else ""
             full = f"{name}.{label}" if name else label
             if label in items:
-                raise source.error(full, "a second item of this name", "one", key.start_mark.line + 1)
+                raise source.error(full, "a second item of this name", "one", line_of(key))
             items[label] = YamlItem(source, full, value)
-        return cls(source, name, node.start_mark.line + 1, items)
+        return cls(source, name, line_of(node), items)
 
     def __contains__(self, name: str) -> bool:
         """Whether there is an item called `name`."""

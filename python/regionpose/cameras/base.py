@@ -11,6 +11,8 @@ from typing import Self, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionpose.arrays import finite_array, row_array
+
 Array = NDArray[np.float64]
 Components = tuple[Array, ...]
 
@@ -46,7 +48,7 @@ class Camera(ABC):
         ValueError
             For another shape.
         """
-        return _map_rows(self._bearings, _rows(pixels, "pixels", 2), 3)
+        return _map_rows(self._bearings, row_array(pixels, "pixels", 2), 3)
 
     def project(self, points: ArrayLike) -> Array:
         """Pixels of points in the camera frame; only the direction of a point matters.
@@ -68,7 +70,7 @@ class Camera(ABC):
         ValueError
             For another shape.
         """
-        return _map_rows(self._project, _rows(points, "points", 3), 2)
+        return _map_rows(self._project, row_array(points, "points", 3), 2)
 
     def resized(self, width: int, height: int) -> Self:
         """The camera of the same photos resized, as by cv2.resize.
@@ -135,21 +137,6 @@ def resize_factor(size: tuple[int, int], other: tuple[int, int]) -> float | None
     return 0.5 * (low + high) if low < high else None
 
 
-def _rows(values: ArrayLike, name: str, columns: int) -> Array:
-    """`values` as a float array (n, columns)."""
-    needed = f"needed numbers of shape (n, {columns})"
-    try:
-        given = np.asarray(values)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: found {_brief(values)}; {needed}") from error
-    if given.dtype.kind not in "iuf":
-        raise ValueError(f"{name}: found an array of type {given.dtype}; {needed}")
-    rows = given.astype(np.float64, copy=False)
-    if rows.ndim != 2 or rows.shape[1] != columns:
-        raise ValueError(f"{name}: found an array of shape {rows.shape}; needed (n, {columns})")
-    return rows
-
-
 def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> Array:
     """`mapping` of the columns of `rows`, block by block; NaN rows where anything is not finite."""
     mapped = np.empty((len(rows), columns))
@@ -214,12 +201,7 @@ def intrinsic_matrix(fx: float, fy: float, cx: float, cy: float) -> Array:
 
 def intrinsics_of(matrix: ArrayLike) -> tuple[float, float, float, float]:
     """`(fx, fy, cx, cy)` of a matrix K (3, 3) without skew; ValueError otherwise."""
-    try:
-        k = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"matrix: found {_brief(matrix)}; needed numbers of shape (3, 3)") from error
-    if k.shape != (3, 3):
-        raise ValueError(f"matrix: found an array of shape {k.shape}; needed (3, 3)")
+    k = finite_array(matrix, "matrix", (3, 3))
     if k[0, 1] != 0.0 or k[1, 0] != 0.0:
         raise ValueError(f"matrix: found a skew of {k[0, 1]} and {k[1, 0]}; needed 0 off the diagonal")
     if tuple(k[2]) != (0.0, 0.0, 1.0):

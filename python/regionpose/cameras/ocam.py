@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from regionpose.arrays import finite_array
 from regionpose.cameras.base import (
     LIMIT_SLACK,
     Array,
@@ -175,13 +176,8 @@ class OcamCamera(Camera):
 
 def _stretch(values: object) -> Stretch:
     """`values` as an invertible 2 by 2 matrix of plain numbers."""
-    try:
-        matrix = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError("stretch: found something else than numbers; needed shape (2, 2)") from error
-    if matrix.shape != (2, 2):
-        raise ValueError(f"stretch: found an array of shape {matrix.shape}; needed (2, 2)")
+    matrix = finite_array(values, "stretch", (2, 2))
     (xx, xy), (yx, yy) = matrix.tolist()
-    if not abs(xx * yy - xy * yx) > SMALLEST_DETERMINANT or not np.isfinite(matrix).all():
-        raise ValueError(f"stretch: found {matrix.tolist()}; needed a finite, invertible matrix")
+    if not abs(xx * yy - xy * yx) > SMALLEST_DETERMINANT:
+        raise ValueError(f"stretch: found {matrix.tolist()}; needed an invertible matrix")
     return (xx, xy), (yx, yy)

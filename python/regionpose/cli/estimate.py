@@ -26,9 +26,7 @@ def estimate(
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")
-    ] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Estimate the pose of a scene's camera.

@@ -6,10 +6,9 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,9 +16,7 @@ from regionpose.cli.options import Force, Quiet
 from regionpose.outputs import Writer, refuse_existing, text_writer, write_files
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
-    from regionpose.evaluation.studies import Results, Study
+    from regionpose.evaluation.studies import Results, Study, StudyConfig
 
 STOPPED = 130
 """Exit code of a command that Ctrl-C ended, as shells have it."""
@@ -58,8 +55,8 @@ Bounds = Annotated[
 OwnCamera = Annotated[
     Path | None, typer.Option("--camera", help="Calibration of a camera of your own, in place of the study's.")
 ]
-Depth = Annotated[str, typer.Option("--depth", help="Metres before a camera of your own.")]
-Lateral = Annotated[str, typer.Option("--lateral", help="Metres sideways and up, of a camera of your own.")]
+Depth = Annotated[str, typer.Option("--depth-m", help="Meters before a camera of your own.")]
+Lateral = Annotated[str, typer.Option("--lateral-m", help="Meters sideways and up, of a camera of your own.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of the first scene.")]
 Workers = Annotated[int, typer.Option("--workers", "-j", help="Processes.")]
 Dask = Annotated[str | None, typer.Option("--dask", help="Address of a dask scheduler, in place of them.")]
@@ -95,36 +92,36 @@ def evaluate(
     """Run a study of the synthetic benchmark.
 
     Prints a table and writes the rows, the table (.md), the settings (.json) and plots (.png) beside one another.
-    Ctrl-C stops it; the same command goes on where it stopped. The rows do not depend on the number of workers.
+    Ctrl-C stops it; the same command continues where it stopped. The rows do not depend on the number of workers.
 
     \b
     Examples:
       regionpose evaluate perspective --scenes 40 --workers 4
       regionpose evaluate perspective --planes 3 --noise 5 --seed 17 --scenes 1 --out one.csv
       regionpose evaluate occlusion --solver driver=scipy --solver driver=native
-      regionpose evaluate regions --camera calib.yaml --depth 3,5 --noise 0,5
+      regionpose evaluate regions --camera calib.yaml --depth-m 3,5 --noise 0,5
     """
+    from regionpose.evaluation.studies import StudyConfig
+
     lists = {"planes": planes, "noise": noise, "side": side, "masks": masks, "templates": templates}
-    study = replace(_chosen_study(name, lists, system, solver or []), bounds=bounds)
-    if only:
-        study = study.only(dict(_pair(text) for text in only))
-    if camera is not None:
-        study = _with_camera(study, camera, _range("--depth", depth), _range("--lateral", lateral))
-    rows_path = out or Path(f"{name}.csv")
-    _check_files(rows_path, plots=plots, force=force)
-    results = _run(study, rows_path, scenes, seed, workers, dask, force=force, quiet=quiet)
-    _write_all(study, results, rows_path, plots=plots, force=force)
-
-
-def _chosen_study(name: str, lists: dict[str, str | None], system: str | None, solver: list[str]) -> Study:
-    """The study with the values that the options name."""
-    from regionpose.evaluation.studies import study_named
-
-    axes = {key: _values(key, text) for key, text in lists.items() if text is not None}
-    study = study_named(name).with_values(axes, solver)
-    if system is not None:
-        study = study.with_values({}, [f"system={value.strip()}" for value in system.split(",")])
-    return study
+    config = StudyConfig(
+        name=name,
+        values={key: _values(key, text) for key, text in lists.items() if text is not None},
+        solver=solver or (),
+        system=[value.strip() for value in system.split(",")] if system else (),
+        only=dict(_pair(text) for text in only or []),
+        bounds=bounds,
+        camera=camera,
+        depth_m=_range("--depth-m", depth),
+        lateral_m=_range("--lateral-m", lateral),
+        scenes=scenes,
+        seed=seed,
+        workers=workers,
+        dask=dask,
+    )
+    files = _Files(out or Path(f"{name}.csv"), plots=plots, force=force)
+    files.check()
+    files.write(config.study, _run(config, files, quiet))
 
 
 def _values(name: str, text: str) -> list[str | int | float]:
@@ -149,65 +146,70 @@ def _range(option: str, text: str) -> tuple[float, float]:
     try:
         low, high = (float(word) for word in text.split(","))
     except ValueError as error:
-        raise ValueError(f"{option}: found {text!r}; needed two numbers of metres, as 4,6") from error
+        raise ValueError(f"{option}: found {text!r}; needed two numbers of meters, as 4,6") from error
     return low, high
 
 
-def _with_camera(study: Study, path: Path, depth: tuple[float, float], lateral: tuple[float, float]) -> Study:
-    from regionpose.calibration import load_camera
-    from regionpose.evaluation.masks import image_size
-    from regionpose.evaluation.setups import PoseRange, Setup
+class _Files(NamedTuple):
+    """The files of a study: its rows, and the others beside them."""
 
-    camera = load_camera(path)
-    image_size(camera)
-    return study.with_setup(path.stem, Setup(camera, PoseRange(lateral=lateral, depth=depth)))
+    rows: Path
+    plots: bool
+    force: bool
+
+    @property
+    def journal(self) -> Path:
+        """Where what is done is kept until all is."""
+        return self.rows.with_name(f"{self.rows.name}.partial")
+
+    def check(self) -> None:
+        """Refuse before the long work what could not be written after it."""
+        from regionpose.evaluation.studies.plots import check_plots
+        from regionpose.evaluation.studies.storage import check_rows_path
+
+        check_rows_path(self.rows)
+        refuse_existing([self.rows, *(self.rows.with_suffix(ending) for ending in (".md", ".json"))], self.force)
+        if self.plots:
+            try:
+                check_plots()
+            except ImportError as error:
+                raise ImportError(f"{error}, or --no-plots") from error
+
+    def write(self, study: Study, results: Results) -> None:
+        """Write the files whole, print the table, and take the journal away."""
+        from regionpose.evaluation.studies import results_table
+
+        table = results_table(results, f"{study.name}: {study.description}")
+        written = write_files(self.rows.parent, self._writers(study, results, table), force=self.force)
+        self.journal.unlink(missing_ok=True)
+        typer.echo(table)
+        typer.echo(f"written: {', '.join(str(path) for path in written)}")
+
+    def _writers(self, study: Study, results: Results, table: str) -> dict[str, Writer]:
+        from regionpose.evaluation.studies import write_rows
+
+        writers: dict[str, Writer] = {
+            self.rows.name: lambda path: write_rows(path, results),
+            f"{self.rows.stem}.md": text_writer(table),
+            f"{self.rows.stem}.json": text_writer(json.dumps(results.settings, indent=2) + "\n"),
+        }
+        if self.plots:
+            from regionpose.evaluation.studies.plots import drawn_charts
+
+            for name, figure in drawn_charts(results, study.charts).items():
+                writers[f"{self.rows.stem}-{name}.png"] = partial(_save, figure)
+        return writers
 
 
-def _check_files(rows_path: Path, *, plots: bool, force: bool) -> None:
-    """Refuse before the long work what could not be written after it."""
-    from regionpose.evaluation.studies.plots import check_plots
-    from regionpose.evaluation.studies.storage import check_rows_path
-
-    check_rows_path(rows_path)
-    refuse_existing([rows_path, *(rows_path.with_suffix(ending) for ending in (".md", ".json"))], force)
-    if plots:
-        try:
-            check_plots()
-        except ImportError as error:
-            raise ImportError(f"{error}, or --no-plots") from error
-
-
-def _run(
-    study: Study, rows_path: Path, scenes: int, seed: int, workers: int, dask: str | None, *, force: bool, quiet: bool
-) -> Results:
+def _run(config: StudyConfig, files: _Files, quiet: bool) -> Results:
     """The rows; what is done when Ctrl-C comes stays in the journal."""
-    from regionpose.evaluation.studies import run_study
-    from regionpose.evaluation.studies.storage import OtherSettingsError
-
-    journal = rows_path.with_name(f"{rows_path.name}.partial")
-    run = partial(run_study, study, scenes, seed=seed, workers=workers, journal=journal)
-    with _executor(dask) as executor, _bar(study.name, quiet) as progress:
+    with _bar(config.name, quiet) as progress:
         try:
-            return run(executor=executor, progress=progress)
-        except OtherSettingsError:
-            if not force:
-                raise
-            journal.unlink()
-            return run(executor=executor, progress=progress)
+            return config.run(files.journal, progress, force=files.force)
         except KeyboardInterrupt:
-            typer.echo(f"stopped; what is done is kept in {journal}, and the same command goes on there", err=True)
+            message = f"stopped; what is done is kept in {files.journal}, and the same command goes on there"
+            typer.echo(message, err=True)
             raise typer.Exit(STOPPED) from None
-
-
-@contextmanager
-def _executor(dask: str | None) -> Iterator[Executor | None]:
-    if dask is None:
-        yield None
-        return
-    from regionpose.evaluation.studies import dask_executor
-
-    with dask_executor(dask) as executor:
-        yield executor
 
 
 @contextmanager
@@ -246,27 +248,6 @@ class _Lines:
         if percent >= self._told + TOLD_PERCENT or done == total:
             self._told = percent
             typer.echo(f"{self._name}: {done} of {total} ({percent} %)", err=True)
-
-
-def _write_all(study: Study, results: Results, rows_path: Path, *, plots: bool, force: bool) -> None:
-    """Write the files whole, say the table, and take the journal away."""
-    from regionpose.evaluation.studies import results_table, write_rows
-
-    table = results_table(results, f"{study.name}: {study.description}")
-    writers: dict[str, Writer] = {
-        rows_path.name: lambda path: write_rows(path, results),
-        f"{rows_path.stem}.md": text_writer(table),
-        f"{rows_path.stem}.json": text_writer(json.dumps(results.settings, indent=2) + "\n"),
-    }
-    if plots:
-        from regionpose.evaluation.studies.plots import drawn_charts
-
-        for name, figure in drawn_charts(results, study.charts).items():
-            writers[f"{rows_path.stem}-{name}.png"] = partial(_save, figure)
-    written = write_files(rows_path.parent, writers, force=force)
-    rows_path.with_name(f"{rows_path.name}.partial").unlink(missing_ok=True)
-    typer.echo(table)
-    typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
 def _save(figure: object, path: Path) -> None:

@@ -52,7 +52,7 @@ def export(
     """Write a pose as other tools read it.
 
     Camera and photo are result.json's unless they are given. ROS' frames are the optical one (x right, y down, z
-    forward) unless --body; Autoware's are body frames always.
+    forward) unless --body; Autoware's are always body frames.
 
     \b
     Examples:

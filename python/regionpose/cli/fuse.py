@@ -26,8 +26,8 @@ def fuse(
 ) -> None:
     """Color a cloud with images and their known poses.
 
-    Where several images show a point, the nearer ones weigh more. Points that no camera sees, because they are outside
-    its image or others hide them, keep their color, or are black; the field `visible` tells.
+    Where several images show a point, the nearer ones have more weight. Points that no camera sees, because they are
+    outside its image or others hide them, keep their color, or are black; their field `visible` is 0.
 
     \b
     Examples:

@@ -150,18 +150,18 @@ def _unit(cloud: Cloud, spacing: float | None) -> str:
     if not remarks and cloud.triangles is None and spacing is not None:
         extent = math.hypot(*(cloud.local_points.max(axis=0) - cloud.local_points.min(axis=0)))
         remarks = [remark for remark in [unit_remark(spacing, extent)] if remark is not None]
-    return f"taken as metres, but {remarks[0]}" if remarks else "taken as metres"
+    return f"taken as meters, but {remarks[0]}" if remarks else "taken as meters"
 
 
 LARGE_BYTES = 20_000_000
 """Size from which the stages are said: smaller files of every kind are read within a second."""
 
 SPACING_SAMPLE = 2000
-"""Points whose nearest neighbour is looked up for the median spacing."""
+"""Points whose nearest neighbor is looked up for the median spacing."""
 
 
 def _spacing(points: Any) -> float | None:
-    """Median distance of a point to its nearest neighbour, in the cloud's unit."""
+    """Median distance of a point to its nearest neighbor, in the cloud's unit."""
     import numpy as np
     from scipy.spatial import cKDTree
 

@@ -13,7 +13,7 @@ from regionpose.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
     from regionpose.clouds import Cloud
-    from regionpose.pictures.colors import View
+    from regionpose.pictures.colors import PosedImage
 
 CSV_HEADER = "index,x_px,y_px,depth_m"
 
@@ -63,7 +63,7 @@ def project(
         typer.echo(f"{len(rows)} of {len(points)} points inside the image; written: {out}")
 
 
-def _rows_inside(cloud: Cloud, view: View) -> list[tuple[int, float, float, float]]:
+def _rows_inside(cloud: Cloud, view: PosedImage) -> list[tuple[int, float, float, float]]:
     """Index, pixel and depth of each point inside the image."""
     import numpy as np
 
@@ -75,7 +75,7 @@ def _rows_inside(cloud: Cloud, view: View) -> list[tuple[int, float, float, floa
     return [(int(k), float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2])) for k in inside]
 
 
-def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud, view: View) -> None:
+def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud, view: PosedImage) -> None:
     if path.suffix.lower() == ".csv":
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")

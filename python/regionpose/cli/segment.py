@@ -33,7 +33,7 @@ def segment(
     source: Annotated[Path, typer.Argument(help="Scene file, image, or point cloud.")],
     seed: Annotated[
         str | None,
-        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (metres) in a cloud.", show_default=False),
+        typer.Option("--seed", help="x,y (pixels) in an image; x,y,z (meters) in a cloud.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None,
@@ -174,8 +174,9 @@ def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: 
 def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:
     """Writers of the masks, the indices, and a scene file that names them."""
     import numpy as np
-    import yaml
     from PIL import Image
+
+    from regionpose.yaml_text import to_yaml
 
     writers: dict[str, Any] = {}
     held = _moved(scene.document.value, scene, out)
@@ -187,11 +188,10 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
             region["image"]["mask"] = _mask_name(index, region["name"])
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
         if world.indices is not None:
-            region["world"] = _kept(region["world"], "seen_from", "radius", "extends")
+            region["world"] = _kept(region["world"], "seen_from", "radius_m", "extends")
             region["world"]["points"] = _points_name(index, region["name"])
             writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
-    text = yaml.safe_dump(held, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    writers[SCENE_FILE] = text_writer(text)
+    writers[SCENE_FILE] = text_writer(to_yaml(held))
     return writers
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 from regionpose.calibration import load_camera
 from regionpose.cli.poses import read_pose
-from regionpose.pictures.colors import View
+from regionpose.pictures.colors import PosedImage
 from regionpose.scene.sensors import other_size, read_picture
 
 Item = TypeVar("Item")
@@ -49,10 +49,10 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
     return given if len(given) == len(images) else list(given) * len(images)
 
 
-def read_view(files: ViewFiles) -> View:
+def read_view(files: ViewFiles) -> PosedImage:
     """The image, its camera, and its pose."""
     camera, picture = load_camera(files.camera, files.camera_name, model=files.camera_model), read_picture(files.image)
     remark = other_size(camera, (picture.shape[1], picture.shape[0]))
     if remark is not None:
         raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
-    return View(picture, camera, read_pose(files.pose, files.camera_name))
+    return PosedImage(picture, camera, read_pose(files.pose, files.camera_name))

@@ -18,10 +18,10 @@ NUSCENES_COLUMNS = ("x", "y", "z", "intensity", "ring")
 NUSCENES_ENDING = ".pcd.bin"
 
 FARTHEST_RETURN = 100_000.0
-"""Coordinates of bare rows are within this (metres) of the scanner; any other bytes read as floats exceed it soon."""
+"""Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
 POINT_KEYS = ("points", "xyz", "vertices", "pts")
-COLOR_KEYS = ("colours", "colors", "rgb")
+COLOR_KEYS = ("colors", "colors", "rgb")
 TRIANGLE_KEYS = ("triangles", "faces")
 ORIGIN_KEY = "origin"
 
@@ -42,7 +42,7 @@ def read_npy(path: Path, columns: Sequence[str] | None) -> Cloud:
 
 
 def read_npz(path: Path, columns: Sequence[str] | None) -> Cloud:
-    """The cloud of an archive of arrays: points (n, 3), colours, intensity, triangles, origin, other (n,) arrays.
+    """The cloud of an archive of arrays: points (n, 3), colors, intensity, triangles, origin, other (n,) arrays.
 
     Without points, the only array is read as a table, or arrays called x, y and z as columns.
     """

@@ -1,4 +1,4 @@
-"""The cloud: points, kept about a local origin, with colours, intensity, other scalars and triangles."""
+"""The cloud: points, kept about a local origin, with colors, intensity, other scalars and triangles."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ Array = NDArray[np.float64]
 Scalars = NDArray[Any]
 
 ORIGIN_THRESHOLD = 10_000.0
-"""An axis whose median coordinate is further than this from zero (metres) gets a local origin: a scanner's own frame
+"""An axis whose median coordinate is further than this from zero (meters) gets a local origin: a scanner's own frame
 stays below it, the coordinates of maps lie above, and squares of coordinates below it are rounded by at most 1e-8
-square metres."""
+square meters."""
 
 ORIGIN_STEP = 100.0
-"""The origin is a multiple of this (metres), so that taking it off coordinates of its size rounds nothing."""
+"""The origin is a multiple of this (meters), so that taking it off coordinates of its size rounds nothing."""
 
 MEDIAN_SAMPLE = 10_000
 """Points, evenly spread over the file, whose median gives the origin."""
 
 BYTE_LIMIT, WORD_LIMIT = 255, 65535
-"""Largest colour of 8 and of 16 bits."""
+"""Largest color of 8 and of 16 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Cloud:
     Parameters
     ----------
     local_points : (n, 3) array of float64
-        About `origin`, in the file's unit (metres, as a rule); `points` are the same in the world.
+        About `origin`, in the file's unit (meters, as a rule); `points` are the same in the world.
     colors : (n, 3) array of uint8, optional
         sRGB.
     intensity : (n,) array of float64, optional
@@ -57,7 +57,7 @@ class Cloud:
     sensor_origin : (3,) array of float64, optional
         Where the scanner stood in the world; None where the file doesn't say, or holds scans from several places.
     unit_m : float, optional
-        Of the coordinates' unit, metres; they are left as they are. None where the file doesn't say.
+        Of the coordinates' unit, meters; they are left as they are. None where the file doesn't say.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _origin(world: Array) -> Array:
 
 
 def _bytes_of_colors(colors: Scalars, source: Path | None) -> NDArray[np.uint8]:
-    """Colours (n, 3) of 8 bits: fractions times 255, and the upper byte of 16 bits where a value exceeds 255."""
+    """Colors (n, 3) of 8 bits: fractions times 255, and the upper byte of 16 bits where a value exceeds 255."""
     if colors.dtype == np.uint8:
         return colors
     needed = "numbers in [0, 1], [0, 255] or [0, 65535]"

@@ -20,7 +20,7 @@ INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_refle
 
 
 def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: ArrayLike | None = None) -> Cloud:
-    """The cloud of columns (n,) by name: x, y, z, colours and intensity under their usual names, the rest as fields.
+    """The cloud of columns (n,) by name: x, y, z, colors and intensity under their usual names, the rest as fields.
 
     Names are compared without regard to case. CloudError where a coordinate is missing.
     """
@@ -64,7 +64,7 @@ def guessed_names(table: Scalars) -> list[str]:
     """Names for the columns of a table without any: x, y, z and then by their number and values.
 
     4 columns: intensity. 6 columns: red, green, blue where these are whole numbers from 0 to 255. 7 columns: intensity
-    before or after such colours (before, where both would do). Everything else is called column_4 and on.
+    before or after such colors (before, where both would do). Everything else is called column_4 and on.
     """
     width = table.shape[1]
     names = list(COORDINATES) + [f"column_{index}" for index in range(4, width + 1)]
@@ -86,7 +86,7 @@ def are_bytes(values: Scalars) -> bool:
 def _stacked(columns: Sequence[Scalars], kind: np.dtype[np.float64] | None = None) -> Scalars:
     """Columns (n,) side by side, (n, 3), as `kind` or their own type."""
     stacked = np.empty((len(columns[0]), len(columns)), dtype=kind or np.result_type(*columns))
-    # Bytes that are no floats may look like signalling NaNs.
+    # Bytes that are no floats may look like signaling NaNs.
     with np.errstate(invalid="ignore"):
         for index, column in enumerate(columns):
             stacked[:, index] = column

@@ -40,22 +40,22 @@ def cloud_from_depth(
     depth: ArrayLike | str | Path,
     camera: DepthCamera,
     *,
-    scale: float | None = None,
+    unit_m: float | None = None,
     distance: Distance = "z",
     colors: ArrayLike | None = None,
 ) -> Cloud:
-    """The points that a depth image (h, w) shows, in the camera frame and in metres.
+    """The points that a depth image (h, w) shows, in the camera frame and in meters.
 
     The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, the depth along
     the optical axis, and `d r` for `"range"`, the length of the ray. `depth` is an array or an image file of 16-bit
-    integers or floats; its values times `scale` are metres (1/5000 for TUM, 1/256 for KITTI's depth maps), which
+    integers or floats; its values times `unit_m` are meters (1/5000 for TUM, 1/256 for KITTI's depth maps), which
     integers need and floats take as 1. `colors` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
     negative, NaN or infinite) or without a ray (for z: none ahead of the camera) are dropped. CloudError for other
     shapes, an image size other than the camera's, and where nothing is left; FileNotFoundError.
     """
     source = Path(depth) if isinstance(depth, str | Path) else None
     values = _image(source) if source is not None else np.asarray(depth)
-    meters = _meters(values, scale, source)
+    meters = _meters(values, unit_m, source)
     height, width = meters.shape
     stated = (camera.height or height, camera.width or width)
     if stated != (height, width):
@@ -82,17 +82,17 @@ def _ray_lengths(meters: Array, cosines: Array, distance: str) -> Array:
     return lengths
 
 
-def _meters(values: Scalars, scale: float | None, source: Path | None) -> Array:
-    """Depths (h, w) in metres."""
+def _meters(values: Scalars, unit_m: float | None, source: Path | None) -> Array:
+    """Depths (h, w) in meters."""
     if values.ndim != 2 or not values.size or values.dtype.kind not in "iuf":
         raise cloud_error(source, "depth", f"{values.dtype} of shape {values.shape}", "numbers of shape (h, w)")
-    if scale is None and values.dtype.kind != "f":
+    if unit_m is None and values.dtype.kind != "f":
         raise cloud_error(
-            source, "scale", "none for depths in whole numbers", "metres a unit, as in 1/1000 for millimetres"
+            source, "unit_m", "none for depths in whole numbers", "meters a unit, as in 1/1000 for millimeters"
         )
-    factor = 1.0 if scale is None else float(scale)
+    factor = 1.0 if unit_m is None else float(unit_m)
     if not (np.isfinite(factor) and factor > 0.0):
-        raise cloud_error(source, "scale", factor, "a finite number above 0")
+        raise cloud_error(source, "unit_m", factor, "a finite number above 0")
     return values.astype(np.float64) * factor
 
 

@@ -25,7 +25,7 @@ SCAN = "scan"
 def read_e57(path: Path) -> Cloud:
     """The cloud of an E57 file: all its scans in the file's frame, each by its own pose.
 
-    Points marked invalid are dropped. Colours and intensity are kept where every scan has them. A single scan's
+    Points marked invalid are dropped. Colors and intensity are kept where every scan has them. A single scan's
     pose is where the scanner stood, unless it is the identity, which merged scans have too.
     """
     pye57 = load_extra("pye57", "e57", f"{path}: E57")
@@ -109,7 +109,7 @@ def _points(raw: dict[str, Array]) -> Array:
 
 
 def _colors(header: Any, raw: dict[str, Array]) -> dict[str, Scalars]:
-    """Colours of 8 bits by the limits that the scan states; as they are without limits."""
+    """Colors of 8 bits by the limits that the scan states; as they are without limits."""
     colors: dict[str, Scalars] = {}
     limited = "colorLimits" in header.scan_fields
     for name, own in COLORS.items():

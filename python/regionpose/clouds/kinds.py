@@ -56,7 +56,7 @@ TABLE_READERS: frozenset[Reader] = frozenset((read_npy, read_npz, read_bin, read
 def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Cloud:
     """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, or a mesh (OBJ, STL, GLB, PLY).
 
-    The content tells the kind where it can, the name's ending otherwise. Points that are not finite are dropped.
+    The content decides the kind, or the name's ending where it cannot. Points that are not finite are dropped.
 
     Parameters
     ----------

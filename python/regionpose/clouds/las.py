@@ -57,13 +57,13 @@ LINEAR_UNITS_KEY = 3076
 """ProjLinearUnitsGeoKey of GeoTIFF."""
 
 EPSG_METERS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
-"""Metres in EPSG's metre, international foot and US survey foot."""
+"""Meters in EPSG's meter, international foot and US survey foot."""
 
 RAW_COORDINATES = ("X", "Y", "Z")
 
 
 def read_las(path: Path) -> Cloud:
-    """The cloud of a LAS or LAZ file: scaled coordinates, colours brought to 8 bits, other dimensions as fields."""
+    """The cloud of a LAS or LAZ file: scaled coordinates, colors brought to 8 bits, other dimensions as fields."""
     laspy = load_extra("laspy", "las", f"{path}: LAS")
     content = np.memmap(path, dtype=np.uint8, mode="r")
     if _checked_header(path, content)["format"] & COMPRESSED_BITS:
@@ -87,7 +87,7 @@ def read_las(path: Path) -> Cloud:
 
 
 def _unit_m(records: Sequence[Any]) -> float | None:
-    """Metres in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
+    """Meters in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
     for record in records:
         for key in getattr(record, "geo_keys", ()):
             if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METERS:
@@ -99,7 +99,7 @@ def _unit_m(records: Sequence[Any]) -> float | None:
 
 
 def _wkt_meters(text: str) -> float | None:
-    """Metres in the last length unit before the vertical system, which is that of the projection."""
+    """Meters in the last length unit before the vertical system, which is that of the projection."""
     found = WKT_UNIT.findall(WKT_VERTICAL.split(text)[0])
     named = [(old or new, factor or other) for old, factor, new, other in found]
     lengths = [factor for name, factor in named if not name.lower().startswith(ANGLES)]
@@ -194,7 +194,7 @@ def _layers(path: Path, content: Scalars, header: dict[str, int]) -> tuple[int, 
 
 
 def _flat(named: dict[str, Scalars]) -> dict[str, Scalars]:
-    """Columns (n,): dimensions with several values apart, colours left out where all are zero, as unset."""
+    """Columns (n,): dimensions with several values apart, colors left out where all are zero, as unset."""
     flat: dict[str, Scalars] = {}
     for name, values in named.items():
         if values.ndim == 2:

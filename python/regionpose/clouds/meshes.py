@@ -16,7 +16,7 @@ ELEMENT_BYTES = 12
 
 
 def read_mesh(path: Path, kind: str) -> Cloud:
-    """The vertices and triangles of a mesh of the format `kind`, with the colours of its vertices where all have one.
+    """The vertices and triangles of a mesh of the format `kind`, with the colors of its vertices where all have one.
 
     The parts of a scene are placed by their transforms and joined; coinciding corners of an STL become one vertex.
     """
@@ -61,7 +61,7 @@ def _check_accessors(path: Path) -> None:
 
 
 def _parts(trimesh: Any, scene: Any, merge: bool) -> list[tuple[Array, Scalars, Scalars]]:
-    """Vertices, triangles and colours (or None) of every part, in the frame of the whole."""
+    """Vertices, triangles and colors (or None) of every part, in the frame of the whole."""
     if not isinstance(scene, trimesh.Scene):
         return [_part(scene, np.eye(4), merge)]
     placed = (scene.graph[node] for node in scene.graph.nodes_geometry)
@@ -69,7 +69,7 @@ def _parts(trimesh: Any, scene: Any, merge: bool) -> list[tuple[Array, Scalars, 
 
 
 def _part(geometry: Any, transform: Array, merge: bool) -> tuple[Array, Scalars, Any]:
-    """Vertices, triangles and colours (or None) of one part."""
+    """Vertices, triangles and colors (or None) of one part."""
     vertices = np.array(geometry.vertices, dtype=np.float64)
     faces = np.array(getattr(geometry, "faces", np.empty((0, 3))), dtype=np.int64)
     colors = _colors(geometry)
@@ -80,7 +80,7 @@ def _part(geometry: Any, transform: Array, merge: bool) -> tuple[Array, Scalars,
 
 
 def _colors(geometry: Any) -> Scalars | None:
-    """The colours (n, 3) of the vertices; None where the file gives none."""
+    """The colors (n, 3) of the vertices; None where the file gives none."""
     visual = getattr(geometry, "visual", None)
     if visual is None:
         colors = getattr(geometry, "colors", None)

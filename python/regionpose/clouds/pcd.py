@@ -137,7 +137,7 @@ def _row_type(path: Path, names: list[str], kinds: list[tuple[str, int]], counts
 
 
 def _text_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
-    """Columns of lines of numbers; floats at full precision, packed colours by the bytes of their own type."""
+    """Columns of lines of numbers; floats at full precision, packed colors by the bytes of their own type."""
     exact = [
         (name, "<f8" if header.row[name].base.kind == "f" else header.row[name].base.str, header.row[name].shape)
         for name in header.row.names or ()
@@ -188,7 +188,7 @@ def _check_size(path: Path, item: str, data: Scalars, needed: int) -> None:
 
 
 def _named_columns(columns: dict[str, Scalars]) -> dict[str, Scalars]:
-    """Columns (n,): packed colours apart, wide fields numbered, padding left out."""
+    """Columns (n,): packed colors apart, wide fields numbered, padding left out."""
     named: dict[str, Scalars] = {}
     for name, values in columns.items():
         if name in PACKED_COLORS and values.dtype.itemsize == 4 and values.ndim == 1:

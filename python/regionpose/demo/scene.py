@@ -31,7 +31,7 @@ CLOUD_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", 
 class DemoRegion:
     """A planar region of the scene, known in the image and in the lidar's frame.
 
-    `rings`: (n, 3) each, metres, lidar frame, counter-clockwise seen from the front. `label`: its value in
+    `rings`: (n, 3) each, meters, lidar frame, counter-clockwise seen from the front. `label`: its value in
     `DemoScene.labels`. `seed_pixel`: (x, y) inside it. `seed_point` (3,): a cloud point on it. `point_indices`: all
     cloud points on it.
     """
@@ -48,9 +48,9 @@ class DemoRegion:
 class DemoScene:
     """A courtyard seen by a camera and by a lidar.
 
-    `image` (h, w, 3) uint8 sRGB; `labels` (h, w) uint8, 0 outside the regions, exact at pixel centres; `points` (n, 3)
-    metres, lidar frame, 1 cm range noise; `intensities` (n,) uint8. The truth is `x_camera = rotation @ x_lidar +
-    translation`, rotation (3, 3), translation (3,) metres.
+    `image` (h, w, 3) uint8 sRGB; `labels` (h, w) uint8, 0 outside the regions, exact at pixel centers; `points` (n, 3)
+    meters, lidar frame, 1 cm range noise; `intensities` (n,) uint8. The truth is `x_camera = rotation @ x_lidar +
+    translation`, rotation (3, 3), translation (3,) meters.
     """
 
     image: NDArray[np.uint8]

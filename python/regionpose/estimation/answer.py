@@ -38,7 +38,7 @@ class Judged:
 
     @property
     def translation_sigma_m(self) -> Array:
-        """Standard deviations of the translation along the camera's axes, (3,), metres."""
+        """Standard deviations of the translation along the camera's axes, (3,), meters."""
         return np.sqrt(np.diag(self.covariance)[3:])
 
 
@@ -51,7 +51,7 @@ class Alternative(Judged):
     pose : Pose
         `camera_from_world`.
     covariance : (6, 6) array
-        Of the left increment `[omega (rad), tau (metres)]`, as of `PoseEstimate`.
+        Of the left increment `[omega (rad), tau (meters)]`, as of `PoseEstimate`.
     confidence : float
         Probability that it is within 5 degrees of the true pose.
     overlap_error : float
@@ -77,7 +77,7 @@ class Crease:
     regions : tuple of two int
         Their places in the lists.
     ends : (2, 3) array
-        Of the part that both image regions show, in the world, metres; kept read-only.
+        Of the part that both image regions show, in the world, meters; kept read-only.
 
     """
 
@@ -98,10 +98,10 @@ class PoseEstimate(Judged):
     pose : Pose
         `camera_from_world`.
     covariance : (6, 6) array
-        Of the left increment `[omega (rad), tau (metres)]`, `P' = exp(omega) P + tau`.
+        Of the left increment `[omega (rad), tau (meters)]`, `P' = exp(omega) P + tau`.
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
-        15); poses that fit alike share it.
+        15); poses that fit equally well share it.
     overlap_error : float
         Area of the symmetric difference of projected and observed regions over the observed area (the paper's delta, on
         the sphere), a fraction.

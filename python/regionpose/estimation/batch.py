@@ -25,12 +25,12 @@ from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
-Problem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
+PoseProblem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
 Sides = tuple[list[_core.ObservedRegion], list[_core.WorldRegion]]
 
 
 def estimate_poses(
-    problems: Iterable[Problem],
+    problems: Iterable[PoseProblem],
     *,
     prior: Prior | Iterable[Prior | None] | None = None,
     solver: Solver | None = None,
@@ -61,7 +61,7 @@ def estimate_poses(
     Raises
     ------
     ValueError
-        For what is no problem at all, led by the problem's number, and for other options.
+        For an item that is not a problem, with its number first, and for other options.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def core_batch(
     )
 
 
-def _checked_problem(index: int, problem: Problem) -> tuple[Camera, list[ImageRegion], list[_core.WorldRegion]]:
+def _checked_problem(index: int, problem: PoseProblem) -> tuple[Camera, list[ImageRegion], list[_core.WorldRegion]]:
     """The parts of a problem; ValueError, led by its number, for one that is of the wrong kind."""
     try:
         camera, image_regions, world_regions = _problem_parts(problem)
@@ -133,7 +133,7 @@ def _sides_or_error(
 
 
 def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> list[list[Array] | None]:
-    """The bearings of each problem's rings, those of neighbours by one camera mapped at once; None as of one alone."""
+    """The bearings of each problem's rings, those of neighbors by one camera mapped at once; None as of one alone."""
     mapped: list[list[Array] | None] = []
     for _, group in groupby(sides, key=lambda side: id(side[0])):
         problems = list(group)
@@ -144,7 +144,7 @@ def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> lis
     return mapped
 
 
-def _problem_parts(problem: Problem) -> Problem:
+def _problem_parts(problem: PoseProblem) -> PoseProblem:
     parts = listed(problem, "(camera, image_regions, world_regions)")
     if len(parts) != 3:
         raise ValueError(f"found {len(parts)} items; needed (camera, image_regions, world_regions)")

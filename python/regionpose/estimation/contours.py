@@ -18,7 +18,7 @@ from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-View = Callable[[Array], tuple[Camera, Pose]]
+CameraAt = Callable[[Array], tuple[Camera, Pose]]
 """Camera and pose at some variables, each of which changes the image by about a share of itself."""
 
 BEND_TOLERANCE_PX = 0.02
@@ -34,7 +34,7 @@ MOST_PARTS = 200
 """Parts of one edge at most; a square that fills a fisheye's image needs 30."""
 
 STRETCH = 30
-"""Neighbouring pieces that may err alike, about 90 px: steps of an edge that nearly follows the pixels are long."""
+"""Neighboring pieces that may err alike, about 90 px: steps of an edge that nearly follows the pixels are long."""
 
 DIFFERENCE = 1e-6
 """Step of central differences, in radians and shares: pixels are then exact to 1e-7 of themselves for a step of one."""
@@ -121,7 +121,7 @@ def distances_of(camera: Camera, pose: Pose, contours: Contours) -> Distances | 
     return Distances((normals * offset).sum(axis=1), edges, shares, normals)
 
 
-def outline_derivatives(view: View, at: Array, contours: Contours) -> Array:
+def outline_derivatives(view: CameraAt, at: Array, contours: Contours) -> Array:
     """Derivatives (v, 2, p) of the projected vertices by the variables (p,) of a view, by central differences."""
     pixels = [
         [_projected(*view(at + sign * DIFFERENCE * unit), contours) for sign in (1.0, -1.0)] for unit in np.eye(len(at))
@@ -149,7 +149,7 @@ def robust_sigma(distances: Array) -> float:
 
 
 def correlation_length(values: Sequence[Array]) -> float:
-    """How many neighbours on closed rings vary as one: `1 + 2 sum of the autocorrelations` up to the first below 0.
+    """How many neighbors on closed rings vary as one: `1 + 2 sum of the autocorrelations` up to the first below 0.
 
     `values`: about zero, one array for each ring. The autocorrelation of a lag is the ratio of the sums over all rings;
     a ring counts for lags up to half its length. The crate's `correlation` takes contours for open and stops at a
@@ -165,8 +165,8 @@ def correlation_length(values: Sequence[Array]) -> float:
     return total
 
 
-def neighbour_scatter(gradients: Sequence[Array]) -> Array:
-    """Sum (p, p) of the products of gradients with each other's neighbours on closed rings, (n, p) each.
+def neighbor_scatter(gradients: Sequence[Array]) -> Array:
+    """Sum (p, p) of the products of gradients with each other's neighbors on closed rings, (n, p) each.
 
     Bartlett's weights (Newey and West 1987): the mean over all windows of the outer square of the sum in a window, of
     `STRETCH` gradients or half a ring.

@@ -1,4 +1,4 @@
-"""A camera's focal lengths, centre and distortion refined together with the pose, on the observed contours."""
+"""A camera's focal lengths, center and distortion refined together with the pose, on the observed contours."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from regionpose.estimation.contours import (
     correlation_length,
     distance_derivatives,
     distances_of,
-    neighbour_scatter,
+    neighbor_scatter,
     outline_derivatives,
     robust_sigma,
 )
@@ -36,7 +36,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {"focal": ("fx", "fy"), "center": ("cx"
 WEAK_SHARE = 0.005
 """Share of the focal length: a parameter whose standard deviation moves the image by more isn't determined.
 
-A focal length moves a point at 45 degrees by that share, the centre all points, a distortion the outermost vertex that
+A focal length moves a point at 45 degrees by that share, the center all points, a distortion the outermost vertex that
 is seen. Half a percent is what a camera's data sheet is good for.
 """
 
@@ -85,7 +85,7 @@ class CameraRefinement:
     given, found : (p,) array
         Their values, focal lengths and center in pixels.
     covariance : (6 + p, 6 + p) array
-        Of `[omega (rad), tau (metres), parameters]`, found jointly.
+        Of `[omega (rad), tau (meters), parameters]`, found jointly.
     weak : tuple of str
         The parameters that are not determined.
     residual_px : tuple of 2 float
@@ -166,7 +166,7 @@ def _solved(problem: ContourProblem, start: Array, first_sigma: float) -> tuple[
 class ContourProblem:
     """Distances of contours as functions of `[omega, tau, parameters]`, counted from zero in units.
 
-    The units are a radian, the distance to the regions, the focal length for itself and the centre, and one for a
+    The units are a radian, the distance to the regions, the focal length for itself and the center, and one for a
     coefficient of distortion. Without names of parameters any camera will do.
     """
 
@@ -211,7 +211,7 @@ class ContourProblem:
         """Covariance (6 + p, 6 + p) of the variables of a robust loss (docs/math.md, eq. 12.3 and 12.4).
 
         `H^-1 (S + S') H^-1`, `H = E[psi'] J^T J` (Huber 1981): S from all distances alike, `c E[psi^2] J^T J` with
-        their correlation length c, and S' from what neighbours on a contour have in common where they lie.
+        their correlation length c, and S' from what neighbors on a contour have in common where they lie.
         """
         distances, jacobian = self.residual(at), self.jacobian(at)
         square = (distances / (CAUCHY_WIDTH * max(robust_sigma(distances), FINEST_SIGMA_PX))) ** 2
@@ -220,9 +220,9 @@ class ContourProblem:
         correlated = correlation_length(self._contours.by_ring(influence))
         inverse = _inverse_normal(jacobian) / slope
         alike = correlated * float(np.mean(influence**2)) / slope * inverse
-        neighbours = neighbour_scatter(self._contours.by_ring(influence[:, None] * (jacobian @ inverse)))
+        neighbors = neighbor_scatter(self._contours.by_ring(influence[:, None] * (jacobian @ inverse)))
         independent = len(distances) / correlated
-        return (alike + neighbours) * independent / max(independent - len(at), 1.0)
+        return (alike + neighbors) * independent / max(independent - len(at), 1.0)
 
     def refinement(self, at: Array, covariance: Array, residual_px: tuple[float, float]) -> CameraRefinement:
         """What the variables found and their covariance make of the camera."""

@@ -30,7 +30,7 @@ solved, for contours that a segmentation has disturbed by as much; shapes that d
 
 REACH = 1.0
 """Largest distance between observed and predicted centroid, in square roots of the observed solid angle: the pose of
-one region, a few degrees off where its contour is disturbed, predicts its neighbours to less."""
+one region, a few degrees off where its contour is disturbed, predicts its neighbors to less."""
 
 MOST_SIZE_RATIO = 3.0
 """Largest ratio of observed to predicted solid angle, either way, for the same reason."""
@@ -95,7 +95,7 @@ def match_regions(
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
     wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`) or without a partner stay
-    unmatched. Other assignments that the prior leaves are told in `alternatives` and a warning.
+    unmatched. `alternatives` and a warning report other assignments that the prior leaves.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def match_regions(
     image_regions : sequence of ImageRegion
         What the image shows, pixels, in any order.
     world_regions : sequence of WorldRegion
-        What the world holds, metres, in any order.
+        What the world holds, meters, in any order.
     prior : Prior, optional
         What is known of the pose; it decides between assignments that explain about as much.
     solver : Solver, optional

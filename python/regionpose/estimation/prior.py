@@ -10,13 +10,15 @@ from numpy.typing import ArrayLike
 from regionpose import _core
 from regionpose.pose import Pose
 
+SIGMAS = ("up_sigma_deg", "initial_rotation_sigma_deg", "initial_center_sigma_m", "camera_near_sigma_m")
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Prior:
     """What is known of the pose `camera_from_world` beforehand; every part is optional.
 
-    A prior chooses between poses that fit about alike and moves none. A warning reports one that no fitting pose agrees
-    with (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
+    A prior chooses between poses that fit about equally well and moves none. A warning reports one that no fitting pose
+    agrees with (docs/math.md, section 10). Hashable; equal to a prior of the same numbers.
 
     Parameters
     ----------
@@ -25,21 +27,21 @@ class Prior:
     up_sigma_deg : float, optional
         How well it is known, degrees; 15 without it.
     initial : Pose, optional
-        A rough pose. Without `initial_sigma` it is a start and chooses between poses that fit alike.
-    initial_sigma : tuple of 2 float, optional
-        Standard deviations (degrees, metres) of the camera's rotation and place along each axis; it then rules out what
-        lies elsewhere.
+        A rough pose. Without its deviations it is a start and chooses between poses that fit equally well.
+    initial_rotation_sigma_deg, initial_center_sigma_m : float, optional
+        Standard deviations of its rotation and of the camera's place along each axis, both or neither; they rule out
+        poses that lie elsewhere.
     camera_near : (3,) array, optional
-        A place of the world, metres, that the camera stands near, such as the scanner's; directions to the regions are
+        A place of the world, meters, that the camera stands near, such as the scanner's; directions to the regions are
         a start from there.
     camera_near_sigma_m : float, optional
-        How well it is known along each axis, metres; 2 without it.
+        How well it is known along each axis, meters; 2 without it.
 
     Raises
     ------
     ValueError
-        Naming the field, for what is no direction, pose or place, for a deviation that isn't positive, and for one of
-        what isn't given.
+        That names the field: for an invalid direction, pose or place, a deviation that isn't positive, or one without
+        what it belongs to.
 
     Examples
     --------
@@ -51,7 +53,8 @@ class Prior:
     up: ArrayLike | None = None
     up_sigma_deg: float | None = None
     initial: Pose | None = None
-    initial_sigma: tuple[float, float] | None = None
+    initial_rotation_sigma_deg: float | None = None
+    initial_center_sigma_m: float | None = None
     camera_near: ArrayLike | None = None
     camera_near_sigma_m: float | None = None
 
@@ -61,11 +64,11 @@ class Prior:
             raise ValueError(f"initial is a {type(self.initial).__name__}; needed a Pose")
         # Made once to have everything checked, and anew where it is used: what is compiled has no pickle.
         _ = self.core
-        for name in ("up", "initial_sigma", "camera_near"):
+        for name in ("up", "camera_near"):
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, tuple(np.asarray(values, dtype=np.float64).tolist()))
-        for name in ("up_sigma_deg", "camera_near_sigma_m"):
+        for name in SIGMAS:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, float(value))
@@ -78,13 +81,14 @@ class Prior:
             up=self.up,
             up_sigma_deg=self.up_sigma_deg,
             initial=parts,
-            initial_sigma=self.initial_sigma,
+            initial_rotation_sigma_deg=self.initial_rotation_sigma_deg,
+            initial_center_sigma_m=self.initial_center_sigma_m,
             camera_near=self.camera_near,
             camera_near_sigma_m=self.camera_near_sigma_m,
         )
 
     def about(self, origin: ArrayLike) -> Prior:
-        """The same for world points taken relative to `origin` (3,), metres."""
+        """The same for world points taken relative to `origin` (3,), meters."""
         shift = np.asarray(origin, dtype=np.float64)
         pose, near = self.initial, self.camera_near
         return replace(
@@ -93,13 +97,16 @@ class Prior:
             camera_near=None if near is None else np.asarray(near) - shift,
         )
 
+    def started_at(self, pose: Pose) -> Prior:
+        """The same with a start in place of the rough pose."""
+        return replace(self, initial=pose, initial_rotation_sigma_deg=None, initial_center_sigma_m=None)
+
     def _values(self) -> tuple[object, ...]:
         pose = self.initial
         numbers = (
             None if pose is None else (*pose.rotation.as_quat(canonical=True).tolist(), *pose.translation.tolist())
         )
-        sigmas = (self.up_sigma_deg, self.initial_sigma, self.camera_near_sigma_m)
-        return self.up, numbers, self.camera_near, *sigmas
+        return self.up, numbers, self.camera_near, *(getattr(self, name) for name in SIGMAS)
 
     def __eq__(self, other: object) -> bool:
         """Whether the other is a prior of the same numbers."""

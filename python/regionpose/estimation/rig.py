@@ -42,7 +42,7 @@ class Frame:
     image_regions : sequence of ImageRegion
         What the image shows.
     world_regions : sequence of WorldRegion
-        In the rig's frame, metres, each at the place of its image region.
+        In the rig's frame, meters, each at the place of its image region.
     name : str
         Of its own; its number without one.
     """
@@ -86,13 +86,13 @@ class Influence:
     pose : Pose
         That of the others.
     covariance : (6, 6) array
-        Of its left increment, rad and metres.
+        Of its left increment, rad and meters.
     sigmas : float
         Mahalanobis distance from it to the joint pose in that covariance; 0 where the others leave a direction free.
     rotation_deg : float
         The angle between both, degrees.
     shift_m : float
-        How far apart both put the middle of all regions, metres.
+        How far apart both put the middle of all regions, meters.
     residual_px : float
         Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
         visible.
@@ -150,7 +150,7 @@ class RigEstimate:
 
     @property
     def covariance(self) -> Array:
-        """The covariance (6, 6) of the joint pose's left increment `[omega (rad), tau (metres)]`."""
+        """The covariance (6, 6) of the joint pose's left increment `[omega (rad), tau (meters)]`."""
         return self.estimate.covariance
 
     @property
@@ -160,7 +160,7 @@ class RigEstimate:
 
     @property
     def translation_sigma_m(self) -> Array:
-        """Standard deviations of the translation along the camera's axes, (3,), metres."""
+        """Standard deviations of the translation along the camera's axes, (3,), meters."""
         return self.estimate.translation_sigma_m
 
 
@@ -182,11 +182,11 @@ def estimate_rig(
         That took all frames.
     frames : iterable of Frame or of pairs
         Each a `Frame` or a pair (image_regions, world_regions), the world regions in the rig's frame, such as its
-        lidar's, metres.
+        lidar's, meters.
     prior : Prior, optional
         What is known of the pose, as of `estimate_pose`.
     solver : Solver, optional
-        How the poses are computed; its driver is native, unless it says otherwise.
+        How the poses are computed; the driver is native by default.
     refine_camera : sequence of {"focal", "center", "distortion"}
         Which of fx and fy, cx and cy, k1 and k2 are estimated together with the pose (docs/math.md, section 12), and
         taken where they are determined and differ from the given ones by more than noise.
@@ -238,7 +238,7 @@ class _Rig:
 
     def started_at(self, pose: Pose) -> _Rig:
         """The same from a pose that is a start alone, in place of the prior's."""
-        return replace(self, prior=replace(self.prior, initial=pose, initial_sigma=None))
+        return replace(self, prior=self.prior.started_at(pose))
 
     def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
         """The pose of all the frames."""

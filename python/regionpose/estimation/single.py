@@ -33,12 +33,12 @@ def estimate_pose(
     image_regions : sequence of ImageRegion
         What the image shows, pixels.
     world_regions : sequence of WorldRegion
-        What the world holds, metres, each at the place of its image region.
+        What the world holds, meters, each at the place of its image region.
     prior : Prior, optional
         What is known of the pose. None is needed (docs/math.md, section 7); one adds starts and, like the viewpoint of
         a region (`WorldRegion.seen_from`), rules out what lies elsewhere (section 10).
     solver : Solver, optional
-        How the pose is computed; the final least squares by scipy, unless it says otherwise.
+        How the pose is computed; scipy does the final least squares by default.
 
     Returns
     -------

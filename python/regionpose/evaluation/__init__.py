@@ -29,8 +29,8 @@ from regionpose.evaluation.noise import (
 )
 from regionpose.evaluation.scenes import (
     Layout,
-    Scene,
     ScenePlacementError,
+    SyntheticScene,
     draw_scene,
     fisheye_scene,
     omnidirectional_scene,
@@ -55,11 +55,11 @@ __all__ = [
     "MiscalibratedCamera",
     "PoseErrors",
     "PoseRange",
-    "Scene",
     "ScenePlacementError",
     "Setup",
     "SpinningLidar",
     "Summary",
+    "SyntheticScene",
     "Template",
     "TurnedPoses",
     "all_templates",

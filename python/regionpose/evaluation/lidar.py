@@ -77,7 +77,7 @@ def lidar_points(
     lidar: SpinningLidar | None = None,
     up: ArrayLike = UP,
 ) -> Array:
-    """(n, 3) world points where the beams of a lidar at `position` (3,) hit a planar region, with range noise, metres.
+    """(n, 3) world points where the beams of a lidar at `position` (3,) hit a planar region, with range noise, meters.
 
     The turn starts at a random angle. `up`: the axis of rotation in the world.
     """
@@ -87,7 +87,7 @@ def lidar_points(
 
 
 class LidarScan(NamedTuple):
-    """Returns (n, 3) of one turn of a lidar at `origin` (3,), metres, and the region that each fell on.
+    """Returns (n, 3) of one turn of a lidar at `origin` (3,), meters, and the region that each fell on.
 
     `regions` (n,) holds -1 for the backdrop.
     """
@@ -119,7 +119,7 @@ def lidar_scan(
     return LidarScan(origin + noisy[:, None] * beams, hit, origin)
 
 
-def mislabelled(scan: LidarScan, region: int, share: float, rng: np.random.Generator) -> NDArray[np.intp]:
+def mislabeled(scan: LidarScan, region: int, share: float, rng: np.random.Generator) -> NDArray[np.intp]:
     """Indices of the returns (k,) that pass for a region's.
 
     A `share` of its own is left out, each by chance, and for each of these the return beside the region that is seen

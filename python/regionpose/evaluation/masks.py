@@ -1,6 +1,6 @@
 """Exact images of projected regions: boundary rings in pixels, binary masks, and area coverage.
 
-Pixel coordinates are OpenCV's: an integer is the centre of a pixel, so pixel (column i, row j) covers
+Pixel coordinates are OpenCV's: an integer is the center of a pixel, so pixel (column i, row j) covers
 [i - 1/2, i + 1/2] x [j - 1/2, j + 1/2]. Images are indexed [row, column].
 """
 
@@ -63,7 +63,7 @@ class Window(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class MaskPatch:
     """The part of a mask that holds its region: `values` (rows, columns) of the pixels in `window`; others are empty.
 
     A whole mask of the benchmark's camera is 3.8 million pixels, of which a region covers a few per cent.
@@ -181,22 +181,24 @@ def ring_edges(rings: Rings) -> tuple[Array, Array]:
 
 
 def binary_mask(rings: Rings, width: int, height: int) -> NDArray[np.bool_]:
-    """(height, width) mask of the pixels whose centre lies inside the (n, 2) pixel rings by the even-odd rule.
+    """(height, width) mask of the pixels whose center lies inside the (n, 2) pixel rings by the even-odd rule.
 
-    A centre exactly on the boundary is in when the inside lies to its right (on a horizontal edge: below it), so masks
+    A center exactly on the boundary is in when the inside lies to its right (on a horizontal edge: below it), so masks
     of regions that share an edge neither overlap nor leave a gap.
     """
     return binary_patch(rings, width, height).whole(width, height)
 
 
-def binary_patch(rings: Rings, width: int, height: int, margin: int = 0) -> Patch:
+def binary_patch(rings: Rings, width: int, height: int, margin: int = 0) -> MaskPatch:
     """The part of `binary_mask` that holds the region, with `margin` px around it."""
     window = rings_window(rings, width, height).grown(margin, width, height)
-    return Patch(_window_mask(rings, window) if min(window.shape) else np.zeros(window.shape, dtype=np.bool_), window)
+    return MaskPatch(
+        _window_mask(rings, window) if min(window.shape) else np.zeros(window.shape, dtype=np.bool_), window
+    )
 
 
 def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
-    """Mask of one window: each row toggles at the first pixel centre at or right of every crossing."""
+    """Mask of one window: each row toggles at the first pixel center at or right of every crossing."""
     start, end = ring_edges(rings)
     edge, row = _crossed_lines(start[:, 1], end[:, 1], window.top, window.bottom - 1)
     a, b = start[edge], end[edge]
@@ -227,10 +229,10 @@ def area_coverage(rings: Rings, width: int, height: int) -> Array:
     return coverage_patch(rings, width, height).whole(width, height)
 
 
-def coverage_patch(rings: Rings, width: int, height: int, margin: int = 0) -> Patch:
+def coverage_patch(rings: Rings, width: int, height: int, margin: int = 0) -> MaskPatch:
     """The part of `area_coverage` that holds the region, with `margin` px around it."""
     window = rings_window(rings, width, height).grown(margin, width, height)
-    return Patch(_window_coverage(rings, window) if min(window.shape) else np.zeros(window.shape), window)
+    return MaskPatch(_window_coverage(rings, window) if min(window.shape) else np.zeros(window.shape), window)
 
 
 def _window_coverage(rings: Rings, window: Window) -> Array:

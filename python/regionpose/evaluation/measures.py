@@ -43,7 +43,7 @@ def translation_error(
     true_translation: ArrayLike,
     anchor: ArrayLike,
 ) -> float:
-    """`|(R_est x + t_est) - (R_true x + t_true)|` in metres at the world point `anchor` = x.
+    """`|(R_est x + t_est) - (R_true x + t_true)|` in meters at the world point `anchor` = x.
 
     Taken at the scene it doesn't depend on where the world frame lies; at x = 0 it is `|t_est - t_true|`.
     """
@@ -60,7 +60,7 @@ def camera_center(rotation: ArrayLike, translation: ArrayLike) -> Array:
 def camera_center_error(
     rotation: ArrayLike, translation: ArrayLike, true_rotation: ArrayLike, true_translation: ArrayLike
 ) -> float:
-    """Distance in metres between the estimated and the true position of the camera in the world."""
+    """Distance in meters between the estimated and the true position of the camera in the world."""
     return float(np.linalg.norm(camera_center(rotation, translation) - camera_center(true_rotation, true_translation)))
 
 
@@ -77,7 +77,7 @@ def overlap_error(predicted: Sequence[Array], observed: Sequence[Array]) -> floa
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """All errors of one estimate: degrees and metres; `rotation_axes_deg` is (3,), about the camera's x, y, z."""
+    """All errors of one estimate: degrees and meters; `rotation_axes_deg` is (3,), about the camera's x, y, z."""
 
     rotation_deg: float
     rotation_axes_deg: Array

@@ -76,7 +76,7 @@ def points_along(rings: Sequence[Array], distances: Array) -> Array:
 
 
 class Squares(NamedTuple):
-    """Where segmentation errors fall: (n, 2) centres and (n,) whether each adds (True) or removes (False)."""
+    """Where segmentation errors fall: (n, 2) centers and (n,) whether each adds (True) or removes (False)."""
 
     centers: Array
     adds: Mask
@@ -161,7 +161,7 @@ def squares_on_region(
     """(n, 3) rings of a planar region after squares were added or removed along its boundary, in its plane.
 
     `share` of its area has changed, to 1e-6 of it: the last square is shrunk to fit. Several outer rings are possible,
-    each followed by its holes; outer rings turn as in the input. `side`: metres, else `square_side`.
+    each followed by its holes; outer rings turn as in the input. `side`: meters, else `square_side`.
     """
     frame = PlaneFrame.of_region(rings)
     grid = GRID_SHARE * np.sqrt(float(np.linalg.norm(area_vector(rings))))
@@ -242,7 +242,7 @@ def _union_area(pieces: NDArray[np.object_], grid: float) -> float:
 def _fitting_piece(
     region: BaseGeometry, before: BaseGeometry, squares: Squares, index: int, side: float, missing: float, grid: float
 ) -> BaseGeometry:
-    """What a square shrunk about its centre adds to the disturbance before it: the missing area."""
+    """What a square shrunk about its center adds to the disturbance before it: the missing area."""
     # Squares that miss the target by a rounding leave nothing to place.
     if missing <= 0.0:
         return shapely.Polygon()

@@ -1,6 +1,6 @@
 """Geometry of planar regions given by (n, 3) rings: area vector, centroid, viewing angle, the plane's own frame.
 
-Rings follow `scenes.Scene`: outer rings turn counter-clockwise in the image when the front is seen, holes
+Rings follow `scenes.SyntheticScene`: outer rings turn counter-clockwise in the image when the front is seen, holes
 the other way.
 """
 
@@ -24,7 +24,7 @@ SLIVER_SHARE = 1e-9
 def area_vector(rings: Sequence[Array]) -> Array:
     """(3,) normal of a planar region times its area, m^2: half the sum of cross products along its (n, 3) rings.
 
-    Rings are oriented as in `Scene`, so that the vector points away from a camera that sees the front.
+    Rings are oriented as in `SyntheticScene`, so that the vector points away from a camera that sees the front.
     """
     base = rings[0][0]
     total = np.zeros(3)

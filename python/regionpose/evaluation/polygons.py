@@ -27,5 +27,5 @@ def random_polygon(rng: np.random.Generator, longer_side: float = 1.0) -> Array:
     ring *= longer_side / np.ptp(ring, axis=0).max()
     after = np.roll(ring, -1, axis=0)
     areas = 0.5 * (ring[:, 0] * after[:, 1] - ring[:, 1] * after[:, 0])
-    centred: Array = ring - (areas[:, None] * (ring + after) / 3.0).sum(axis=0) / areas.sum()
-    return centred
+    centered: Array = ring - (areas[:, None] * (ring + after) / 3.0).sum(axis=0) / areas.sum()
+    return centered

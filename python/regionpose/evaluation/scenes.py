@@ -44,7 +44,7 @@ WorldFrame = Literal["first", "arbitrary"]
 PLANE_ANGLE_DEG = 30.0
 # m; distance between the centroids of the first region and of another plane's, and of two regions on a plane.
 PLANE_DISTANCE_M = (1.0, 2.0)
-# m; each coordinate of an arbitrary world frame's origin is drawn from +- this, "a few metres".
+# m; each coordinate of an arbitrary world frame's origin is drawn from +- this, "a few meters".
 WORLD_OFFSET_M = 5.0
 
 # px; regions stay so far from the image border, so that a mask never touches it.
@@ -67,11 +67,11 @@ class ScenePlacementError(ValueError):
 
 
 @dataclass(frozen=True)
-class Scene:
+class SyntheticScene:
     """One problem of the benchmark with its answer.
 
-    `rotation` (3, 3), `translation` (3,): the true `camera_from_world`, `P = R X + t`, metres.
-    `regions`: the rings, (n, 3) world metres, of each region; an outer ring first, counter-clockwise in the image when
+    `rotation` (3, 3), `translation` (3,): the true `camera_from_world`, `P = R X + t`, meters.
+    `regions`: the rings, (n, 3) world meters, of each region; an outer ring first, counter-clockwise in the image when
     the region is seen from its front, holes the other way.
     `names`: the template of each region. `planes`: the index of the plane each region lies on.
     """
@@ -94,7 +94,7 @@ class Scene:
         return region_centroid(self.regions[0])
 
     def masks(self) -> list[NDArray[np.bool_]]:
-        """The (height, width) mask of each region: pixels whose centre is inside."""
+        """The (height, width) mask of each region: pixels whose center is inside."""
         return [binary_mask(rings, *image_size(self.camera)) for rings in self.image_rings]
 
     def coverages(self) -> list[Array]:
@@ -123,22 +123,26 @@ class LayoutOptions(TypedDict, total=False):
     max_view_angle_deg: float
 
 
-def perspective_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+def perspective_scene(
+    seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]
+) -> SyntheticScene:
     """A scene of the pinhole camera, 4 to 6 m away; `layout` as of `Layout`."""
     return setup_scene(perspective_setup(), Layout(planes, **layout), seed, study)
 
 
-def omnidirectional_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+def omnidirectional_scene(
+    seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]
+) -> SyntheticScene:
     """A scene of the polynomial fisheye of 180 deg field, 1 to 3 m away; `layout` as of `Layout`."""
     return setup_scene(omnidirectional_setup(), Layout(planes, **layout), seed, study)
 
 
-def fisheye_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> Scene:
+def fisheye_scene(seed: int, planes: int = 1, *, study: str = "", **layout: Unpack[LayoutOptions]) -> SyntheticScene:
     """A scene of the equidistant fisheye at half the perspective distances; `layout` as of `Layout`."""
     return setup_scene(fisheye_setup(), Layout(planes, **layout), seed, study)
 
 
-def setup_scene(setup: Setup, layout: Layout, seed: int, study: str = "") -> Scene:
+def setup_scene(setup: Setup, layout: Layout, seed: int, study: str = "") -> SyntheticScene:
     """The scene of a seed."""
     return draw_scene(setup.camera, setup.poses, layout, problem_generator(seed, study))
 
@@ -172,7 +176,7 @@ class Layout:
             raise ValueError(f'world frame is {self.world!r}; it must be "first" or "arbitrary"')
 
 
-def draw_scene(camera: Camera, poses: PoseSource, layout: Layout, rng: np.random.Generator) -> Scene:
+def draw_scene(camera: Camera, poses: PoseSource, layout: Layout, rng: np.random.Generator) -> SyntheticScene:
     """A random scene whose regions lie wholly in the image, apart from one another, none nearly edge-on.
 
     Poses and planes are drawn again until all fits; ScenePlacementError says what could not be placed.
@@ -181,7 +185,7 @@ def draw_scene(camera: Camera, poses: PoseSource, layout: Layout, rng: np.random
     flips = [not layout.front and bool(rng.random() < 0.5) for _ in range(layout.planes)]
     furthest = 0
     for _ in range(POSE_TRIES):
-        view = View(camera, *poses.draw(rng), layout.max_view_angle_deg)
+        view = PosedCamera(camera, *poses.draw(rng), layout.max_view_angle_deg)
         placed = _place_all(view, shapes, flips, rng)
         if len(placed) == layout.planes:
             scene = _assembled(view, placed, shapes)
@@ -194,7 +198,7 @@ def draw_scene(camera: Camera, poses: PoseSource, layout: Layout, rng: np.random
 
 
 @dataclass(frozen=True)
-class View:
+class PosedCamera:
     """A camera at a pose, and the largest angle between normal and line of sight at which it sees a region well."""
 
     camera: Camera
@@ -254,7 +258,7 @@ def _draw_templates(layout: Layout, rng: np.random.Generator) -> list[tuple[Temp
 
 
 def _place_all(
-    view: View, shapes: list[tuple[Template, ...]], flips: list[bool], rng: np.random.Generator
+    view: PosedCamera, shapes: list[tuple[Template, ...]], flips: list[bool], rng: np.random.Generator
 ) -> list[Placed]:
     """Planes placed one after the other at one pose, as many as fit."""
     placed: list[Placed] = []
@@ -268,7 +272,7 @@ def _place_all(
 
 
 def _place_plane(
-    view: View,
+    view: PosedCamera,
     templates: tuple[Template, ...],
     flip: bool,
     taken: list[shapely.Polygon],
@@ -312,9 +316,9 @@ def all_apart(outlines: list[shapely.Polygon], taken: list[shapely.Polygon]) -> 
     return True
 
 
-def _assembled(view: View, placed: list[Placed], shapes: list[tuple[Template, ...]]) -> Scene:
+def _assembled(view: PosedCamera, placed: list[Placed], shapes: list[tuple[Template, ...]]) -> SyntheticScene:
     """The scene of all placed planes, in the first plane's frame."""
-    return Scene(
+    return SyntheticScene(
         camera=view.camera,
         rotation=view.rotation,
         translation=view.translation,
@@ -324,7 +328,7 @@ def _assembled(view: View, placed: list[Placed], shapes: list[tuple[Template, ..
     )
 
 
-def in_arbitrary_world(scene: Scene, rng: np.random.Generator) -> Scene:
+def in_arbitrary_world(scene: SyntheticScene, rng: np.random.Generator) -> SyntheticScene:
     """The same scene with its world frame changed by any rotation and an offset up to 5 m along each axis."""
     turn = any_rotation(rng)
     offset = rng.uniform(-WORLD_OFFSET_M, WORLD_OFFSET_M, size=3)

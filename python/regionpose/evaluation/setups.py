@@ -27,7 +27,7 @@ class PoseSource(Protocol):
     """What true poses are drawn from."""
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Rotation (3, 3) and translation (3,), metres, of `camera_from_world`; the first plane is the world's z = 0.
+        """Rotation (3, 3) and translation (3,), meters, of `camera_from_world`; the first plane is the world's z = 0.
 
         The front of that plane is seen along +z.
         """
@@ -35,7 +35,7 @@ class PoseSource(Protocol):
 
 @dataclass(frozen=True)
 class PoseRange:
-    """Ranges that the true translation is drawn from, metres; the sign of the sideways and vertical parts is random."""
+    """Ranges that the true translation is drawn from, meters; the sign of the sideways and vertical parts is random."""
 
     lateral: tuple[float, float]
     depth: tuple[float, float]
@@ -53,7 +53,7 @@ class PoseRange:
         return rotation, np.append(lateral, rng.uniform(*self.depth))
 
     def draw_translation(self, rng: np.random.Generator) -> Array:
-        """Translation (3,), metres."""
+        """Translation (3,), meters."""
         return np.append(self._draw_lateral(rng), rng.uniform(*self.depth))
 
     def _draw_lateral(self, rng: np.random.Generator) -> Array:
@@ -123,7 +123,7 @@ def fisheye_setup() -> Setup:
 
 
 def perspective_camera() -> PinholeCamera:
-    """The benchmark's pinhole camera: 2376 x 1584 px, f = 1900 px, the principal point at the image centre."""
+    """The benchmark's pinhole camera: 2376 x 1584 px, f = 1900 px, the principal point at the image center."""
     focal = PERSPECTIVE_FOCAL_PX
     return PinholeCamera(focal, focal, *SENSOR_CENTER_PX, width=SENSOR_WIDTH_PX, height=SENSOR_HEIGHT_PX)
 

@@ -114,7 +114,7 @@ def gear_ring(teeth: int, root: float) -> NDArray[np.float64]:
 
 
 def round_drawings() -> dict[str, tuple[int, bool, Rings]]:
-    """Name -> (rotation order, mirror symmetric, rings) of the shapes with a rotation centre drawn by formula."""
+    """Name -> (rotation order, mirror symmetric, rings) of the shapes with a rotation center drawn by formula."""
     return {
         "triangle": (3, True, [regular_ring(3)]),
         "hexagon": (6, True, [regular_ring(6)]),

@@ -23,7 +23,7 @@ POLYGON = "polygon"
 class Template:
     """A planar shape of longer side 1 m, area centroid at the origin, x right and y down as its front is seen.
 
-    `rings`: (n, 2) metres, the outer ring first and counter-clockwise in (x, y), holes clockwise.
+    `rings`: (n, 2) meters, the outer ring first and counter-clockwise in (x, y), holes clockwise.
     `symmetry_order`: how many rotations about the origin (the identity included) map the shape onto itself.
     `mirror`: whether a reflection about a line through the origin does.
     """
@@ -57,7 +57,7 @@ def all_templates() -> tuple[Template, ...]:
 
 
 def polygon_template(rng: np.random.Generator, longer_side: float = 1.0) -> Template:
-    """A random polygon whose longer side has that length, metres."""
+    """A random polygon whose longer side has that length, meters."""
     return Template(POLYGON, 1, False, (random_polygon(rng, longer_side),))
 
 

@@ -73,7 +73,7 @@ def _autoware(view: ExportedView) -> Files:
     turn, place = view.world_from_frame
     values = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), [*place, *turn.as_euler("xyz")], strict=True))
     rows = "".join(f"    {key}: {_number(value)}\n" for key, value in values.items())
-    text = f"# {_frames(view)} Metres and radians.\n{view.world_frame}:\n  {view.camera_frame}:\n{rows}"
+    text = f"# {_frames(view)} Meters and radians.\n{view.world_frame}:\n  {view.camera_frame}:\n{rows}"
     return {"sensors_calibration.yaml": text}
 
 
@@ -81,7 +81,7 @@ def _opencv(view: ExportedView) -> Files:
     parts = {"rvec": view.pose.rotation.as_rotvec()[:, None], "tvec": view.pose.translation[:, None]}
     if isinstance(view.camera, PinholeCamera | FisheyeCamera):
         parts |= {"camera_matrix": _matrix(view.camera), "distortion_coefficients": _opencv_coefficients(view.camera)}
-    note = "# x_camera = Rodrigues(rvec) x_world + tvec, metres; x right, y down, z forward\n"
+    note = "# x_camera = Rodrigues(rvec) x_world + tvec, meters; x right, y down, z forward\n"
     return {"pose.yml": f"%YAML:1.0\n---\n{note}" + "".join(_opencv_matrix(name, held) for name, held in parts.items())}
 
 
@@ -146,7 +146,7 @@ def _kalibr(view: ExportedView) -> Files:
     xi = [camera.xi] if isinstance(camera, UnifiedCamera) else []
     rows = "".join(f"  - [{', '.join(_number(value) for value in row)}]\n" for row in view.pose.matrix)
     text = (
-        f"# T_cam_imu takes points of {view.world_frame} to the camera: x right, y down, z forward; metres\n"
+        f"# T_cam_imu takes points of {view.world_frame} to the camera: x right, y down, z forward; meters\n"
         f"cam0:\n  camera_model: {KALIBR_MODELS[type(camera)]}\n"
         f"  intrinsics: [{_row([*xi, camera.fx, camera.fy, camera.cx, camera.cy], ', ')}]\n"
         f"  distortion_model: {'equidistant' if fisheye else 'radtan'}\n"

@@ -26,7 +26,7 @@ MODEL_NAMES: dict[type[Camera], str] = {
 
 @dataclass(frozen=True, eq=False)
 class ExportedView:
-    """A pose `camera_from_world` (metres), the camera and the photo's name where they are known, and frames' names.
+    """A pose `camera_from_world` (meters), the camera and the photo's name where they are known, and frames' names.
 
     `camera_frame` is the optical one, x right, y down, z forward, unless `body`: then it is ROS' x forward, y left, z
     up.

@@ -33,13 +33,13 @@ LARGEST_SIDE = 4096
 """Pixels of the longer side of the photo as it is sent."""
 
 PALETTE = ("#ff9f1c", "#29b6f6", "#9ccc3c", "#ff5d8f", "#b388ff", "#ffd60a", "#00d9b0", "#ff7043", "#5c8dff", "#d4e157")
-"""Colours of the regions, told apart on photos and on the depth colours; the eleventh begins again."""
+"""Colors of the regions, told apart on photos and on the depth colors; the eleventh begins again."""
 
 MEMBER_SHARE = 0.65
-"""How much of a region's colour its points take in the cloud."""
+"""How much of a region's color its points take in the cloud."""
 
 UNSEEN_LIGHT = 0.35
-"""Light that is left of points that the camera doesn't see, beside those with the photo's colours."""
+"""Light that is left of points that the camera doesn't see, beside those with the photo's colors."""
 
 COLORINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Color", "photo": "Photo"}
 
@@ -94,7 +94,7 @@ class Desk:
 
     @property
     def colorings(self) -> dict[str, str]:
-        """The ways to colour the cloud that there are now, and what the page calls them."""
+        """The ways to color the cloud that there are now, and what the page calls them."""
         cloud = self.cloud
         there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colors is not None}
         there["photo"] = self.outcome.state == "ready" or "photo" in self._colors
@@ -142,7 +142,7 @@ class Desk:
         return np.asarray(self.session.cloud.local_points[index] + self.session.cloud.origin)
 
     def color_by(self, coloring: str) -> None:
-        """Colour the cloud in one of the ways of `colorings`."""
+        """Color the cloud in one of the ways of `colorings`."""
         with self._lock:
             if coloring in self.colorings and coloring != self.coloring:
                 self.coloring = coloring
@@ -192,7 +192,7 @@ class Desk:
         self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
 
     def _serve_cloud(self) -> None:
-        """The range image and the colours of the shown points, with the regions' own points in their colours."""
+        """The range image and the colors of the shown points, with the regions' own points in their colors."""
         colors = self._marked(self._colors_of(self.coloring))
         picture = Image.fromarray(self.range_view.picture(self.cloud.local_points, colors, self._pictured))
         self.pictured += 1
@@ -219,7 +219,7 @@ class Desk:
         return self._colors[coloring]
 
     def _photo_colors(self) -> Bytes:
-        """The photo's colours on the points that the camera sees by the last pose, the others dark."""
+        """The photo's colors on the points that the camera sees by the last pose, the others dark."""
         run = self.outcome.run
         if run is None:
             return self._colors_of("depth")
@@ -260,7 +260,7 @@ class Desk:
 
 
 def color_of(key: int) -> str:
-    """The colour of a region, as the page writes it."""
+    """The color of a region, as the page writes it."""
     return PALETTE[key % len(PALETTE)]
 
 

@@ -13,7 +13,7 @@ Handler = Callable[[Any], Any]
 class PictureView(Element, component="picture_view.js"):
     """A picture with outlines over it, for clicks, polygons and their vertices.
 
-    Events: `pick` {x, y, again}, `polygon` {ring}, `rings` {key, rings, hidden}; pixels, an integer a pixel's centre.
+    Events: `pick` {x, y, again}, `polygon` {ring}, `rings` {key, rings, hidden}; pixels, an integer a pixel's center.
     """
 
     def __init__(self, size: tuple[int, int], *, least: float = 0.0) -> None:
@@ -38,7 +38,7 @@ class CloudView(Element, component="cloud_view.js"):
     """Points in 3D with outlines. Event: `pick` {origin, direction, again}, about the points' own zero."""
 
     def __init__(self, *, eye: list[float], zenith: list[float], reach: float) -> None:
-        """A view from `eye`, metres, of points within `reach` of zero; `zenith`: the direction up."""
+        """A view from `eye`, meters, of points within `reach` of zero; `zenith`: the direction up."""
         super().__init__()
         self._props.update(
             points="files/points.bin", colors="", shapes=[], eye=eye, zenith=zenith, reach=reach, busy=""

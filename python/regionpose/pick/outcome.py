@@ -41,6 +41,6 @@ class Outcome:
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:
-    """A line (n, 2) or (n, 3) as lists, to a hundredth of a pixel or to a millimetre."""
+    """A line (n, 2) or (n, 3) as lists, to a hundredth of a pixel or to a millimeter."""
     digits = 2 if line.shape[1] == 2 else 3
     return [[round(float(value), digits) for value in point] for point in line]

@@ -99,7 +99,7 @@ class Choices(Generic[Part]):
 
 @dataclass(frozen=True, eq=False)
 class Picked:
-    """A region of the list: its name, its place among the colours, and the sides that it has so far."""
+    """A region of the list: its name, its place among the colors, and the sides that it has so far."""
 
     key: int
     name: str

@@ -1,4 +1,4 @@
-// A picture to click on: zoom, pan, loupe, outlines, polygons with vertices to drag. Pixels are OpenCV's: an integer is a pixel's centre.
+// A picture to click on: zoom, pan, loupe, outlines, polygons with vertices to drag. Pixels are OpenCV's: an integer is a pixel's center.
 const STILL = 4, NEAR = 10, LOUPE = 176, POWER = 5;
 
 export default {
@@ -34,7 +34,7 @@ export default {
                :data-ring="r" :data-index="i" data-insert="1" title="drag to add a vertex"></div>
         </template>
       </template>
-      <div v-for="s in labelled" :key="'n' + s.key" class="pv-name" :style="{...at(s.place), '--c': s.color}" :class="{'pv-on': s.selected}">{{ s.name }}</div>
+      <div v-for="s in labeled" :key="'n' + s.key" class="pv-name" :style="{...at(s.place), '--c': s.color}" :class="{'pv-on': s.selected}">{{ s.name }}</div>
     </div>
     <canvas v-show="loupe && glass" ref="loupe" class="pv-loupe" :class="{'pv-left': glassLeft}" width="${LOUPE}" height="${LOUPE}"></canvas>
     <div v-if="busy" class="pv-busy"><span></span>{{ busy }}</div>
@@ -50,7 +50,7 @@ export default {
       return this.shapes.filter(s => s.rings).map(s => (this.edited && s.key === this.edited.key ? {...s, rings: this.edited.rings, hidden: this.edited.hidden} : s));
     },
     lined() { return this.shapes.filter(s => s.lines); },
-    labelled() {
+    labeled() {
       if (!this.showOutlines) return [];
       return this.shapes.map(s => ({...s, place: this.topOf(s.rings || s.lines)})).filter(s => s.place);
     },

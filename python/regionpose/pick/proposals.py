@@ -33,14 +33,14 @@ RANGE_PERCENTILES = (2.0, 98.0)
 """The range of intensities leaves reflectors out."""
 
 LEAST_PURITY = 0.9
-"""Share of like points among the neighbours of a patch's points, on the same plane, from which its intensity marks a
+"""Share of like points among the neighbors of a patch's points, on the same plane, from which its intensity marks a
 region of its own, as of a sign on a wall. Of the demo's six regions it is 0.93 to 1.0; a face whose intensity only
 varies has less."""
 
-NEIGHBOURS = 8
+NEIGHBORS = 8
 """Nearest points on the plane that are asked, and across which a patch is connected: those around a point."""
 
-NEAREST_AND_SELF = NEIGHBOURS + 1
+NEAREST_AND_SELF = NEIGHBORS + 1
 
 
 def mask_choices(image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
@@ -68,7 +68,7 @@ def segmenter_choices(segmenter: Segmenter, image: Picture, seed: Sequence[float
 def _mask(image: Picture, seed: tuple[float, float], tolerance: float) -> ImagePart:
     """The mask grown with a tolerance."""
     shares = grow_image_region(image, seed, tolerance=tolerance, coverage=True)
-    return ImagePart.of_shares(shares, f"colours within {tolerance:.3g}")
+    return ImagePart.of_shares(shares, f"colors within {tolerance:.3g}")
 
 
 def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], seed: Array) -> Choices[WorldPart]:
@@ -102,20 +102,20 @@ def _shade(scan: Scan, seed: Array) -> float | None:
     indices = grow_plane(cloud.local_points, seed - scan.origin)
     low, high = np.percentile(cloud.intensity, RANGE_PERCENTILES)
     places, levels = cloud.local_points[indices], cloud.intensity[indices]
-    neighbours = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
+    neighbors = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
     start = int(np.argmin(np.sum((places - (seed - scan.origin)) ** 2, axis=1)))
-    found = [(_purity(levels, neighbours, start, share * (high - low)), share) for share in SHADES]
+    found = [(_purity(levels, neighbors, start, share * (high - low)), share) for share in SHADES]
     purity, share = max(found)
     return float(f"{share * (high - low):.4g}") if purity >= LEAST_PURITY else None
 
 
-def _purity(levels: Array, neighbours: NDArray[np.intp], start: int, tolerance: float) -> float:
-    """Share of like points among the neighbours of those connected with the start; 0 where all are like it."""
-    alike = np.abs(levels - np.median(levels[neighbours[start]])) <= tolerance
+def _purity(levels: Array, neighbors: NDArray[np.intp], start: int, tolerance: float) -> float:
+    """Share of like points among the neighbors of those connected with the start; 0 where all are like it."""
+    alike = np.abs(levels - np.median(levels[neighbors[start]])) <= tolerance
     alike[start] = True
-    rows, columns = np.repeat(np.arange(len(levels)), neighbours.shape[1]), neighbours.ravel()
+    rows, columns = np.repeat(np.arange(len(levels)), neighbors.shape[1]), neighbors.ravel()
     linked = alike[rows] & alike[columns]
     graph = coo_array((linked[linked], (rows[linked], columns[linked])), shape=(len(levels),) * 2)
     labels = connected_components(graph, directed=False)[1]
     members = labels == labels[start]
-    return 0.0 if members.all() else float(members[neighbours[members]].mean())
+    return 0.0 if members.all() else float(members[neighbors[members]].mean())

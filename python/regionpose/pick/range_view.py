@@ -23,7 +23,7 @@ MOST_COLUMNS, MOST_ROWS = 4096, 2048
 """Pixels of the picture at the most: a browser's textures hold them, and a pixel is 0.09 degrees of a full turn."""
 
 PIXELS_PER_SPACING = 1.5
-"""Pixels between neighbouring points along the picture's sides: enough to click on each of them."""
+"""Pixels between neighboring points along the picture's sides: enough to click on each of them."""
 
 NEAR_POLE = 60.0
 """Degrees above or below the horizon from which directions crowd at a pole of the picture; a convention."""
@@ -43,11 +43,11 @@ BLOCK = 1 << 20
 BACKGROUND = (22, 26, 33)
 
 SHADING = 60.0
-"""Strength with which a pixel darkens for how much nearer its neighbours are, on a logarithmic scale: a step of 1 %
+"""Strength with which a pixel darkens for how much nearer its neighbors are, on a logarithmic scale: a step of 1 %
 takes a third of the light (after Boucheny 2009, eye-dome lighting)."""
 
 LARGEST_STEP = 0.02
-"""Step of the logarithm of the distance beyond which a neighbour takes no more light: an edge is an edge."""
+"""Step of the logarithm of the distance beyond which a neighbor takes no more light: an edge is an edge."""
 
 SHADED_LEAST = 0.35
 """Light that is left in the deepest shade."""
@@ -103,7 +103,7 @@ class RangeView:
         return self.indices.shape[1], self.indices.shape[0]
 
     def point_at(self, x: float, y: float) -> int | None:
-        """Index of the point that the pixel at (x, y) shows, an integer being a pixel's centre; None where it is empty.
+        """Index of the point that the pixel at (x, y) shows, an integer being a pixel's center; None where it is empty.
 
         Clicks beside a point by a pixel or two find it.
         """
@@ -126,7 +126,7 @@ class RangeView:
         return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
 
     def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:
-        """The picture (h, w, 3) of points (n, 3) in colours (n, 3), edges of depth shaded.
+        """The picture (h, w, 3) of points (n, 3) in colors (n, 3), edges of depth shaded.
 
         `shown` (h, w): which of these points each pixel shows, -1 for none.
         """
@@ -141,7 +141,7 @@ class RangeView:
 
 
 def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
-    """Colours (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
+    """Colors (n, 3) of a cloud's points: hue by their distance from a place, brightness by their intensity."""
     ranges = np.linalg.norm(cloud.local_points - place, axis=1)
     near, far = np.percentile(ranges, [1.0, 99.0])
     table = depth_colors()
@@ -166,7 +166,7 @@ def grays(cloud: Cloud) -> Array:
 
 
 def _light(ranges: Floats) -> Floats:
-    """The light (h, w) that the nearer neighbours leave to pixels of these distances, infinite ones being empty."""
+    """The light (h, w) that the nearer neighbors leave to pixels of these distances, infinite ones being empty."""
     height = np.log(np.maximum(ranges, np.float32(1e-9)))
     padded = np.pad(height, 2, constant_values=np.inf)
     steps = np.zeros_like(height)

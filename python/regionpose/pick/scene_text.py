@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from regionpose.pick.parts import ImagePart, Picked
 from regionpose.scene import Scene
 from regionpose.scene.document import Document
 from regionpose.scene.models import SceneModel
+from regionpose.yaml_text import to_yaml
 
 HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"
 
@@ -55,4 +54,4 @@ def region_lists(regions: Sequence[Picked], path: Path) -> dict[str, Any]:
 
 def scene_text(values: dict[str, Any]) -> str:
     """The values as the text of a scene file."""
-    return HEADING + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
+    return HEADING + to_yaml(values)

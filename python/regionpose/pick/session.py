@@ -65,7 +65,7 @@ class Session:
     """Regions picked in the photo and the cloud of a scene.
 
     `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. `segmenter`: what clicks in
-    the photo ask; they grow by colour where it is None. Edits are ValueErrors that say what is needed, and change
+    the photo ask; they grow by color where it is None. Edits are ValueErrors that say what is needed, and change
     nothing then. Not safe for several threads at once.
     """
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
-from regionpose.arrays import checked_image
+from regionpose.arrays import checked_image, real_rows
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.pose import Pose
@@ -30,7 +30,7 @@ DEPTH_TOLERANCE = 0.03
 cell."""
 
 NEAREST = np.float32(1e-6)
-"""Metres; a point in the camera's center would weigh without limit."""
+"""Meters; a point in the camera's center would weigh without limit."""
 
 LEAST_COSINE = np.float32(0.01)
 """Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still colored."""
@@ -42,8 +42,8 @@ LAYER_RATIO, LAYER_STEP = 1.5, 1.25
 """Far over near distance of a layer, and from layer to layer: a surface lies in one of them where it's up to 1.2 times
 as far."""
 
-GAP_SAMPLES, GAP_NEIGHBOURS = 400, 64
-"""Points of a layer whose gaps are measured, and neighbours looked at: a scan line's spacing and the next scan line."""
+GAP_SAMPLES, GAP_NEIGHBORS = 400, 64
+"""Points of a layer whose gaps are measured, and neighbors looked at: a scan line's spacing and the next scan line."""
 
 GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
 """The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
@@ -52,7 +52,7 @@ WIDEST_GAP_SHARE = 1 / 16
 """Gap over the image's diagonal at the most; what is farther apart is no surface."""
 
 
-class View(NamedTuple):
+class PosedImage(NamedTuple):
     """An image (h, w) or (h, w, 3), its camera, and the pose `camera_from_world`."""
 
     image: ArrayLike
@@ -99,12 +99,12 @@ def colorize(
     ValueError
         For other shapes or types.
     """
-    return blend_colors(points, [View(image, camera, pose)], depth_tolerance=depth_tolerance)
+    return blend_colors(points, [PosedImage(image, camera, pose)], depth_tolerance=depth_tolerance)
 
 
 def blend_colors(
     points: ArrayLike,
-    views: Iterable[View | tuple[ArrayLike, Camera, Pose]],
+    views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]],
     *,
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
@@ -136,7 +136,7 @@ def blend_colors(
     ValueError
         Without a view, and for other shapes or types.
     """
-    given = _checked_points(points)
+    given = real_rows(points, "points", 3)
     facing = None if normals is None else _checked_normals(normals, len(given))
     tolerance = _checked_tolerance(depth_tolerance)
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
@@ -159,7 +159,7 @@ def blend_colors(
 
 
 def colored_cloud(
-    cloud: Cloud, views: Iterable[View | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+    cloud: Cloud, views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colors of images, and which points (n,) any of the cameras sees.
 
@@ -180,20 +180,11 @@ def project_points(
 
     `hidden=False`: NaN, too, for points behind others, as in `colorize`.
     """
-    projection = _projected(_checked_points(points), camera, pose, size)
+    projection = _projected(real_rows(points, "points", 3), camera, pose, size)
     if not hidden:
         unseen = ~_visible(projection, size, DEPTH_TOLERANCE)
         projection.pixels[unseen], projection.distances[unseen] = np.nan, np.nan
     return projection.pixels, projection.distances
-
-
-def _checked_points(points: ArrayLike) -> NDArray[np.floating]:
-    given = np.asarray(points)
-    if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(
-            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
-        )
-    return given
 
 
 def _checked_normals(normals: ArrayLike, count: int) -> Floats:
@@ -287,16 +278,16 @@ def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> Non
 
 
 def _gap(places: Floats, widest: int) -> float:
-    """Cells between neighbouring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
+    """Cells between neighboring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
     have them.
 
-    Each sampled place's nearest neighbours upwards, downwards, left and right are sorted; the third is the wider
+    Each sampled place's nearest neighbors upwards, downwards, left and right are sorted; the third is the wider
     spacing also on a side of the layer, where one direction has none.
     """
     if len(places) < 4:
         return 0.0
     samples = places[:: max(1, len(places) // GAP_SAMPLES)]
-    count = min(GAP_NEIGHBOURS + 1, len(places))
+    count = min(GAP_NEIGHBORS + 1, len(places))
     apart, index = cKDTree(places).query(samples, k=count, distance_upper_bound=widest)
     steps = np.concatenate([places, [[np.inf, np.inf]]])[index] - samples[:, None]
     with np.errstate(invalid="ignore"):

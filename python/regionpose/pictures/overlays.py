@@ -58,10 +58,10 @@ THINNEST_LINE = 1.5
 """Pixels; what is thinner can't be seen."""
 
 ARC_STEP = np.radians(0.2)
-"""Radians between neighbouring points on a projected edge: distortion bends it by far less than a pixel in between."""
+"""Radians between neighboring points on a projected edge: distortion bends it by far less than a pixel in between."""
 
 CONTOUR_STEP = 3.0
-"""Pixels between neighbouring points of a contour that labels keep clear of."""
+"""Pixels between neighboring points of a contour that labels keep clear of."""
 
 MOST_PARTS = 2000
 """Parts of an edge at the most, which passes the camera closely then."""
@@ -149,14 +149,14 @@ def overlay_depth(
     pose: Pose,
     points: ArrayLike,
     *,
-    limits: tuple[float, float] | None = None,
-    radius: float | None = None,
+    limits_m: tuple[float, float] | None = None,
+    radius_px: float | None = None,
 ) -> Bytes:
     """The image, gray and dimmed, with world points colored by their distance from the camera, and a strip with the
     scale beside its right side: (h, w + strip, 3).
 
     Points behind others are left out, as in `colorize`, and near ones lie over far ones. The colors run evenly in
-    lightness and hue over the logarithm of the distance, light is near; the scale shows metres.
+    lightness and hue over the logarithm of the distance, light is near; the scale shows meters.
 
     Parameters
     ----------
@@ -168,10 +168,10 @@ def overlay_depth(
         `camera_from_world`.
     points : (n, 3) array
         World coordinates.
-    limits : tuple of 2 float, optional
-        Nearest and farthest distance of the scale, metres; percentiles 1 and 99 by default.
-    radius : float, optional
-        Of a dot, pixels; by the image's size by default.
+    limits_m : tuple of 2 float, optional
+        Nearest and farthest distance of the scale; percentiles 1 and 99 by default.
+    radius_px : float, optional
+        Of a dot; by the image's size by default.
 
     Raises
     ------
@@ -181,8 +181,8 @@ def overlay_depth(
     colors = checked_image(image)
     pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)
     seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
-    near, far = _checked_limits(limits, distances[seen])
-    dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius is None else radius
+    near, far = _checked_limits(limits_m, distances[seen])
+    dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px
     depth = _depth_image(pixels[seen], distances[seen], colors.shape[:2], dot)
     picture = _dimmed(colors)
     for top in range(0, len(depth), STRIP_ROWS):
@@ -379,7 +379,7 @@ def _checked_limits(limits: tuple[float, float] | None, distances: NDArray[np.fl
         return (near, far) if far > 1.01 * near else (near / 1.1, near * 1.1)
     near, far = limits
     if not 0.0 < near < far < np.inf:
-        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in metres")
+        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in meters")
     return float(near), float(far)
 
 

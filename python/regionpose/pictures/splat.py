@@ -22,7 +22,7 @@ LARGEST_SPLAT = 5
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Viewpoint:
     """A pinhole viewpoint: `eye` (3,) looks at `target` (3,), `up` (3,) is up in the picture, `field_deg` wide
     across.
     """
@@ -43,7 +43,7 @@ class View:
         return np.stack([right, np.cross(forward, right), forward])
 
 
-def splatted(points: Array, colors: Colors, view: View, width: int = 960, height: int = 600) -> Colors:
+def splatted(points: Array, colors: Colors, view: Viewpoint, width: int = 960, height: int = 600) -> Colors:
     """The picture (height, width, 3) of points (n, 3) with colors (n, 3), seen from `view`."""
     step = max(1, -(-len(points) // MOST_POINTS))
     points, colors = points[::step], colors[::step]
@@ -59,7 +59,7 @@ def splatted(points: Array, colors: Colors, view: View, width: int = 960, height
     return _painted(pixels.astype(np.int64), depths, sides, colors, (height, width))
 
 
-def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[View, View]:
+def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[Viewpoint, Viewpoint]:
     """Two views of points (n, 3) that a camera sees: from its left and from its right, raised, both looking at their
     middle.
     """
@@ -70,7 +70,7 @@ def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[View, Vi
     return _orbited(target, arm, up, -35.0, 15.0), _orbited(target, arm, up, 30.0, 35.0)
 
 
-def _orbited(target: Array, arm: Array, up: Array, turn_deg: float, raise_deg: float) -> View:
+def _orbited(target: Array, arm: Array, up: Array, turn_deg: float, raise_deg: float) -> Viewpoint:
     """The view from `arm` turned about `up` and raised towards it."""
     from scipy.spatial.transform import Rotation
 
@@ -79,7 +79,7 @@ def _orbited(target: Array, arm: Array, up: Array, turn_deg: float, raise_deg: f
     tilt = np.cross(turned, axis)
     if np.linalg.norm(tilt) > 1e-6 * np.linalg.norm(turned):
         turned = Rotation.from_rotvec(np.radians(raise_deg) * _unit(tilt)).apply(turned)
-    return View(target + turned, target, axis)
+    return Viewpoint(target + turned, target, axis)
 
 
 def _painted(

@@ -41,7 +41,7 @@ def marked_edges(
 
 
 def marked_lines(ring: Array, marks: Marks) -> list[Array]:
-    """Lines (m, 2) along the marked edges of a ring (n, 2), one for each run of neighbours."""
+    """Lines (m, 2) along the marked edges of a ring (n, 2), one for each run of neighbors."""
     count = len(ring)
     if marks.all():
         return [np.vstack([ring, ring[:1]])]
@@ -73,7 +73,7 @@ def traced_beside(mask: ArrayLike, unknown: ArrayLike) -> tuple[list[Array], Mas
     """Contours and window, as of `traced_mask`, of what a mask (h, w) holds beside unknown pixels, and for each ring
     (n, 2) whether its edges run along these, (n,); None where none does.
 
-    A contour runs among four pixels' centres everywhere; it is hidden where one of the four is unknown, and has a
+    A contour runs among four pixels' centers everywhere; it is hidden where one of the four is unknown, and has a
     vertex where that begins. ValueError for arrays of other shapes or types, and where nothing is left.
     """
     known, doubtful = checked_mask(mask).copy(), _unknown_pixels(unknown)
@@ -114,7 +114,7 @@ def _split_at_unknown(ring: Array, unknown: Marks) -> tuple[Array, Marks]:
 
 
 def _is_beside(points: Array, unknown: Marks) -> Marks:
-    """Whether one of the four pixels whose centres surround each of the points (m, 2) is unknown."""
+    """Whether one of the four pixels whose centers surround each of the points (m, 2) is unknown."""
     height, width = unknown.shape
     low = np.floor(points).astype(np.int64)
     found = np.zeros(len(points), dtype=np.bool_)

@@ -188,7 +188,7 @@ class ImageRegion:
         return left, top, right, bottom
 
     def bearings(self, camera: Camera) -> list[Array]:
-        """The rings as bearings (m, 3), split so that arcs between neighbours stay within 0.01 px of the pixel edges.
+        """The rings as bearings (m, 3), split so that arcs between neighbors stay within 0.01 px of the pixel edges.
 
         Edges drawn along the border are moved onto it. ValueError where the camera sees no ray at a vertex.
         """
@@ -276,7 +276,7 @@ class ImageRegion:
     def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
         """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
 
-        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbours tile the
+        The surface element is the solid angle between the rays of a pixel's four corners, so that neighbors tile the
         sphere. ValueError without a mask, or where the camera sees no ray.
         """
         if self.mask is None:

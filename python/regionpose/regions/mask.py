@@ -57,7 +57,7 @@ class MaskWindow:
         return mask
 
     def covered_pixels(self) -> tuple[Array, Array]:
-        """Centres (m, 2) of the pixels that hold any coverage, in the image, and the coverage (m,) of each."""
+        """Centers (m, 2) of the pixels that hold any coverage, in the image, and the coverage (m,) of each."""
         rows, columns = np.nonzero(self.coverage)
         pixels = np.column_stack([columns, rows]).astype(np.float64) + self.offset
         return pixels, self.coverage[rows, columns].astype(np.float64)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from regionpose import _core
-from regionpose.arrays import signed_area
+from regionpose.arrays import row_array, signed_area
 from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ class Outline(NamedTuple):
 class PlaneSamples(NamedTuple):
     """A plane and the samples of a region on it.
 
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, metres, up to which points of
+    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, meters, up to which points of
     the region belong to it; `noise`, up to which noise puts points of the plane. `flat`: the samples (n, 2) in its
     coordinates, moved onto it along the normal or their beams.
     """
@@ -105,7 +105,7 @@ class PlaneSamples(NamedTuple):
 def outline_of_points(
     points: ArrayLike,
     *,
-    radius: float | None = None,
+    radius_m: float | None = None,
     correct_sampling: bool = True,
     sensor_origin: ArrayLike | None = None,
 ) -> Outline:
@@ -113,13 +113,13 @@ def outline_of_points(
 
     The patch ends between the last sample and the next, which missed it. `correct_sampling` puts the outline halfway:
     half a step beyond the last return of a lidar's line and half a gap beyond its last line. Without it the outline
-    runs through the outermost samples. `radius` (metres) is that of the alpha shape, gaps that a disc of this radius
+    runs through the outermost samples. `radius_m` is that of the alpha shape: gaps that a disc of this radius
     passes stay open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the
     samples are moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning
     tells that the samples are too sparse to show the outline. ValueError for values that are not finite, fewer than 3
     points, points that are identical, on one line or on a single scan line, or a radius that is not positive.
     """
-    checked = None if radius is None else checked_radius(radius)
+    checked = None if radius_m is None else checked_radius(radius_m)
     plane = plane_samples(points, sensor_origin)
     rings = flat_outline(plane.flat, radius=checked, correct_sampling=correct_sampling)
     return Outline(plane.origin, plane.axes[:2], rings)
@@ -137,9 +137,9 @@ def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> 
 def checked_radius(radius: object) -> float:
     """`radius` as a positive number, infinite for the convex hull; ValueError that says what was found otherwise."""
     if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
-        raise ValueError(f"radius is a {type(radius).__name__}; needed a positive number of metres")
+        raise ValueError(f"radius_m is a {type(radius).__name__}; needed a positive number of meters")
     if not radius > 0.0:
-        raise ValueError(f"radius is {radius}; needed a positive number of metres")
+        raise ValueError(f"radius_m is {radius}; needed a positive number of meters")
     return float(radius)
 
 
@@ -205,8 +205,8 @@ def _spacing_squared(points: Array) -> Array:
     """A matrix (2, 2) of determinant 1, such that samples (n, 2) are equally far apart in all directions in
     `points @ matrix`.
 
-    The mean length of the steps to neighbours, each counted along its own direction, is then the same along all axes.
-    Where it isn't, the ratio is that of the spacings. Neighbours are found anew after each round.
+    The mean length of the steps to neighbors, each counted along its own direction, is then the same along all axes.
+    Where it isn't, the ratio is that of the spacings. Neighbors are found anew after each round.
     """
     matrix: Array = np.eye(2)
     for _ in range(EVEN_ROUNDS):
@@ -267,8 +267,8 @@ def _refuse_one_line(points: Array) -> None:
     freedom = len(points) - 3
     if freedom < 1:
         return
-    centerd = points - points.mean(axis=0)
-    along, across = (centerd @ np.linalg.svd(centerd, full_matrices=False)[2].T).T
+    centered = points - points.mean(axis=0)
+    along, across = (centered @ np.linalg.svd(centered, full_matrices=False)[2].T).T
     parabola = np.vander(along / np.abs(along).max(), 3)
     off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
     step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
@@ -277,7 +277,7 @@ def _refuse_one_line(points: Array) -> None:
 
 
 def _delaunay_edges(points: Array) -> NDArray[np.intp]:
-    """Pairs (m, 2) of points (n, 2) that are natural neighbours."""
+    """Pairs (m, 2) of points (n, 2) that are natural neighbors."""
     ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
 
@@ -381,12 +381,7 @@ def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32
 
 
 def _checked_points(points: ArrayLike) -> Array:
-    given = np.asarray(points)
-    if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(
-            f"points have shape {given.shape} and type {given.dtype}; needed an (n, 3) array of real numbers"
-        )
-    given = given.astype(np.float64)
+    given = row_array(points, "points", 3)
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
         raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")

@@ -38,14 +38,14 @@ OTHER_SAMPLES = 200
 """Other samples that are kept: far from all edges they tell a wrong pose from a right one and no more."""
 
 MOST_TRIANGULATED = 20_000
-"""Samples that are joined to find neighbours; of more those near the edges alone, cell by cell."""
+"""Samples that are joined to find neighbors; of more those near the edges alone, cell by cell."""
 
 CELL_SAMPLES = 16
 """Samples of such a cell on average."""
 
 
 LEAST_SURROUNDED = 0.5
-"""Share of the outermost returns that need a neighbour on the plane where nothing else is known to be outside: with
+"""Share of the outermost returns that need a neighbor on the plane where nothing else is known to be outside: with
 less the outline, which takes the rest for the region's end, knows more. A convention: most of them."""
 
 
@@ -82,10 +82,10 @@ def scan_samples(
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    passed, neighbours = _other_places(points, members, _Sight(plane, window, sensor))
-    if extends and len(neighbours):
-        neighbours = neighbours[~_joined(inside, neighbours)]
-    outside = np.concatenate([passed, neighbours])
+    passed, neighbors = _other_places(points, members, _Sight(plane, window, sensor))
+    if extends and len(neighbors):
+        neighbors = neighbors[~_joined(inside, neighbors)]
+    outside = np.concatenate([passed, neighbors])
     if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
         return None
     samples = _telling(inside, outside, rings)
@@ -165,12 +165,12 @@ def _within(flat: Array, window: tuple[Array, Array]) -> Array:
     return inside
 
 
-def _joined(inside: Array, neighbours: Array) -> Mask:
-    """Whether each of the neighbours (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps."""
+def _joined(inside: Array, neighbors: Array) -> Mask:
+    """Whether each of the neighbors (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps."""
     reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
-    near = cKDTree(inside).query(neighbours, distance_upper_bound=reach)[0] <= reach
-    pairs = cKDTree(neighbours).query_pairs(reach, output_type="ndarray")
-    count = len(neighbours)
+    near = cKDTree(inside).query(neighbors, distance_upper_bound=reach)[0] <= reach
+    pairs = cKDTree(neighbors).query_pairs(reach, output_type="ndarray")
+    count = len(neighbors)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     parts = connected_components(graph, directed=False)[1]
     joined: Mask = np.isin(parts, np.unique(parts[near]))
@@ -202,7 +202,7 @@ def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
 def enclosed(inside: Array, outside: Array) -> Mask:
     """Whether each of the places (m, 2) outside a region is surrounded by those (n, 2) inside: in a hole, or a window.
 
-    Natural neighbours among those outside lead from it to none of the outermost places.
+    Natural neighbors among those outside lead from it to none of the outermost places.
     """
     places, count = np.concatenate([inside, outside]), len(inside)
     try:
@@ -244,7 +244,7 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
     near: NDArray[np.intp] = everything[mixed.ravel()[number]]
     if len(near) <= MOST_TRIANGULATED:
         return near
-    # Whole cells, so that neighbours stay neighbours.
+    # Whole cells, so that neighbors stay neighbors.
     used = np.unique(number[near])
     share = MOST_TRIANGULATED / len(near)
     thinned: NDArray[np.intp] = near[np.isin(number[near], _some(used, int(share * len(used))))]
@@ -260,7 +260,7 @@ def _dilated(cells: Mask) -> Mask:
 
 
 def _beside_others(places: Array, is_inside: Mask) -> Mask:
-    """Whether each place (n, 2) has a natural neighbour of the other kind."""
+    """Whether each place (n, 2) has a natural neighbor of the other kind."""
     try:
         triangles = Delaunay(places - places.mean(axis=0)).simplices
     except QhullError:

@@ -42,7 +42,7 @@ class WorldRegion:
         Parameters
         ----------
         rings : (n, 3) array or sequence of such
-            Metres, turning either way; the vertices are moved onto their least squares plane.
+            Meters, turning either way; the vertices are moved onto their least squares plane.
 
         Raises
         ------
@@ -65,13 +65,13 @@ class WorldRegion:
         Parameters
         ----------
         polygons : sequence of sequences of (n, 3) arrays
-            Each a list of rings as in `from_polygon`, metres; the vertices are moved onto one least squares plane.
+            Each a list of rings as in `from_polygon`, meters; the vertices are moved onto one least squares plane.
 
         Raises
         ------
         ValueError
-            As of `from_polygon`, a message about one polygon led by its number; for vertices farther from the common
-            plane than 1 % of the extent, and for polygons that overlap.
+            As of `from_polygon`, a message about one polygon begins with its number; for vertices farther from the
+            common plane than 1 % of the extent, and for polygons that overlap.
         """
         parts = _polygon_list(polygons)
         origin, axes = _common_plane(parts)
@@ -90,7 +90,7 @@ class WorldRegion:
         cls,
         points: ArrayLike,
         *,
-        radius: float | None = None,
+        radius_m: float | None = None,
         correct_sampling: bool = True,
         sensor_origin: ArrayLike | None = None,
     ) -> WorldRegion:
@@ -101,9 +101,9 @@ class WorldRegion:
         Parameters
         ----------
         points : (n, 3) array
-            Metres.
-        radius : float, optional
-            Of the alpha shape, metres; chosen from the spacing of the points when None.
+            Meters.
+        radius_m : float, optional
+            Of the alpha shape; chosen from the spacing of the points when None.
         correct_sampling : bool
             Grow the outline to where the patch ends (default), or have it run through the outermost points.
         sensor_origin : (3,) array, optional
@@ -124,7 +124,7 @@ class WorldRegion:
         from regionpose.regions.outline import outline_of_points
 
         outline = outline_of_points(
-            points, radius=radius, correct_sampling=correct_sampling, sensor_origin=sensor_origin
+            points, radius_m=radius_m, correct_sampling=correct_sampling, sensor_origin=sensor_origin
         )
         return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
 
@@ -138,9 +138,9 @@ class WorldRegion:
         Parameters
         ----------
         inside : (n, 3) array
-            Metres; the plane is theirs.
+            Meters; the plane is theirs.
         outside : (m, 3) array
-            Metres.
+            Meters.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class WorldRegion:
         sensor_origin: ArrayLike | None = None,
         extends: bool = False,
     ) -> WorldRegion:
-        """The planar region of some returns of a scan, and what is known beside it.
+        """The planar region of some returns of a scan, and what the scan shows beside it.
 
         A beam that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that
         is no member, unless it joins members without a gap and the region `extends` there. Beams that ended before the
@@ -178,11 +178,11 @@ class WorldRegion:
         Parameters
         ----------
         points : (n, 3) array
-            The whole scan, metres.
+            The whole scan, meters.
         members : (k,) array of int
             Indices of the region's returns, as `grow_plane` and `find_planes` give them.
         sensor_origin : (3,) array, optional
-            The scanner's position, metres; without it the returns on the plane alone tell.
+            The scanner's position, meters; without it only the returns on the plane count.
         extends : bool
             Whether the region may go on beyond its members; False by default.
 
@@ -215,7 +215,7 @@ class WorldRegion:
         Parameters
         ----------
         mesh : TriangleMesh
-            With `vertices` (n, 3), metres, and `faces` (k, 3), as trimesh.Trimesh.
+            With `vertices` (n, 3), meters, and `faces` (k, 3), as trimesh.Trimesh.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class WorldRegion:
         Parameters
         ----------
         viewpoint : (3,) array
-            Metres.
+            Meters.
 
         Raises
         ------
@@ -271,7 +271,7 @@ class WorldRegion:
 
     @property
     def area(self) -> float:
-        """Area in square metres, of a surface its projection along the normal."""
+        """Area in square meters, of a surface its projection along the normal."""
         return self.core.area
 
     @property
@@ -280,7 +280,7 @@ class WorldRegion:
         return self.core.is_planar
 
     def __repr__(self) -> str:
-        """What it holds, in square metres and numbers."""
+        """What it holds, in square meters and numbers."""
         samples = self.samples
         known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
         return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"

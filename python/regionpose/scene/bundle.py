@@ -60,7 +60,7 @@ def file_names(scene: Scene) -> list[str]:
 
 
 def read_truth(path: Path) -> Truth:
-    """The known pose of a file with `rotation` (3, 3) and `translation` (3,), metres, from the cloud's frame to the
+    """The known pose of a file with `rotation` (3, 3) and `translation` (3,), meters, from the cloud's frame to the
     camera's.
     """
     held = json.loads(path.read_text(encoding="utf-8"))

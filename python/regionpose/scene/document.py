@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
-from regionpose.reading import YamlLoader, check_yaml, json_value, refuse_halves
+from regionpose.reading import json_value, refuse_halves
+from regionpose.yaml_text import (
+    MappingNode,
+    Node,
+    SequenceNode,
+    YamlTextError,
+    line_of,
+    plain_value,
+    yaml_node,
+)
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
@@ -17,9 +23,6 @@ Place = tuple[str | int, ...]
 MAX_BYTES = 4 * 2**20
 """Largest scene file read, in bytes, which takes a gigabyte at the worst: polygons are typed by hand or by a script,
 clouds and masks are files of their own."""
-
-FLOAT_PATTERN = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
-"""Numbers of YAML 1.2; PyYAML reads 1.1, in which `1e-3` is a string."""
 
 BRIEF = 60
 """Characters of a found value that a message quotes at most."""
@@ -92,59 +95,48 @@ def _text(path: Path) -> str:
         raise SceneError(f"{path}: found a binary file; needed YAML or JSON in UTF-8") from error
 
 
-class _Loader(YamlLoader):  # type: ignore[misc, valid-type]
-    """Plain values only, and numbers as YAML 1.2 has them."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(f"^(?:{FLOAT_PATTERN.pattern})$"), list("-+.0123456789")
-)
-
-
 def _yaml_document(path: Path, text: str) -> Document:
     try:
-        check_yaml(text)
-        loader = _Loader(text)
-        node = loader.get_single_node()
-        value = None if node is None else loader.construct_document(node)
+        node = yaml_node(text)
+        lines = _lines(path, node)
+        value = plain_value(node)
         refuse_halves(text, value)
-    except yaml.MarkedYAMLError as error:
-        line = 1 if error.problem_mark is None else error.problem_mark.line + 1
-        raise SceneError(f"{path}:{line}: {error.problem}; needed YAML") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except YamlTextError as error:
+        place = path if error.line is None else f"{path}:{error.line}"
+        raise SceneError(f"{place}: {error}; needed YAML") from error
+    except UnicodeEncodeError as error:
         raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed YAML") from error
-    return Document(path, value, _lines(path, node))
+    return Document(path, value, lines)
 
 
 def _json_document(path: Path, text: str) -> Document:
     try:
         value = json_value(text)
         # JSON is YAML but for tabs between values; strings hold none.
-        spaced = text.replace("\t", " ")
-        check_yaml(spaced)
-        node = yaml.compose(spaced, Loader=YamlLoader)
+        node = yaml_node(text.replace("\t", " "))
     except json.JSONDecodeError as error:
         raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed JSON") from error
     return Document(path, value, _lines(path, node))
 
 
-def _lines(path: Path, root: yaml.Node | None) -> dict[Place, int]:
+def _lines(path: Path, root: Node | None) -> dict[Place, int]:
     """The line of each value: of its key, where it has one. SceneError where a key appears twice."""
     lines: dict[Place, int] = {}
-    stack: list[tuple[Place, yaml.Node]] = [] if root is None else [((), root)]
+    stack: list[tuple[Place, Node]] = [] if root is None else [((), root)]
     while stack:
         place, node = stack.pop()
-        lines.setdefault(place, node.start_mark.line + 1)
-        if isinstance(node, yaml.SequenceNode):
+        lines.setdefault(place, line_of(node))
+        if isinstance(node, SequenceNode):
             stack.extend(((*place, index), child) for index, child in enumerate(node.value))
-        elif isinstance(node, yaml.MappingNode):
+        elif isinstance(node, MappingNode):
             for key, child in node.value:
                 inner = (*place, str(key.value))
-                line = key.start_mark.line + 1
                 if inner in lines:
-                    raise SceneError(f"{path}:{line}: {written_place(inner)}: found the key twice; needed it once")
-                lines[inner] = line
+                    raise SceneError(
+                        f"{path}:{line_of(key)}: {written_place(inner)}: found the key twice; needed it once"
+                    )
+                lines[inner] = line_of(key)
                 stack.append((inner, child))
     return lines

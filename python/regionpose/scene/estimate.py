@@ -70,7 +70,7 @@ class Stages:
 class SceneSides:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order.
 
-    `cloud.local_points` and the world sides are about `origin` (3,), metres; `sensor_origin`, where the
+    `cloud.local_points` and the world sides are about `origin` (3,), meters; `sensor_origin`, where the
     scanner stood, isn't. `warnings`: what speaks against them before any pose is known.
     """
 
@@ -252,7 +252,7 @@ def _estimate(sides: SceneSides, nearest: Pose | None = None) -> PoseEstimate:
     model = sides.scene.model.solver
     prior = scene_prior(sides.scene, sides.sensor_origin)
     if nearest is not None:
-        prior = replace(prior, initial=nearest, initial_sigma=None)
+        prior = prior.started_at(nearest)
     local = estimate_pose(
         sides.camera,
         sides.image_regions,
@@ -296,7 +296,6 @@ def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
     The camera stands near the scanner, where that is known, unless the scene says otherwise.
     """
     item = scene.model.prior
-    sigma = item.initial_sigma
     initial = given_pose(scene)
     near = None if scanner is None or "camera_near" in item.model_fields_set else scanner.place
     return named(
@@ -306,7 +305,8 @@ def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
             up=item.up,
             up_sigma_deg=item.up_sigma_deg,
             initial=initial,
-            initial_sigma=None if sigma is None else (sigma.rotation_deg, sigma.camera_center_m),
+            initial_rotation_sigma_deg=item.initial_rotation_sigma_deg,
+            initial_center_sigma_m=item.initial_center_sigma_m,
             camera_near=item.camera_near if near is None else near,
             camera_near_sigma_m=item.camera_near_sigma_m,
         ),

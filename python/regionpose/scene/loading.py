@@ -68,6 +68,10 @@ def scene_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
+DEVIATIONS_OF = {"initial_rotation_sigma_deg": "initial", "initial_center_sigma_m": "initial", "up_sigma_deg": "up"}
+"""Keys of the prior that mean nothing without another."""
+
+
 def _check_references(scene: Scene) -> None:
     names: set[str] = set()
     for index, region in enumerate(scene.model.regions):
@@ -90,7 +94,7 @@ def _check_references(scene: Scene) -> None:
     if scene.model.cloud is None and scene.model.solver.refine == "scene":
         raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
     prior = scene.model.prior
-    for key, of in (("initial_sigma", "initial"), ("up_sigma_deg", "up")):
+    for key, of in DEVIATIONS_OF.items():
         if getattr(prior, key) is not None and getattr(prior, of) is None:
             raise scene.error(("prior", key), f"found a deviation of nothing; needed the key {of}")
 

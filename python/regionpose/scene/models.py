@@ -45,7 +45,7 @@ Pixel = Annotated[
 Point = Annotated[
     list[Number],
     BeforeValidator(_numbers(3, "[x, y, z]")),
-    Field(min_length=3, max_length=3, description="[x, y, z], metres, world frame"),
+    Field(min_length=3, max_length=3, description="[x, y, z], meters, world frame"),
 ]
 Quaternion = Annotated[
     list[Number],
@@ -277,7 +277,7 @@ class _WorldItem(Item):
 
 Radius = Annotated[
     Positive | None,
-    Field(description="metres: the region is the outline of its points by an alpha shape of this radius, not samples"),
+    Field(description="the region is the outline of its points by an alpha shape of this radius, not samples"),
 ]
 Extends = Annotated[
     bool,
@@ -293,10 +293,10 @@ class WorldSeed(_WorldItem):
         None,
         description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
     )
-    min_width: Positive | None = Field(
-        None, description="metres; parts of the patch narrower than this, such as posts in its plane, are left out"
+    min_width_m: Positive | None = Field(
+        None, description="parts of the patch narrower than this, in meters, such as posts in its plane, are left out"
     )
-    radius: Radius = None
+    radius_m: Radius = None
     extends: Extends = False
 
 
@@ -311,7 +311,7 @@ class WorldPoints(_WorldItem):
         _choice(lambda value: {str: "<file>", list: "<indices>"}.get(type(value)), "a file or a list of indices"),
     ]
     label: int | None = Field(None, description="which label, where the file holds one for each point of the cloud")
-    radius: Radius = None
+    radius_m: Radius = None
     extends: Extends = False
 
 
@@ -401,13 +401,6 @@ class WorldFromCamera(Item):
     world_from_camera: PoseItem
 
 
-class InitialSigma(Item):
-    """Standard deviations of a rough pose, along each of the camera's axes."""
-
-    rotation_deg: Positive
-    camera_center_m: Positive
-
-
 class PriorItem(Item):
     """What is known of the pose beforehand."""
 
@@ -423,8 +416,12 @@ class PriorItem(Item):
         ]
         | None
     ) = None
-    initial_sigma: Annotated[
-        InitialSigma | None, Field(description="how rough the initial pose is; without it, it is but a start")
+    initial_rotation_sigma_deg: Annotated[
+        Positive | None,
+        Field(description="standard deviation of the initial pose about each axis; without it, it is only a start"),
+    ] = None
+    initial_center_sigma_m: Annotated[
+        Positive | None, Field(description="standard deviation of the initial camera center along each axis")
     ] = None
     camera_near: Annotated[
         Point | None,

@@ -78,7 +78,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
 
 
 def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
-    """A pose as matrix, quaternion and translation (metres)."""
+    """A pose as matrix, quaternion and translation (meters)."""
     values: dict[str, Any] = {} if meaning is None else {"meaning": meaning}
     values["rotation_matrix"] = pose.rotation.as_matrix()
     values["quat_xyzw"] = pose.rotation.as_quat(canonical=True)
@@ -131,13 +131,13 @@ def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 
 def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """Where the scanner stood, metres, and who says so; None where that isn't known."""
+    """Where the scanner stood, meters, and who says so; None where that isn't known."""
     scanner = run.sides.sensor_origin
     return None if scanner is None else {"place_in_world_m": scanner.place, "said_by": scanner.source}
 
 
 def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """The place that the camera was taken to be near, to what standard deviation (metres), and who says so; None where
+    """The place that the camera was taken to be near, to what standard deviation (meters), and who says so; None where
     nothing was.
     """
     prior, item = run.prior, run.sides.scene.model.prior
@@ -230,7 +230,7 @@ def versions() -> dict[str, str]:
 
 
 def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
-    """Each region's name, areas (pixels, square metres) and cloud points, and what its 3D side is known by."""
+    """Each region's name, areas (pixels, square meters) and cloud points, and what its 3D side is known by."""
     return [
         {
             "name": name,

@@ -84,7 +84,7 @@ def scene_cloud(scene: Scene) -> Cloud | None:
 
 @dataclass(frozen=True, eq=False)
 class SensorOrigin:
-    """Where the scanner stood: `place` (3,), metres, in the scene's world, and who says so, `source`."""
+    """Where the scanner stood: `place` (3,), meters, in the scene's world, and who says so, `source`."""
 
     place: Array
     source: str

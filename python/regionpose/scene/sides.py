@@ -26,10 +26,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FAR = 10_000.0
-"""A world polygon further than this from zero (metres) is solved about a local origin, as a cloud is."""
+"""A world polygon further than this from zero (meters) is solved about a local origin, as a cloud is."""
 
 ORIGIN_STEP = 100.0
-"""A local origin is a multiple of this (metres), so that taking it off rounds nothing."""
+"""A local origin is a multiple of this (meters), so that taking it off rounds nothing."""
 
 SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 """Distance over their largest coordinate up to which two points are one: four roundings to the numbers of a file."""
@@ -37,7 +37,7 @@ SAME_PLACE = 4.0 * float(np.finfo(np.float32).eps)
 OUTSIDE_MARGIN = 1.0
 """Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
 
-SEED_NEIGHBOURS = 9
+SEED_NEIGHBORS = 9
 """Points around a seed whose median intensity is the region's: enough to outvote an outlier, few enough to lie on
 it."""
 
@@ -71,7 +71,7 @@ class WorldSide:
 
 
 def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
-    """The local origin (3,), metres: the cloud's, or near the first far polygon, else zero."""
+    """The local origin (3,), meters: the cloud's, or near the first far polygon, else zero."""
     if cloud is not None:
         return cloud.origin
     for item in scene.model.regions:
@@ -194,17 +194,17 @@ def _grown_plane(item: WorldSeed, scan: Scan) -> WorldSide:
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
     points, seed = scan.cloud.local_points, np.asarray(item.seed) - scan.origin
     if item.intensity_tolerance is None:
-        indices = grow_plane(points, seed, min_width=item.min_width)
+        indices = grow_plane(points, seed, min_width_m=item.min_width_m)
     else:
         alike = _alike(scan.cloud, seed, item.intensity_tolerance)
-        indices = alike[grow_plane(points[alike], seed, min_width=item.min_width)]
+        indices = alike[grow_plane(points[alike], seed, min_width_m=item.min_width_m)]
     return _scanned(points, indices, item, scan)
 
 
 def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, scan: Scan) -> WorldSide:
     """The side of the returns `indices` of a scan's points (n, 3): its samples, or the outline and why."""
-    if item.radius is not None:
-        return replace(_outlined(points[indices], item, scan, "its radius is given"), indices=indices)
+    if item.radius_m is not None:
+        return replace(_outlined(points[indices], item, scan, "its radius_m is given"), indices=indices)
     region = WorldRegion.from_scan(points, indices, sensor_origin=scan.scanner, extends=item.extends)
     if region.samples is not None:
         return WorldSide(region, indices)
@@ -215,7 +215,7 @@ def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, sca
 
 def _outlined(points: Array, item: WorldSeed | WorldPoints, scan: Scan, because: str) -> WorldSide:
     """The side of points (n, 3) by their outline."""
-    region = WorldRegion.from_points(points, radius=item.radius, sensor_origin=scan.scanner)
+    region = WorldRegion.from_points(points, radius_m=item.radius_m, sensor_origin=scan.scanner)
     return WorldSide(region, outline_because=because)
 
 
@@ -225,7 +225,7 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
         raise ValueError(
             "found intensity_tolerance with a cloud without intensity; needed a cloud that has it, or no such key"
         )
-    count = min(SEED_NEIGHBOURS, len(cloud))
+    count = min(SEED_NEIGHBORS, len(cloud))
     squares = np.sum((cloud.local_points - seed) ** 2, axis=1)
     around = np.argpartition(squares, count - 1)[:count]
     return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)

@@ -11,7 +11,7 @@ from regionpose.scene.estimate import SceneEstimate
 
 ADVICE = {
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
-    " its initial_sigma, seen_from of a region's world side.",
+    " its deviations, seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
     "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
     " calibration, and that photo and cloud show the same scene.",

@@ -5,23 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionpose.arrays import row_array
 from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Progress, grown, nearest_points, start_patch
 
 SEED_CROWD = 96
-"""A seed's nearest point has this many neighbours nearer than the seed when that marks nothing: about five spacings.
+"""A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.
 Measured on six clouds of 16 to 64 scan lines and a depth camera, the largest gap of a surface is that wide in 1 of 100
-neighbourhoods."""
+neighborhoods."""
 
 
 def grow_plane(
     points: ArrayLike,
     seed: ArrayLike | int,
     *,
-    distance: float | None = None,
-    radius: float | None = None,
+    distance_m: float | None = None,
+    radius_m: float | None = None,
     angle_deg: float = ANGLE_DEG,
-    min_width: float | None = None,
+    min_width_m: float | None = None,
     progress: Progress | None = None,
 ) -> Indices:
     """Indices, ascending, of the points on the connected planar patch around a seed.
@@ -31,18 +32,18 @@ def grow_plane(
     Parameters
     ----------
     points : (n, 3) array
-        Metres.
+        Meters.
     seed : int or (3,) array
         The index of a point, or a position.
-    distance : float, optional
-        Of members from the plane at the most, metres; three standard deviations of the noise around the seed by
+    distance_m : float, optional
+        Largest distance of members from the plane; three standard deviations of the noise around the seed by
         default.
-    radius : float, optional
-        Gaps up to this width, metres, are crossed; from the spacing around the seed across scan lines by default.
+    radius_m : float, optional
+        Gaps up to this width are crossed; from the spacing around the seed across scan lines by default.
     angle_deg : float
         Largest angle between the patch's normal and that of its parts, degrees.
-    min_width : float, optional
-        Parts of the patch narrower than this, metres, are left out, such as posts in the plane of a panel, and what
+    min_width_m : float, optional
+        Parts of the patch narrower than this are left out, such as posts in the plane of a panel, and what
         only they connect.
     progress : callable, optional
         Called with a share in [0, 1].
@@ -51,16 +52,16 @@ def grow_plane(
     ------
     ValueError
         For arguments out of range, a seed away from all points, one around which the points lie on no plane, or a patch
-        that is nowhere `min_width` wide.
+        that is nowhere `min_width_m` wide.
     """
     cloud = checked_cloud(points)
-    check_positive(distance=distance, radius=radius, angle_deg=angle_deg, min_width=min_width)
+    check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg, min_width_m=min_width_m)
     start = _seed_position(cloud, seed)
     nearest = nearest_points(cloud, start)
     _check_reach(cloud, start, nearest[0])
-    patch = start_patch(cloud, start, nearest, distance, radius)
+    patch = start_patch(cloud, start, nearest, distance_m, radius_m)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
-    return members if min_width is None else members[without_narrow_parts(cloud[members], start, min_width)]
+    return members if min_width_m is None else members[without_narrow_parts(cloud[members], start, min_width_m)]
 
 
 def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -> int:
@@ -87,10 +88,7 @@ def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -
 
 def checked_cloud(points: ArrayLike) -> Array:
     """The points as an (n, 3) array of floats; ValueError for another shape or type, or fewer than 3 finite points."""
-    given = np.asarray(points)
-    if given.ndim != 2 or given.shape[1] != 3 or given.dtype.kind not in "iuf":
-        raise ValueError(f"points have shape {given.shape} and type {given.dtype}; needed (n, 3) real numbers")
-    cloud = given.astype(np.float64, copy=False)
+    cloud = row_array(points, "points", 3)
     finite = int(np.isfinite(cloud).all(axis=1).sum())
     if finite < 3:
         raise ValueError(f"{finite} of {len(cloud)} points are finite; needed at least 3")

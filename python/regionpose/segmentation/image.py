@@ -64,7 +64,7 @@ def grow_image_region(
     seed: ArrayLike,
     *,
     tolerance: float | None = None,
-    smoothing: float | None = None,
+    smoothing_px: float | None = None,
     fill_holes: bool = True,
     coverage: Literal[False] = False,
     linear_light: bool = False,
@@ -77,7 +77,7 @@ def grow_image_region(
     seed: ArrayLike,
     *,
     tolerance: float | None = None,
-    smoothing: float | None = None,
+    smoothing_px: float | None = None,
     fill_holes: bool = True,
     coverage: Literal[True],
     linear_light: bool = False,
@@ -89,7 +89,7 @@ def grow_image_region(
     seed: ArrayLike,
     *,
     tolerance: float | None = None,
-    smoothing: float | None = None,
+    smoothing_px: float | None = None,
     fill_holes: bool = True,
     coverage: bool = False,
     linear_light: bool = False,
@@ -105,7 +105,7 @@ def grow_image_region(
     tolerance : float, optional
         CIELAB units; by default the one whose outline shows a high contrast, is short and moves least (after the
         maximally stable regions of Matas et al. 2002), and among similar ones the smallest.
-    smoothing : float, optional
+    smoothing_px : float, optional
         Radius in pixels of a median that wipes out texture thinner than itself, 0 for none; 1/400 of the diagonal by
         default.
     fill_holes : bool
@@ -128,7 +128,7 @@ def grow_image_region(
     """
     given = _checked_image(image)
     seed_place = _checked_seed(seed, given.shape)
-    options = _checked_option("tolerance", tolerance), _checked_option("smoothing", smoothing)
+    options = _checked_option("tolerance", tolerance), _checked_option("smoothing_px", smoothing_px)
     reduced, growth = _found(given, seed_place, *options)
     closer = _surroundings(growth.mask, reduced.factor, given.shape)
     if reduced.factor > 1 and given[closer].size <= CLOSER_SHARE * given.size:
@@ -277,7 +277,7 @@ def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
 def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
     """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth.
 
-    Every pair of neighbours lies on the outlines from the smaller step of the two to the larger, so that one pass over
+    Every pair of neighbors lies on the outlines from the smaller step of the two to the larger, so that one pass over
     the pairs adds up all outlines.
     """
     count = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
@@ -299,7 +299,7 @@ def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
 
 
 def _outline_pairs(steps: NDArray[np.int64], lab: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Neighbours along the first axis with different steps: both steps in order, and the contrast over three pixels."""
+    """Neighbors along the first axis with different steps: both steps in order, and the contrast over three pixels."""
     first, second = steps[:-1], steps[1:]
     differs = first != second
     beyond = np.concatenate([lab[2:], lab[-1:]])

@@ -1,6 +1,6 @@
 """The outline of a region that was found in a reduced image, at full resolution.
 
-Near the outline each pixel's colour is taken as a mixture of both sides' colours nearby.
+Near the outline each pixel's color is taken as a mixture of both sides' colors nearby.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ TEXTURE_SPREAD = 0.2
 """Spread of the mixing share away from the outline above which a pixel alone can't tell the sides apart."""
 
 STRAY_SHARE = 0.25
-"""A colour farther than this off the line between both sides, over their difference, is no mixture of them."""
+"""A color farther than this off the line between both sides, over their difference, is no mixture of them."""
 
 SOFT_PIXELS = 2
 """Pixels on both sides of the outline that may be mixed: the blur of a sharp image."""
 
 LOCAL_REACH = 5
-"""Pixels within which the colours of both sides are taken, beyond the soft ones."""
+"""Pixels within which the colors of both sides are taken, beyond the soft ones."""
 
 WINDOW_BANDS = 7
-"""Margin around the region, in bands: the colours of both sides are averaged within six, one more is the band."""
+"""Margin around the region, in bands: the colors of both sides are averaged within six, one more is the band."""
 
 
 class Reduced(NamedTuple):
@@ -47,7 +47,7 @@ class Reduced(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A region at the working size, the colour and tolerance it was grown with, and its score (0 if given)."""
+    """A region at the working size, the color and tolerance it was grown with, and its score (0 if given)."""
 
     mask: Mask
     color: Floats
@@ -100,7 +100,7 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
     """The region at full size, and whether either side of its outline is textured.
 
     Near the coarse outline every pixel joins the side it is nearer to: a share above 1/2 in the mixture of both sides'
-    colours nearby. A third colour (a shadow, say) stays where growth put it, and what joins keeps to the tolerance.
+    colors nearby. A third color (a shadow, say) stays where growth put it, and what joins keeps to the tolerance.
     """
     coarse = growth.mask
     band = reduced.radius + 2
@@ -131,14 +131,14 @@ def _linear(values: NDArray[np.generic], linear_light: bool) -> Floats:
 
 
 def _color_distance(values: NDArray[np.generic], color: Floats) -> Floats:
-    """Distance (n,) in CIELAB of sRGB values from a colour (3,)."""
+    """Distance (n,) in CIELAB of sRGB values from a color (3,)."""
     levels = as_bytes(values)
     colors = np.repeat(levels[:, None], 3, axis=1) if levels.ndim == 1 else levels
     return np.asarray(np.linalg.norm(rgb2lab(colors[None])[0] - color, axis=1), dtype=np.float32)
 
 
 def _nearby_mean(light: Floats, chosen: Mask, band: int, *, fallback: Floats) -> tuple[Floats, Mask]:
-    """Weighted mean colour (h, w, 3) of the chosen pixels nearby, the fallback elsewhere, and where there are any."""
+    """Weighted mean color (h, w, 3) of the chosen pixels nearby, the fallback elsewhere, and where there are any."""
     reach = 1.5 * band
     weight = ndimage.gaussian_filter(chosen.astype(np.float32), reach)
     sums = ndimage.gaussian_filter(light * chosen[..., None], (reach, reach, 0))
@@ -159,7 +159,7 @@ def _sampled(fields: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], 
 
 
 def _mixture(light: Floats, inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
-    """How colours (n, 3) mix from two: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in - out|`."""
+    """How colors (n, 3) mix from two: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in - out|`."""
     step = inner - outer
     square = np.maximum(np.sum(step**2, axis=-1), 1e-12)
     share = np.sum((light - outer) * step, axis=-1) / square
@@ -184,7 +184,7 @@ def _smoothed(mask: Mask, radius: int) -> Mask:
 
 
 def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
-    """Share (h, w) of each pixel that the region covers, from the mixture of the colours off its outline."""
+    """Share (h, w) of each pixel that the region covers, from the mixture of the colors off its outline."""
     core = ndimage.minimum_filter(mask, size=2 * SOFT_PIXELS + 1)
     outside = ndimage.minimum_filter(~mask, size=2 * SOFT_PIXELS + 1)
     rows, columns = np.nonzero(~(core | outside))
@@ -201,7 +201,7 @@ def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) 
 def _local_mean(
     image: NDArray[np.generic], chosen: Mask, rows: NDArray[np.intp], columns: NDArray[np.intp], linear_light: bool
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Mean colour (n, 3) of the chosen pixels around each of the pixels given, and how many there are."""
+    """Mean color (n, 3) of the chosen pixels around each of the pixels given, and how many there are."""
     sums, counts = np.zeros((len(rows), 3), dtype=np.float32), np.zeros(len(rows), dtype=np.int64)
     height, width = chosen.shape
     for down in range(-LOCAL_REACH, LOCAL_REACH + 1):

@@ -1,6 +1,6 @@
 """A planar patch of a point cloud: its start around a seed, and its growth.
 
-A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighbouring scan lines of a
+A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighboring scan lines of a
 sparse lidar, so that normals and connections take in both directions of sampling, however far apart the rings are.
 Cells join by the normal of the points in and around them, points by their distance from the plane; the plane is fitted
 anew after each step.
@@ -23,25 +23,25 @@ Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Progress = Callable[[float], None]
 
-SEED_NEIGHBOURS = (24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536)
-"""Neighbours that show the plane at the seed: more where the nearest all lie on one scan line, in steps fine enough for
+SEED_NEIGHBORS = (24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536)
+"""Neighbors that show the plane at the seed: more where the nearest all lie on one scan line, in steps fine enough for
 one to end near the edge of a small face."""
 
 SEED_WIDTH = 0.25
-"""Least width of the seed's neighbourhood over its length; a single scan line shows no plane."""
+"""Least width of the seed's neighborhood over its length; a single scan line shows no plane."""
 
 SEED_THICKNESS = 0.3
-"""Largest thickness of the seed's neighbourhood over its width, which a face five noises wide keeps; foliage is as
+"""Largest thickness of the seed's neighborhood over its width, which a face five noises wide keeps; foliage is as
 thick as wide, a corner half."""
 
 SEED_SHARE = 0.6
-"""Least share of the neighbours on the plane; a seed near an edge has a good part of them beyond it."""
+"""Least share of the neighbors on the plane; a seed near an edge has a good part of them beyond it."""
 
 SAME_NOISE = 1.3
-"""Ratio of the noise in a neighbourhood and the next smaller up to which they show the same plane."""
+"""Ratio of the noise in a neighborhood and the next smaller up to which they show the same plane."""
 
 NOISE_TELLING = 192
-"""Neighbours up to which the smaller neighbourhood's noise tells nothing: few points on two scan lines lie on a plane
+"""Neighbors up to which the smaller neighborhood's noise tells nothing: few points on two scan lines lie on a plane
 anyway."""
 
 SEED_SIGMAS = 5.0
@@ -91,7 +91,7 @@ SETTLED_REACH = 1.02
 
 
 class Patch(NamedTuple):
-    """A plane as origin (3,) and rows u, v, normal (3, 3), and the members' indices; in metres the noise around the
+    """A plane as origin (3,) and rows u, v, normal (3, 3), and the members' indices; in meters the noise around the
     seed, the distance of members from the plane at the most, and the size of a cell.
     """
 
@@ -107,7 +107,7 @@ def nearest_points(cloud: Array, position: Array) -> Indices:
     """Indices of the points nearest to a position, the nearest first, as many as a start may need."""
     offsets = cloud - position
     squares = np.einsum("ij,ij->i", offsets, offsets)
-    count = min(SEED_NEIGHBOURS[-1], int(np.isfinite(squares).sum()))
+    count = min(SEED_NEIGHBORS[-1], int(np.isfinite(squares).sum()))
     nearest = np.argpartition(squares, count - 1)[:count]
     ordered: Indices = nearest[np.argsort(squares[nearest])]
     return ordered
@@ -116,11 +116,11 @@ def nearest_points(cloud: Array, position: Array) -> Indices:
 def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
     """The plane around the seed, from as many of its nearest points, nearest first, as lie on it.
 
-    `distance`, `radius`: those of `grow_plane`. ValueError for a seed on no plane.
+    `distance`, `radius`: `distance_m`, `radius_m` of `grow_plane`. ValueError for a seed on no plane.
     """
     chosen: Patch | None = None
-    for size in SEED_NEIGHBOURS:
-        patch = _neighbourhood_patch(cloud, nearest[:size])
+    for size in SEED_NEIGHBORS:
+        patch = _neighborhood_patch(cloud, nearest[:size])
         noisier = patch is not None and chosen is not None and patch.sigma > SAME_NOISE * chosen.sigma
         if noisier and size > NOISE_TELLING:
             break
@@ -134,8 +134,8 @@ def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | N
     return _sized(cloud, chosen, distance, radius)
 
 
-def _neighbourhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
-    """The plane of the seed's neighbours, nearest first; None if they don't spread over one that passes the nearest."""
+def _neighborhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
+    """The plane of the seed's neighbors, nearest first; None if they don't spread over one that passes the nearest."""
     near = cloud[nearest]
     if len(np.unique(near, axis=0)) < LEAST_IN_BLOCK:
         return None

@@ -43,13 +43,13 @@ BARREN_LOTS = 3
 2 %."""
 
 SCALES = (32, 96, 384)
-"""Neighbours of a seed among which its flatness is judged; the first may all lie on one scan line."""
+"""Neighbors of a seed among which its flatness is judged; the first may all lie on one scan line."""
 
 FLAT = 0.1
-"""Thickness over width of a neighbourhood whose noise is taken for the sensor's: beyond it the surface may be rough."""
+"""Thickness over width of a neighborhood whose noise is taken for the sensor's: beyond it the surface may be rough."""
 
 LEAST_NOISE_SHARE = 0.02
-"""Least noise of the sensor over the distance between neighbours, for clouds without noise."""
+"""Least noise of the sensor over the distance between neighbors, for clouds without noise."""
 
 ROUGHNESS = 4.0
 """Noise of a patch over that of the sensor at the most: range noise grows with distance and slant by two to three."""
@@ -76,8 +76,8 @@ def find_planes(
     points: ArrayLike,
     *,
     min_points: int = LEAST_PATCH,
-    distance: float | None = None,
-    radius: float | None = None,
+    distance_m: float | None = None,
+    radius_m: float | None = None,
     angle_deg: float = ANGLE_DEG,
     progress: Progress | None = None,
 ) -> list[Indices]:
@@ -91,10 +91,10 @@ def find_planes(
     Parameters
     ----------
     points : (n, 3) array
-        Metres.
+        Meters.
     min_points : int
         Of a patch at the least.
-    distance, radius : float, optional
+    distance_m, radius_m : float, optional
         As in `grow_plane`.
     angle_deg : float
         As in `grow_plane`.
@@ -107,11 +107,11 @@ def find_planes(
         For a cloud that isn't (n, 3) numbers with 3 finite points, or options out of range.
     """
     cloud = checked_cloud(points)
-    check_positive(distance=distance, radius=radius, angle_deg=angle_deg)
+    check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg)
     if min_points < 3:
         raise ValueError(f"min_points is {min_points}; needed 3 or more")
     thinned = _thinned(cloud)
-    search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance, radius, angle_deg))
+    search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
     patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(progress)]
     found = _filled(cloud, patches) if len(thinned) < len(cloud) else [np.sort(patch.members) for patch in patches]
     return sorted((members for members in found if len(members) >= min_points), key=len, reverse=True)
@@ -156,7 +156,7 @@ class Search:
         """Patches from one lot of random seeds, the flattest first."""
         choice = np.flatnonzero(self.untried)
         lot = choice[self.generator.permutation(len(choice))[:SEED_LOT]]
-        near = _neighbours(self.rest, lot)
+        near = _neighbors(self.rest, lot)
         thickness, sigma = _flatness(self.rest[near])
         if not np.isfinite(self.noise) and (thickness < FLAT).any():
             steps = np.linalg.norm(self.rest[near[:, 1]] - self.rest[near[:, 0]], axis=1)
@@ -168,7 +168,7 @@ class Search:
         return found
 
     def _patch(self, near: Indices) -> Patch | None:
-        """The patch around the first of some neighbouring points, if it is one; its points leave the rest."""
+        """The patch around the first of some neighboring points, if it is one; its points leave the rest."""
         near = near[np.isfinite(self.rest[near, 0])]
         if len(near) < LEAST_IN_BLOCK:
             return None
@@ -201,7 +201,7 @@ class Search:
         return bool(thickness > min(MOST_THICKNESS * width, ROUGHNESS * self.noise))
 
 
-def _neighbours(cloud: Array, chosen: Indices) -> Indices:
+def _neighbors(cloud: Array, chosen: Indices) -> Indices:
     """Indices (m, k) of the points nearest to each of the chosen ones, itself first."""
     count = min(SCALES[-1], len(cloud))
     found: Indices = np.asarray(cKDTree(cloud).query(cloud[chosen], count)[1]).reshape(len(chosen), count)
@@ -209,9 +209,9 @@ def _neighbours(cloud: Array, chosen: Indices) -> Indices:
 
 
 def _flatness(near: Array) -> tuple[Array, Array]:
-    """Least thickness over width of neighbourhoods (m, k, 3), nearest point first, and its thickness in metres.
+    """Least thickness over width of neighborhoods (m, k, 3), nearest point first, and its thickness in meters.
 
-    Neighbourhoods that are all but a line have none.
+    Neighborhoods that are all but a line have none.
     """
     ratios, sigmas = [], []
     for size in SCALES:

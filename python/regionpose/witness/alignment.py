@@ -73,22 +73,22 @@ class Alignment:
 
     @property
     def share_worse(self) -> float:
-        """Share of the turned poses whose score is lower; NaN where nothing is said."""
+        """Share of the turned poses whose score is lower; NaN without evidence."""
         return float(np.mean(self.turned < self.score)) if len(self.turned) else float("nan")
 
     @property
     def log_odds(self) -> float:
-        """Logarithm of the odds for the pose that the agreement makes; 0 where it says nothing."""
+        """Logarithm of the odds for the pose that the agreement makes; 0 without evidence."""
         return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
 
     @property
     def lead(self) -> float:
-        """How far the score lies above the mean of those of the turned poses; NaN where nothing is said."""
+        """How far the score lies above the mean of those of the turned poses; NaN without evidence."""
         return self.score - float(self.turned.mean()) if len(self.turned) else float("nan")
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the scores of the turned poses; NaN where nothing is said."""
+        """Standard deviation of the scores of the turned poses; NaN without evidence."""
         return float(self.turned.std(ddof=1)) if len(self.turned) else float("nan")
 
     def __repr__(self) -> str:
@@ -113,7 +113,7 @@ def check_alignment(
     image : (h, w) or (h, w, 3) array, or Photo
         uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
     points : (n, 3) array
-        World coordinates, metres.
+        World coordinates, meters.
     camera : Camera
         That took the photo.
     pose : Pose

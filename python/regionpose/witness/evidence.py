@@ -40,7 +40,7 @@ class SceneFrame:
     image : (h, w) or (h, w, 3) array, or Photo
         uint8, uint16 or floats in [0, 1].
     points : (n, 3) array
-        World coordinates, metres.
+        World coordinates, meters.
     camera : Camera
         That took the photo.
     regions : sequence of ImageRegion
@@ -96,7 +96,7 @@ class Evidence:
         return len(self._steps)
 
     def at(self, increments: Array, spread_px: float) -> tuple[Array, Array]:
-        """Logarithms (t,) of the likelihood ratio at left increments (t, 6), rad and metres, and their derivatives
+        """Logarithms (t,) of the likelihood ratio at left increments (t, 6), rad and meters, and their derivatives
         (t, 6), of steps as if they were independent.
         """
         pictures = self._spread(spread_px)
@@ -105,7 +105,7 @@ class Evidence:
     def share(self, spread_px: float) -> float:
         """What a step counts, 0 to 1, so that the likelihood ratio of all of them is 1 on the mean where chance rules.
 
-        That is a lognormal's at poses turned by far more than a pose may be off; neighbouring steps tell the same.
+        That is a lognormal's at poses turned by far more than a pose may be off; neighboring steps tell the same.
         """
         if not self.count:
             return 0.0

@@ -32,7 +32,7 @@ FREEDOM = 4.0
 """Degrees of freedom of Student's distribution of the given pose's error: its covariance is known but roughly."""
 
 PRIOR_CURVATURE = (FREEDOM + 6.0) / FREEDOM
-"""Curvature of that distribution's log density at its centre."""
+"""Curvature of that distribution's log density at its center."""
 
 SPREADS_PX = (8.0, 4.0, 2.0)
 """How far edges are spread, coarse to fine: from what a pose may be off to what depth steps of a scan are."""
@@ -44,7 +44,7 @@ DRAWS, LED = 500, 4
 """Poses drawn from the prior, and how many of the best are led to a maximum: some for each of 6 dimensions."""
 
 PRIOR_STEP = 1e-6
-"""Least deviation that the prior is taken to have, rad and metres: below what any calibration knows."""
+"""Least deviation that the prior is taken to have, rad and meters: below what any calibration knows."""
 
 LEAST_CURVATURE = 0.2
 """Curvature of the log posterior in units of the prior's: no direction is known much worse than beforehand."""
@@ -59,7 +59,7 @@ class SceneRefinement:
     pose : Pose
         The refined one if `refined`, else the given one.
     covariance : (6, 6) array
-        Of its left increment, rad and metres.
+        Of its left increment, rad and meters.
     before : Pose
         The given one.
     log_odds : float
@@ -87,14 +87,14 @@ class SceneRefinement:
 
     @property
     def moved_m(self) -> float:
-        """The distance between both camera centres, metres."""
+        """The distance between both camera centers, meters."""
         return float(np.linalg.norm(self.pose.camera_center - self.before.camera_center))
 
 
 def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
     """The pose near a given one at which the depth steps of the frames' points lie on the edges of their photos.
 
-    The edges' likelihood and the given pose's distribution are maximised together. The refined pose is taken if the
+    The edges' likelihood and the given pose's distribution are maximized together. The refined pose is taken if the
     edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about each of 9
     turned poses
     (docs/math.md, eq. 18.6 to 18.9).
@@ -104,7 +104,7 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     pose : Pose
         Of an estimate of the regions, or of a rig.
     covariance : (6, 6) array
-        Of its left increment, rad and metres.
+        Of its left increment, rad and meters.
     scene : sequence of SceneFrame
         All of which share the pose.
 
@@ -255,6 +255,6 @@ def _root(covariance: ArrayLike) -> Array:
 
 
 def moved(pose: Pose, increment: Array) -> Pose:
-    """The pose after a left increment (6,): a rotation vector, rad, then a translation, metres."""
+    """The pose after a left increment (6,): a rotation vector, rad, then a translation, meters."""
     rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
     return Pose.from_parts(rotation, translation)

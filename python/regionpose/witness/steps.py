@@ -28,13 +28,13 @@ CELL_PX = 2.0
 """Pixels within which the nearest point hides others: less than what edges are looked for within."""
 
 WIDEST_GAP_DEG = 0.7
-"""Neighbours farther apart leave open where between them a surface ends: two lines of 64 beams are 0.4 apart."""
+"""Neighbors farther apart leave open where between them a surface ends: two lines of 64 beams are 0.4 apart."""
 
 GAP_SPACINGS = 4.0
-"""Gap over the mean spacing of points: neighbours on all sides, where lines are five times as far apart as samples."""
+"""Gap over the mean spacing of points: neighbors on all sides, where lines are five times as far apart as samples."""
 
 MOST_STEPS = 2000
-"""Steps that are looked at, drawn evenly: of more the mean is no surer, since neighbours show the same edges."""
+"""Steps that are looked at, drawn evenly: of more the mean is no surer, since neighbors show the same edges."""
 
 DIFFERENCE = 1e-4
 """Rotation, rad, over which derivatives of pixels are taken: their error is far below a pixel."""
@@ -51,7 +51,7 @@ SEED = 1
 
 class Steps(NamedTuple):
     """Bearings (n, 3) in the camera's axes: of the near side of depth steps, and of the far side; distances (n,) of the
-    near side, metres.
+    near side, meters.
     """
 
     near: Array

@@ -5,7 +5,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::prior::{self, PoseSigma};
 
-use crate::arrays::{numbers, points, pose, scalar, vector};
+use crate::arrays::{points, pose, scalar, vector};
+
+const ROTATION_SIGMA: &str = "initial_rotation_sigma_deg";
+const CENTER_SIGMA: &str = "initial_center_sigma_m";
+const DEGREES: &str = "a positive number of degrees";
+const METERS: &str = "a positive number of meters";
 
 /// What is known of a pose beforehand.
 #[pyclass(frozen, module = "regionpose._core", from_py_object)]
@@ -18,33 +23,35 @@ type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 impl Prior {
     #[new]
     #[pyo3(signature = (
-        *, up = None, up_sigma_deg = None, initial = None, initial_sigma = None, camera_near = None,
-        camera_near_sigma_m = None
+        *, up = None, up_sigma_deg = None, initial = None, initial_rotation_sigma_deg = None,
+        initial_center_sigma_m = None, camera_near = None, camera_near_sigma_m = None
     ))]
     fn new(
         up: Option<&Bound<'_, PyAny>>,
         up_sigma_deg: Option<&Bound<'_, PyAny>>,
         initial: Option<PoseArrays<'_>>,
-        initial_sigma: Option<&Bound<'_, PyAny>>,
+        initial_rotation_sigma_deg: Option<&Bound<'_, PyAny>>,
+        initial_center_sigma_m: Option<&Bound<'_, PyAny>>,
         camera_near: Option<&Bound<'_, PyAny>>,
         camera_near_sigma_m: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         check_given("up_sigma_deg", up_sigma_deg, "up", up.is_some())?;
-        check_given("initial_sigma", initial_sigma, "initial", initial.is_some())?;
+        check_given(ROTATION_SIGMA, initial_rotation_sigma_deg, "initial", initial.is_some())?;
+        check_given(CENTER_SIGMA, initial_center_sigma_m, "initial", initial.is_some())?;
         check_given("camera_near_sigma_m", camera_near_sigma_m, "camera_near", camera_near.is_some())?;
-        let degrees = |sigma| deviation("up_sigma_deg", sigma, "a positive number of degrees");
-        let metres = |sigma| deviation("camera_near_sigma_m", sigma, "a positive number of metres");
+        let degrees = |sigma| deviation("up_sigma_deg", sigma, DEGREES);
+        let meters = |sigma| deviation("camera_near_sigma_m", sigma, METERS);
         Ok(Self(prior::Prior {
             initial: initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?,
-            initial_sigma: initial_sigma.map(pose_sigma).transpose()?,
+            initial_sigma: pose_sigma(initial_rotation_sigma_deg, initial_center_sigma_m)?,
             up: up.map(direction).transpose()?,
             up_sigma: up_sigma_deg.map(degrees).transpose()?.map(f64::to_radians),
             near: camera_near.map(|place| vector("camera_near", place)).transpose()?,
-            near_sigma: camera_near_sigma_m.map(metres).transpose()?,
+            near_sigma: camera_near_sigma_m.map(meters).transpose()?,
         }))
     }
 
-    /// Standard deviation of the camera's place, metres, the conventional one where none was given; None without a
+    /// Standard deviation of the camera's place, meters, the conventional one where none was given; None without a
     /// place.
     #[getter]
     fn camera_near_sigma_m(&self) -> Option<f64> {
@@ -82,17 +89,20 @@ fn direction(up: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
     Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"))
 }
 
-fn pose_sigma(given: &Bound<'_, PyAny>) -> PyResult<PoseSigma> {
-    let values = numbers("initial_sigma", given)?;
-    let [degrees, place] = values[..] else {
-        let found = values.len();
-        let needed = "(degrees, metres)";
-        return Err(PyValueError::new_err(format!("initial_sigma has {found} entries; it needs to be {needed}")));
-    };
-    for value in [degrees, place] {
-        check_deviation("initial_sigma", value)?;
+/// Both deviations of the initial pose, or none.
+fn pose_sigma(rotation: Option<&Bound<'_, PyAny>>, center: Option<&Bound<'_, PyAny>>) -> PyResult<Option<PoseSigma>> {
+    match (rotation, center) {
+        (Some(rotation), Some(center)) => Ok(Some(PoseSigma {
+            rotation: deviation(ROTATION_SIGMA, rotation, DEGREES)?.to_radians(),
+            place: deviation(CENTER_SIGMA, center, METERS)?,
+        })),
+        (None, None) => Ok(None),
+        (given, _) => {
+            let [here, missing] =
+                if given.is_some() { [ROTATION_SIGMA, CENTER_SIGMA] } else { [CENTER_SIGMA, ROTATION_SIGMA] };
+            Err(PyValueError::new_err(format!("{here} is given without {missing}; it needs both or neither")))
+        }
     }
-    Ok(PoseSigma { rotation: degrees.to_radians(), place })
 }
 
 fn deviation(item: &str, given: &Bound<'_, PyAny>, needed: &str) -> PyResult<f64> {

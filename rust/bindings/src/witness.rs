@@ -12,11 +12,11 @@ use crate::arrays::{array, points};
 type SumArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
-/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbours beyond; distances (m,)
-/// of the former, metres.
+/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbors beyond; distances (m,)
+/// of the former, meters.
 ///
-/// `points` (n, 3) relative to the camera's centre, metres, in any axes; those that are not finite are left out. `cell`, rad: of
-/// points whose bearings differ by less the nearest hides the others. `gap`, rad: neighbours farther apart are none.
+/// `points` (n, 3) relative to the camera's center, meters, in any axes; those that are not finite are left out. `cell`, rad: of
+/// points whose bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none.
 /// `share`: how far a step goes beyond the plane of the near side, as a share of the inverse distance. ValueError for
 /// another shape, and a cell or gap that is not positive.
 #[pyfunction]
@@ -65,7 +65,7 @@ pub fn edge_agreement<'py>(
 ///
 /// `values` (k, h, w) float32, one picture a direction. `pixels` (n, 2), and `moved` (n, 12): how a left increment of the
 /// pose, rotation vector and translation, moves x, then y. `directions` (n,): the picture of each step. `increments` (t, 6), rad and
-/// metres. ValueError for other shapes, and no pixels.
+/// meters. ValueError for other shapes, and no pixels.
 #[pyfunction]
 pub fn edge_evidence<'py>(
     py: Python<'py>,

@@ -1,9 +1,9 @@
-//! How neighbours on a contour vary together (`docs/math.md`, section 11).
+//! How neighbors on a contour vary together (`docs/math.md`, section 11).
 
-/// The least that a sum of neighbours may vary against independent ones: a convention.
+/// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
-/// Share of the longest region over which neighbours are followed: beyond it too few pairs are left. A convention.
+/// Share of the longest region over which neighbors are followed: beyond it too few pairs are left. A convention.
 const FOLLOWED: f64 = 0.25;
 
 /// Autocovariance of a lag, within regions of these numbers of values.
@@ -17,7 +17,7 @@ fn product(values: &[f64], counts: &[usize], lag: usize) -> f64 {
     sum
 }
 
-/// How much more a long sum of neighbours varies than if they were independent: less where they take turns, as the steps of a
+/// How much more a long sum of neighbors varies than if they were independent: less where they take turns, as the steps of a
 /// staircase do.
 ///
 /// `1 + 2 sum of the autocorrelations`, summed in pairs up to the first pair that is not positive (Geyer 1992, section 3.3).

@@ -40,7 +40,7 @@ struct Row {
     run: Option<[usize; 2]>,
 }
 
-/// Neighbouring pieces on one straight run of the contour: what moves its ends moves all.
+/// Neighboring pieces on one straight run of the contour: what moves its ends moves all.
 struct Side {
     pieces: Range<usize>,
     region: usize,
@@ -49,7 +49,7 @@ struct Side {
     share: f64,
 }
 
-/// Covariance of the left increment `[omega (rad), tau (metres)]` of a pose on the contours; infinite where a direction is
+/// Covariance of the left increment `[omega (rad), tau (meters)]` of a pose on the contours; infinite where a direction is
 /// left free.
 pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let Some((rows, counts)) = rows_of(contours, fit) else { return free() };

@@ -137,7 +137,7 @@ impl ContourFit {
         }
         let clean = self.clean();
         // A region that is disturbed as a whole says nothing of how long the disturbances are.
-        let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centred).collect();
+        let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centered).collect();
         clean.len() as f64 / correlation(&about_mean, &self.counts).max(1.0)
     }
 
@@ -177,7 +177,7 @@ impl ContourFit {
         let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
         let mean = mean(&differences);
         // That a region fits one pose as a whole and the other not at all is no chance.
-        let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centred).collect();
+        let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centered).collect();
         let square =
             scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts).max(1.0);
         let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
@@ -361,7 +361,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn centred(values: &[f64]) -> Vec<f64> {
+fn centered(values: &[f64]) -> Vec<f64> {
     let mean = mean(values);
     values.iter().map(|value| value - mean).collect()
 }

@@ -3,7 +3,7 @@
 
 use super::readings::Reading;
 
-/// Least distance that is told from zero, pixels, and the ratio of neighbouring bins, far finer than the scales:
+/// Least distance that is told from zero, pixels, and the ratio of neighboring bins, far finer than the scales:
 /// conventions.
 const FIRST_BIN: f64 = 0.05;
 const BIN_RATIO: f64 = 1.2;
@@ -11,7 +11,7 @@ const BIN_RATIO: f64 = 1.2;
 /// Bins, up to 1e5 pixels.
 const BINS: usize = 80;
 
-/// Ratio of neighbouring scales: of those that are tried, and of the wide scale over the narrow one at least, since a
+/// Ratio of neighboring scales: of those that are tried, and of the wide scale over the narrow one at least, since a
 /// nearer one is no other scale. A convention.
 pub(super) const SCALE_STEP: f64 = 2.0;
 

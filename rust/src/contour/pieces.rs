@@ -16,7 +16,7 @@ const FEWEST_PIECES: usize = 8;
 /// Share of an edge that counts as all of it: what round-off leaves at its end is no part of the next piece.
 const WHOLE: f64 = 1.0 - 1e-12;
 
-/// Turn, as a sine, up to which neighbouring edges go on as one straight run: a camera bends a straight line into edges that
+/// Turn, as a sine, up to which neighboring edges go on as one straight run: a camera bends a straight line into edges that
 /// turn by less, and a mask's staircase turns by 45 degrees.
 const STRAIGHT: f64 = 0.1;
 

@@ -115,7 +115,7 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
     Minimum { pose, cost, converged: termination.is_minimum(), termination, evaluations }
 }
 
-/// One radian about each axis, and the distance of the (centred) world's origin along each.
+/// One radian about each axis, and the distance of the (centered) world's origin along each.
 pub fn step_unit(start: &Pose) -> Tangent {
     let distance = start.translation.norm();
     Tangent::new(1.0, 1.0, 1.0, distance, distance, distance)

@@ -31,7 +31,7 @@ const EDGES_OF_MOMENTS: usize = plane_count(MAX_ORDER);
 /// What a vertex counts as whose ring is turned into its chart and checked for crossings, in edges that are looked at.
 const EDGES_OF_VERTEX: usize = 500;
 
-/// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (metres)]`.
+/// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (meters)]`.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
     /// (m,) residuals.
@@ -164,7 +164,7 @@ impl RegionEquations {
         }
     }
 
-    /// The equations at a pose of the centred world, derivatives along the chart's axes; `None` where the region is not wholly
+    /// The equations at a pose of the centered world, derivatives along the chart's axes; `None` where the region is not wholly
     /// in view of its chart or its plane passes through the camera.
     fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
         effort::spend(self.work());

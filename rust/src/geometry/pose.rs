@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use crate::error::{Error, Result};
 
-/// Increment of a pose, `[omega (rad), tau (metres)]`, applied on the left.
+/// Increment of a pose, `[omega (rad), tau (meters)]`, applied on the left.
 pub type Tangent = Vector6<f64>;
 
 /// Parameters of a pose.

@@ -179,7 +179,7 @@ fn distance_to_segment(point: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) ->
     (point - a - share * along).norm()
 }
 
-/// Moves each free vertex to the mean of its neighbours, unless that would turn a triangle over.
+/// Moves each free vertex to the mean of its neighbors, unless that would turn a triangle over.
 fn smooth(cdt: &Cdt, points: &mut [Vector2<f64>], fixed: usize) {
     for vertex in cdt.vertices().skip(fixed) {
         let around: Vec<usize> = vertex.out_edges().map(|edge| edge.to().index()).collect();

@@ -27,7 +27,7 @@ const VERTICES_PER_TRIANGLE: f64 = 8.0;
 /// Rounds of refinement, all but the first for the rare face that spade skips.
 const MOST_ROUNDS: usize = 16;
 
-/// Triangles below this fraction of the extent squared are not split: their circumcentre is lost in rounding.
+/// Triangles below this fraction of the extent squared are not split: their circumcenter is lost in rounding.
 const SMALLEST_SPLIT_FRACTION: f64 = 1e-12;
 
 /// The same in units of the spacing of numbers at the largest coordinate, squared.
@@ -85,7 +85,7 @@ pub fn triangulate(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMes
 
 /// Refines the faces inside the rings; returns whether spade agreed on which ones those are.
 ///
-/// Spade leaves a face alone whose circumcentre rounding puts just outside the rings: such a face gets a vertex in its
+/// Spade leaves a face alone whose circumcenter rounding puts just outside the rings: such a face gets a vertex in its
 /// middle, then refinement goes on.
 fn refine(
     cdt: &mut Cdt,

@@ -14,7 +14,7 @@ pub(super) const LEADING: usize = 200;
 
 /// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand
 /// for.
-pub(super) const MISLABELLED: f64 = 0.01;
+pub(super) const MISLABELED: f64 = 0.01;
 pub(super) const DISTURBED: f64 = 0.03;
 pub(super) const WEIGHT: f64 = 30.0;
 
@@ -55,7 +55,7 @@ pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: u
 impl Trust {
     /// What is expected before anything is known.
     pub(super) fn unknown() -> Self {
-        Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabelled: MISLABELLED }
+        Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabeled: MISLABELED }
     }
 
     /// The label of a sample behind the camera, infinitely far on its right side or its wrong one.

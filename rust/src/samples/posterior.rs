@@ -15,13 +15,13 @@ use crate::prior::Gaussian;
 const STEP: f64 = 0.5;
 
 /// Standard deviations of how far contours are grown and clean stretches of them are off, pixels: from the quality of
-/// calibrations to a hand's error, and half the width of a lidar's beam beside a region of a few metres.
+/// calibrations to a hand's error, and half the width of a lidar's beam beside a region of a few meters.
 const SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
 
 /// Logarithm of odds from which a setting that is farther on tells nothing.
 const NOTHING: f64 = 10.0;
 
-/// Relinearisations at one blur at most: on the way, and where they end.
+/// Relinearizations at one blur at most: on the way, and where they end.
 const ROUNDS: usize = 2;
 const LAST_ROUNDS: usize = 8;
 

@@ -21,7 +21,7 @@ const COIN: f64 = 0.5;
 
 /// How far the labels of a region's samples are to be trusted.
 ///
-/// A label is right with the probability `mislabelled + (1 - 2 mislabelled) ((1 - disturbed) Phi(margin / blur) +
+/// A label is right with the probability `mislabeled + (1 - 2 mislabeled) ((1 - disturbed) Phi(margin / blur) +
 /// disturbed Phi(margin / wide))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trust {
@@ -32,7 +32,7 @@ pub struct Trust {
     /// Share of the contour that is disturbed.
     pub disturbed: f64,
     /// Share of labels that are wrong, however far from the contour.
-    pub mislabelled: f64,
+    pub mislabeled: f64,
 }
 
 /// Whether the edge that a sample is nearest to is the region's own. Beyond one that hides it, the region may go on:
@@ -51,16 +51,16 @@ impl Trust {
     /// The probability of a label on its wrong side, and what it is more on its right one.
     fn bounds(&self, edge: Edge) -> (f64, f64) {
         match edge {
-            Edge::Own => (self.mislabelled, 1.0 - 2.0 * self.mislabelled),
-            Edge::HidesInside => (COIN, COIN - self.mislabelled),
-            Edge::HidesOutside => (self.mislabelled, COIN - self.mislabelled),
+            Edge::Own => (self.mislabeled, 1.0 - 2.0 * self.mislabeled),
+            Edge::HidesInside => (COIN, COIN - self.mislabeled),
+            Edge::HidesOutside => (self.mislabeled, COIN - self.mislabeled),
         }
     }
 
     /// Weights and blurs of the clean and the disturbed parts.
     fn parts(&self, edge: Edge) -> [(f64, f64); 2] {
-        let (_, labelled) = self.bounds(edge);
-        [(labelled * (1.0 - self.disturbed), self.blur), (labelled * self.disturbed, self.wide)]
+        let (_, labeled) = self.bounds(edge);
+        [(labeled * (1.0 - self.disturbed), self.blur), (labeled * self.disturbed, self.wide)]
     }
 
     /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the
@@ -72,9 +72,9 @@ impl Trust {
         // Of a margin that is certain to be right a label that was drawn at random agrees by half.
         let beyond = match edge {
             Edge::HidesInside => 0.0,
-            _ => self.mislabelled * cumulative(-mean / (self.blur * self.blur + variance).sqrt()),
+            _ => self.mislabeled * cumulative(-mean / (self.blur * self.blur + variance).sqrt()),
         };
-        Label { log_probability: all.ln(), mislabelled: beyond / all, disturbed: wide / all }
+        Label { log_probability: all.ln(), mislabeled: beyond / all, disturbed: wide / all }
     }
 }
 
@@ -84,7 +84,7 @@ pub struct Label {
     /// Logarithm of its probability.
     pub log_probability: f64,
     /// Probability that it is wrong for its own sake.
-    pub mislabelled: f64,
+    pub mislabeled: f64,
     /// Probability that the contour is disturbed where it lies.
     pub disturbed: f64,
 }
@@ -96,7 +96,7 @@ impl std::ops::Mul<f64> for Label {
     fn mul(self, share: f64) -> Self {
         Self {
             log_probability: share * self.log_probability,
-            mislabelled: share * self.mislabelled,
+            mislabeled: share * self.mislabeled,
             disturbed: share * self.disturbed,
         }
     }
@@ -109,7 +109,7 @@ impl std::ops::Add for Label {
     fn add(self, other: Self) -> Self {
         Self {
             log_probability: self.log_probability + other.log_probability,
-            mislabelled: self.mislabelled + other.mislabelled,
+            mislabeled: self.mislabeled + other.mislabeled,
             disturbed: self.disturbed + other.disturbed,
         }
     }

@@ -42,7 +42,7 @@ struct Edge {
     inverse: f64,
     /// Unit normal towards the inside.
     inward: Vector2<f64>,
-    /// Sums of this normal and the neighbour's at either end: they tell the side of a point that is nearest to the
+    /// Sums of this normal and the neighbor's at either end: they tell the side of a point that is nearest to the
     /// vertex.
     ends: [Vector2<f64>; 2],
     marked: bool,

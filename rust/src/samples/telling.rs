@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELLED, WEIGHT, log_likelihood};
+use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, log_likelihood};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
@@ -21,7 +21,7 @@ pub(super) const FINEST: f64 = 0.25;
 /// Largest share of wrong labels: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
 
-/// A relinearisation that moves by less than this many standard deviations is the last.
+/// A relinearization that moves by less than this many standard deviations is the last.
 const SETTLED: f64 = 0.01;
 
 /// Share of a step that is gone where the last one came from ahead.
@@ -110,7 +110,7 @@ pub(super) struct Samples<'a, F> {
 #[derive(Debug, Clone, Copy, Default)]
 struct Shown {
     log_probability: f64,
-    mislabelled: f64,
+    mislabeled: f64,
     disturbed: f64,
     /// Numbers of labels: all, and those that could show a disturbed contour.
     all: f64,
@@ -121,7 +121,7 @@ impl Shown {
     fn add(&mut self, label: &Label, is_near: bool) {
         let near = f64::from(u8::from(is_near));
         self.log_probability += label.log_probability;
-        self.mislabelled += label.mislabelled;
+        self.mislabeled += label.mislabeled;
         self.disturbed += near * label.disturbed;
         self.all += 1.0;
         self.near += near;
@@ -211,7 +211,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 match sampled.read(&state.pose, number) {
                     Reading::Seen(sight) => {
                         let site = Site::new(&sight, trust);
-                        // The factors of margins stay what they are when these are linearised anew.
+                        // The factors of margins stay what they are when these are linearized anew.
                         let site = before.map_or(site, |before| site.with_factors_of(&before.site));
                         seen.push(Telling { site, region, number, stretch: sight.stretch });
                     }
@@ -272,8 +272,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         })
     }
 
-    /// Linearises the telling samples at a pose; one that tells no longer stays as it was.
-    fn linearise(&mut self, pose: &Pose) {
+    /// Linearizes the telling samples at a pose; one that tells no longer stays as it was.
+    fn linearize(&mut self, pose: &Pose) {
         for telling in &mut self.telling {
             if let Reading::Seen(sight) = self.regions[telling.region].read(pose, telling.number) {
                 telling.site = Site { edge: sight.edge, ..telling.site.with_line(&sight.slope, sight.margin) };
@@ -332,7 +332,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let share =
             |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
         for (trust, shown) in self.trust.iter_mut().zip(shown) {
-            trust.mislabelled = share(shown.mislabelled, shown.all, MISLABELLED);
+            trust.mislabeled = share(shown.mislabeled, shown.all, MISLABELED);
             trust.disturbed = share(shown.disturbed, shown.near, DISTURBED);
         }
     }
@@ -394,7 +394,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// The belief once its mean is where it was linearised; `None` where a direction is left free.
+    /// The belief once its mean is where it was linearized; `None` where a direction is left free.
     pub(super) fn settled(&mut self, mut state: State, setting: Setting, rounds: usize, whole: bool) -> Option<State> {
         let blur = setting.blur;
         let is_first = self.telling.is_empty();
@@ -407,7 +407,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             if whole {
                 self.regress(&state);
             } else if round > 0 {
-                self.linearise(&state.pose);
+                self.linearize(&state.pose);
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
             let Propagated { belief, views, log_evidence } = self.propagate(&state.pose, &guard)?;

@@ -254,7 +254,7 @@ impl Search {
     /// The poses near which the moments' equations are to be solved, best first; none where the contours have decided.
     pub fn candidates(&self) -> Vec<Pose> {
         match &self.answers {
-            Answers::Moments(poses) => poses.iter().map(|pose| self.problem.uncentred(pose)).collect(),
+            Answers::Moments(poses) => poses.iter().map(|pose| self.problem.uncentered(pose)).collect(),
             Answers::Contours(_) => Vec::new(),
         }
     }
@@ -266,16 +266,16 @@ impl Search {
 
     /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`.
     pub fn solve_from(&self, candidate: &Pose) -> Minimum {
-        let start = self.problem.centred(candidate);
+        let start = self.problem.centered(candidate);
         let minimum = minimize(self.problem.regions(), &start, Weighting::Whitened, FINAL);
-        Minimum { pose: self.problem.uncentred(&minimum.pose), ..minimum }
+        Minimum { pose: self.problem.uncentered(&minimum.pose), ..minimum }
     }
 }
 
 /// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's
 /// place.
 fn known_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
-    let initial = prior.initial.map(|pose| problem.centred(&pose));
+    let initial = prior.initial.map(|pose| problem.centered(&pose));
     initial.into_iter().chain(direction_poses(problem, prior, problem.few())).collect()
 }
 

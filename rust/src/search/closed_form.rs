@@ -84,8 +84,8 @@ pub fn facing(
             let world_axes = axes_from(&normal, &first, &frame.axes[0]);
             let chart_axes = axes_from(&-Vector3::z(), &up.map_or(-Vector3::y(), |_| camera_up), &Vector3::x());
             let rotation = Rotation3::from_matrix_unchecked(chart_axes * world_axes.transpose());
-            let centre = frame.lifted(&mean) - origin;
-            let translation = Vector3::z() * depth - rotation * centre;
+            let center = frame.lifted(&mean) - origin;
+            let translation = Vector3::z() * depth - rotation * center;
             let back = chart.rotation.inverse();
             Pose::new(back * rotation, back * translation)
         })
@@ -99,11 +99,11 @@ pub fn facing(
 /// at either.
 pub fn conjugate(pose: &Pose, world: &WorldRegion, origin: &Vector3<f64>) -> Pose {
     let frame = world.frame();
-    let centre = frame.lifted(&centroid(&planar_moments(slices(world.outline()), 1))) - origin;
-    let place = pose.transform(&centre);
+    let center = frame.lifted(&centroid(&planar_moments(slices(world.outline()), 1))) - origin;
+    let place = pose.transform(&center);
     let half_turn = |axis: &Vector3<f64>| Rotation3::from_scaled_axis(axis * std::f64::consts::PI);
     let rotation = half_turn(&place.normalize()) * pose.rotation * half_turn(&frame.axes[2]);
-    Pose::new(rotation, place - rotation * centre)
+    Pose::new(rotation, place - rotation * center)
 }
 
 /// Right-handed axes: the third along `normal`, the second as near to `up` as that allows, or to `spare` where `up` is normal.

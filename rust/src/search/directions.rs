@@ -55,7 +55,7 @@ fn standing(rotation: Rotation3<f64>, place: &Vector3<f64>) -> Pose {
     Pose::new(rotation, -(rotation * place))
 }
 
-/// A region's direction: a place that errs by so many metres, or a centroid, turns it by those over the distance.
+/// A region's direction: a place that errs by so many meters, or a centroid, turns it by those over the distance.
 /// `None` where no direction can be told, as from a place in the region's plane.
 fn direction(region: &RegionEquations, world: &WorldRegion, near: &Vector3<f64>, sigma: f64) -> Option<Direction> {
     let seen = seen_direction(region)?;

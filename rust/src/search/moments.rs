@@ -120,7 +120,7 @@ pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
     let regions = problem.regions();
     let solved = |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, FINAL).pose;
     let starts = match &prior.initial {
-        Some(initial) => vec![solved(regions, &problem.centred(initial))],
+        Some(initial) => vec![solved(regions, &problem.centered(initial))],
         None => {
             let (first, world, origin) = (&regions[..1], &problem.worlds()[0], problem.origin());
             let facing = facing(first[0].chart(), first[0].outline(), world, origin, prior.up.as_ref());

@@ -2,7 +2,7 @@
 
 use crate::geometry::pose::Pose;
 
-/// Whether two poses of the centred world differ by more than `limit`: radians, or that share of the distance.
+/// Whether two poses of the centered world differ by more than `limit`: radians, or that share of the distance.
 pub fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
     a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()
 }

@@ -49,7 +49,7 @@ impl Problem {
 
     /// What a prior counts against a posterior, in variances.
     fn penalty(&self, posterior: &Posterior, prior: &Prior) -> f64 {
-        prior.penalty(&self.uncentred(&posterior.pose), &posterior.covariance)
+        prior.penalty(&self.uncentered(&posterior.pose), &posterior.covariance)
     }
 
     /// The posteriors with a prior, the likeliest first.
@@ -57,7 +57,7 @@ impl Problem {
         let outlined = self.outlined();
         let creases = self.creases();
         let others = |pose: &Pose| {
-            let known = prior.gaussian(&self.uncentred(pose)) + outlines(&outlined, pose);
+            let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut found = self.posteriors_near(starts, &others);

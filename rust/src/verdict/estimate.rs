@@ -51,7 +51,7 @@ pub struct Solution {
     pub overlap_error: f64,
     /// The same, region by region.
     pub region_overlap_errors: Vec<f64>,
-    /// Covariance of the left increment `[omega (rad), tau (metres)]`.
+    /// Covariance of the left increment `[omega (rad), tau (meters)]`.
     pub covariance: Matrix6<f64>,
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
@@ -157,7 +157,7 @@ impl Search {
         let step = self.problem.few();
         let place = |posterior: Posterior| {
             let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
-            let (pose, covariance) = (self.problem.uncentred(&posterior.pose), honest(&posterior.covariance));
+            let (pose, covariance) = (self.problem.uncentered(&posterior.pose), honest(&posterior.covariance));
             Some(Place { pose, minimum: None, fit, posterior: Some(posterior), covariance, against: 0.0 })
         };
         let led: Vec<Place> = posteriors.into_iter().filter_map(place).collect();
@@ -171,7 +171,7 @@ impl Search {
         // What is clean and fits from one pose alone shows it by a few pieces.
         let few = if minima.len() > 1 { 1 } else { problem.few() };
         let minima = minima.into_iter().filter_map(|minimum| {
-            let pose = problem.centred(&minimum.pose);
+            let pose = problem.centered(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
             let covariance = covariance(contours, &fit);
@@ -184,7 +184,7 @@ impl Search {
         let led = led.iter().map(|fit| {
             let covariance = covariance(contours, fit);
             Place {
-                pose: problem.uncentred(&fit.pose),
+                pose: problem.uncentered(&fit.pose),
                 minimum: None,
                 fit: fit.clone(),
                 posterior: None,

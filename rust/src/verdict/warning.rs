@@ -10,7 +10,7 @@ const SPELT_OUT: usize = 3;
 
 const MM: f64 = 1e3;
 
-/// What a user has to know before trusting a pose. Lengths are metres, axes the camera's.
+/// What a user has to know before trusting a pose. Lengths are meters, axes the camera's.
 #[derive(Debug, Clone, PartialEq, Message)]
 #[non_exhaustive]
 pub enum Warning {

@@ -109,15 +109,15 @@ fn mean_direction(rings: &[Vec<Bearing>]) -> Bearing {
 
 /// Axis of the narrowest cone around the bearings, by Badoiu and Clarkson's iteration towards the farthest one.
 fn enclosing_cone_axis(rings: &[Vec<Bearing>], start: Bearing) -> Bearing {
-    let mut centre = start;
+    let mut center = start;
     for step in 1..=CONE_STEPS {
-        let cosine = |bearing: &Bearing| centre.dot(bearing);
+        let cosine = |bearing: &Bearing| center.dot(bearing);
         let Some(farthest) = rings.iter().flatten().min_by(|a, b| cosine(a).total_cmp(&cosine(b))) else {
             return start;
         };
-        centre += (farthest - centre) / (step + 1) as f64;
+        center += (farthest - center) / (step + 1) as f64;
     }
-    centre.try_normalize(0.0).unwrap_or(start)
+    center.try_normalize(0.0).unwrap_or(start)
 }
 
 fn smallest_cosine(rings: &[Vec<Bearing>], axis: &Bearing) -> f64 {

@@ -17,7 +17,7 @@ const LEAST_SEEN: f64 = 0.05;
 /// Where the visible part of the plane `z = 1` ends that no border bounds: 87 degrees off the chart's axis.
 const REACH: f64 = 20.0;
 
-/// Angle between neighbouring points there, rad.
+/// Angle between neighboring points there, rad.
 const REACH_STEP: f64 = 0.5;
 
 /// Points of the world nearer to the camera's plane, along the chart's axis, than this share of the farthest are cut off.

@@ -18,7 +18,7 @@ const CENTROID_AXIS_MIN_COSINE: f64 = 0.3;
 const CENTROID_STEPS: usize = 3;
 
 /// A turn by less than this (rad) is the last: round-off.
-const CENTRED: f64 = 1e-12;
+const CENTERED: f64 = 1e-12;
 
 /// A rotation of the camera's axes followed by the gnomonic projection and a scale (`docs/math.md`, eq. 6.1).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,14 +41,14 @@ impl Chart {
         let start = Self { rotation, scale: 1.0 };
         let limit = |p: &Vector2<f64>| (1.0 > MIN_COSINE * MIN_COSINE * (1.0 + p.norm_squared())).then_some(*p);
         let rings = flat.mapped(limit).ok_or_else(too_wide)?;
-        let (chart, rings) = start.centred(rings);
+        let (chart, rings) = start.centered(rings);
         let scale = 1.0 / rings.area().sqrt();
         let scaled = rings.mapped(|p| Some(p * scale)).ok_or_else(too_wide)?;
         Ok((Self { scale, ..chart }, scaled))
     }
 
     /// The unscaled chart about the region's centroid, unless the region reaches too far from it.
-    fn centred(self, rings: PlaneRings) -> (Self, PlaneRings) {
+    fn centered(self, rings: PlaneRings) -> (Self, PlaneRings) {
         let mut best = (self, rings);
         for _ in 0..CENTROID_STEPS {
             let (chart, rings) = &best;
@@ -61,7 +61,7 @@ impl Chart {
             let moved = moved.map(PlaneRings::of_simple);
             let Some(moved) = moved else { break };
             best = (Self { rotation: turn * chart.rotation, scale: 1.0 }, moved);
-            if centroid.xy().norm() < CENTRED {
+            if centroid.xy().norm() < CENTERED {
                 break;
             }
         }

@@ -13,12 +13,12 @@ pub struct EdgeStrength<'a> {
 /// Where a step is seen: its pixel, how a change of the pose moves that, and the picture that shows edges across it.
 ///
 /// Of three components the change turns the camera alone, by a rotation vector about its axes, rad; of six it is a left increment,
-/// a rotation vector and a translation, metres.
+/// a rotation vector and a translation, meters.
 #[derive(Debug, Clone, Copy)]
 pub struct SeenStep<const D: usize> {
-    /// x, y; the centre of the first pixel is (0, 0).
+    /// x, y; the center of the first pixel is (0, 0).
     pub pixel: Vector2<f64>,
-    /// Derivatives by the change, pixels a radian and pixels a metre.
+    /// Derivatives by the change, pixels a radian and pixels a meter.
     pub moved: SMatrix<f64, 2, D>,
     /// Number of the direction.
     pub direction: usize,

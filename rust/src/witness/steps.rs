@@ -1,14 +1,14 @@
-//! Depth steps: places where a near surface ends before a far one, as seen from a camera's centre (`docs/math.md`, eq. 18.1).
+//! Depth steps: places where a near surface ends before a far one, as seen from a camera's center (`docs/math.md`, eq. 18.1).
 
 use std::array;
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-/// Directions around a point in each of which its nearest neighbour is looked for: pairs of opposite ones, 45 degrees wide.
+/// Directions around a point in each of which its nearest neighbor is looked for: pairs of opposite ones, 45 degrees wide.
 const SECTORS: usize = 8;
 
-/// A neighbour on the near side may be so many times nearer than the one beyond the step: plain extrapolation past that
+/// A neighbor on the near side may be so many times nearer than the one beyond the step: plain extrapolation past that
 /// would magnify range noise.
 const MOST_REACH: f64 = 2.0;
 
@@ -17,9 +17,9 @@ const MOST_REACH: f64 = 2.0;
 pub struct DepthStep {
     /// Bearing of the sample on the near side.
     pub near: Vector3<f64>,
-    /// Bearing of its neighbour on the far side.
+    /// Bearing of its neighbor on the far side.
     pub far: Vector3<f64>,
-    /// Distance of the sample on the near side, metres.
+    /// Distance of the sample on the near side, meters.
     pub distance: f64,
 }
 
@@ -30,19 +30,19 @@ struct Sample {
     inverse: f64,
 }
 
-/// A sample's nearest neighbour in a sector: angle to it, and its number.
-type Neighbour = Option<(f64, usize)>;
+/// A sample's nearest neighbor in a sector: angle to it, and its number.
+type Neighbor = Option<(f64, usize)>;
 
-/// The depth steps among points given relative to the camera's centre, metres, in any axes.
+/// The depth steps among points given relative to the camera's center, meters, in any axes.
 ///
-/// `cell`, rad: of points whose bearings differ by less, the nearest one hides the others. `gap`, rad: neighbours farther apart
+/// `cell`, rad: of points whose bearings differ by less, the nearest one hides the others. `gap`, rad: neighbors farther apart
 /// are none. `share`: a step goes beyond the plane through the near side by more than this share of the inverse distance.
-/// Points that are not finite, or in the centre, are left out.
+/// Points that are not finite, or in the center, are left out.
 pub fn depth_steps(points: &[Vector3<f64>], cell: f64, gap: f64, share: f64) -> Vec<DepthStep> {
     let samples = visible(points, cell);
     let buckets = Buckets::new(&samples, gap);
     let ends = (0..samples.len()).flat_map(|near| {
-        let far = ends_of(&samples, near, &buckets.neighbours(&samples, near), share);
+        let far = ends_of(&samples, near, &buckets.neighbors(&samples, near), share);
         far.into_iter().flatten().map(move |far| (near, far))
     });
     ends.map(|(near, far)| step(&samples[near], &samples[far])).collect()
@@ -52,8 +52,8 @@ fn step(near: &Sample, far: &Sample) -> DepthStep {
     DepthStep { near: near.bearing, far: far.bearing, distance: near.inverse.recip() }
 }
 
-/// The neighbours of a sample before which its surface ends.
-fn ends_of(samples: &[Sample], index: usize, around: &[Neighbour; SECTORS], share: f64) -> [Option<usize>; SECTORS] {
+/// The neighbors of a sample before which its surface ends.
+fn ends_of(samples: &[Sample], index: usize, around: &[Neighbor; SECTORS], share: f64) -> [Option<usize>; SECTORS] {
     let inverse = samples[index].inverse;
     array::from_fn(|sector| {
         let (before, beyond) = (around[(sector + SECTORS / 2) % SECTORS]?, around[sector]?);
@@ -62,7 +62,7 @@ fn ends_of(samples: &[Sample], index: usize, around: &[Neighbour; SECTORS], shar
     })
 }
 
-/// How far the inverse distance beyond a sample falls below that of the plane through the sample and its neighbour before it,
+/// How far the inverse distance beyond a sample falls below that of the plane through the sample and its neighbor before it,
 /// and below the sample's own.
 fn excess(inverse: f64, [before, beyond]: [f64; 2], [inverse_before, inverse_beyond]: [f64; 2]) -> f64 {
     let slope = (inverse - inverse_before) / before;
@@ -108,8 +108,8 @@ impl Buckets {
         Self { gap, held }
     }
 
-    /// The nearest neighbour in each sector around a sample.
-    fn neighbours(&self, samples: &[Sample], index: usize) -> [Neighbour; SECTORS] {
+    /// The nearest neighbor in each sector around a sample.
+    fn neighbors(&self, samples: &[Sample], index: usize) -> [Neighbor; SECTORS] {
         let (bearing, mut nearest) = (samples[index].bearing, [None; SECTORS]);
         let [right, up] = tangents(&bearing);
         for number in self.around(&bearing).filter(|number| *number != index) {
@@ -117,13 +117,13 @@ impl Buckets {
             let square = way.norm_squared();
             if square < self.gap * self.gap && square > 0.0 {
                 let sector = sector_of(way.dot(&right), way.dot(&up));
-                let held: &mut Neighbour = &mut nearest[sector];
+                let held: &mut Neighbor = &mut nearest[sector];
                 if held.is_none_or(|(least, _)| square < least) {
                     *held = Some((square, number));
                 }
             }
         }
-        nearest.map(|held: Neighbour| held.map(|(square, number)| (square.sqrt(), number)))
+        nearest.map(|held: Neighbor| held.map(|(square, number)| (square.sqrt(), number)))
     }
 
     /// The samples of the cells about a place.

@@ -11,7 +11,7 @@ use super::scene::{Scene, SpaceRing};
 pub fn readings(problem: &Problem, pose: &Pose) -> Option<Vec<Reading>> {
     let mut readings = Vec::new();
     for contour in problem.contours() {
-        contour.read(&problem.centred(pose), 1, &mut readings)?;
+        contour.read(&problem.centered(pose), 1, &mut readings)?;
     }
     Some(readings)
 }
@@ -25,7 +25,7 @@ pub fn distances(problem: &Problem, pose: &Pose) -> Vec<f64> {
 pub fn rows(problem: &Problem, pose: &Pose) -> Vec<(Reading, Tangent)> {
     let mut rows = Vec::new();
     for contour in problem.contours() {
-        contour.read_rows(&problem.centred(pose), &mut rows).unwrap();
+        contour.read_rows(&problem.centered(pose), &mut rows).unwrap();
     }
     rows
 }

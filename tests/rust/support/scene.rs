@@ -82,10 +82,10 @@ pub fn rendered(rings: &[SpaceRing], camera_from_world: &Pose) -> ObservedRegion
 
 /// Solid angle inside a ring of bearings, by the triangles with its mean direction (Van Oosterom and Strackee 1983).
 fn solid_angle(ring: &[Vector3<f64>]) -> f64 {
-    let centre = ring.iter().sum::<Vector3<f64>>().normalize();
+    let center = ring.iter().sum::<Vector3<f64>>().normalize();
     let triangle = |k: usize| {
         let (a, b) = (ring[k], ring[(k + 1) % ring.len()]);
-        2.0 * a.dot(&b.cross(&centre)).atan2(1.0 + a.dot(&b) + b.dot(&centre) + centre.dot(&a))
+        2.0 * a.dot(&b.cross(&center)).atan2(1.0 + a.dot(&b) + b.dot(&center) + center.dot(&a))
     };
     (0..ring.len()).map(triangle).sum::<f64>().abs()
 }
@@ -104,7 +104,7 @@ pub struct Layout {
     pub vertices: usize,
     /// Largest angle of the regions off the view's axis, rad.
     pub field: f64,
-    /// Metres per unit.
+    /// Meters per unit.
     pub unit: f64,
     /// Distance of the world's origin from the scene, in units.
     pub offset: f64,
@@ -170,7 +170,7 @@ impl Scene {
         Problem::with(&self.observed, &self.worlds, system, integration).unwrap()
     }
 
-    /// Mean of the world regions' centres.
+    /// Mean of the world regions' centers.
     pub fn middle(&self) -> Vector3<f64> {
         self.worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / self.worlds.len() as f64
     }

@@ -6,10 +6,11 @@ study of one's own.
 
 from __future__ import annotations
 
-from regionpose.evaluation.studies.catalogue import STUDIES, study_named
+from regionpose.evaluation.studies.catalog import STUDIES, study_named
 from regionpose.evaluation.studies.conditions import Condition
+from regionpose.evaluation.studies.config import StudyConfig
 from regionpose.evaluation.studies.dispatch import dask_executor
-from regionpose.evaluation.studies.problems import Problem, draw_problem
+from regionpose.evaluation.studies.problems import StudyProblem, draw_problem
 from regionpose.evaluation.studies.rows import Results
 from regionpose.evaluation.studies.runner import run_study
 from regionpose.evaluation.studies.storage import read_rows, write_rows
@@ -20,9 +21,10 @@ __all__ = [
     "STUDIES",
     "Chart",
     "Condition",
-    "Problem",
     "Results",
     "Study",
+    "StudyConfig",
+    "StudyProblem",
     "dask_executor",
     "draw_problem",
     "read_rows",

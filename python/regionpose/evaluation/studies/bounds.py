@@ -17,7 +17,7 @@ from regionpose.estimation.contours import (
     distances_of,
     outline_derivatives,
 )
-from regionpose.evaluation.studies.problems import Problem, world_region
+from regionpose.evaluation.studies.problems import StudyProblem, world_region
 from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ may miss a curve by."""
 
 @dataclass(frozen=True)
 class PoseBound:
-    """Least root-mean-square errors: of the rotation in degrees, of the translation at the first region in metres.
+    """Least root-mean-square errors: of the rotation in degrees, of the translation at the first region in meters.
 
     Infinite where the undisturbed boundary leaves a direction free.
     """
@@ -42,7 +42,7 @@ class PoseBound:
     translation_m: float
 
 
-def pose_bound(problem: Problem) -> PoseBound:
+def pose_bound(problem: StudyProblem) -> PoseBound:
     """The bound of a problem's errors by the pieces of its observed contours that nothing disturbed.
 
     At the true pose each piece has a distance from the true outline, and these scatter with the variance `s^2`; were
@@ -67,14 +67,14 @@ def scales(matrix: Array) -> Array:
     return factors
 
 
-def anchor_shift(problem: Problem) -> Array:
+def anchor_shift(problem: StudyProblem) -> Array:
     """(3, 6) derivatives of the scene's anchor in the camera's frame by the left increment `[omega, tau]`."""
     x, y, z = problem.scene.rotation @ problem.scene.anchor + problem.scene.translation
     by_turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     return np.hstack([by_turn, np.eye(3)])
 
 
-def undisturbed_pieces(problem: Problem) -> tuple[Array, Array]:
+def undisturbed_pieces(problem: StudyProblem) -> tuple[Array, Array]:
     """Distances (m,) in px of undisturbed pieces from the true outline at the true pose, and derivatives (m, 6).
 
     Those of a wrong region aren't among them.
@@ -100,7 +100,7 @@ def undisturbed_pieces(problem: Problem) -> tuple[Array, Array]:
 
 
 def _by_increment(camera: Camera, pose: Pose, contours: Contours) -> Array:
-    """Derivatives (v, 2, 6) of the projected vertices by the left increment, rad and metres."""
+    """Derivatives (v, 2, 6) of the projected vertices by the left increment, rad and meters."""
     distance = float(np.linalg.norm(pose.transform(contours.vertices).mean(axis=0)))
     unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
 

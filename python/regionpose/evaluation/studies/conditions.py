@@ -45,11 +45,11 @@ class Condition:
 
     `camera`: name of one of the study's setups. `planes`, `regions_per_plane`, `templates`, `world`: as of `Layout`.
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
-    region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centres or areas, or
+    region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centers or areas, or
     the true outline without any pixels.
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
     `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`); beams are
-    `divergence_mrad` across, and a share `mislabelled` of each region's returns is labelled wrong. `cut`: of the first
+    `divergence_mrad` across, and a share `mislabeled` of each region's returns is labeled wrong. `cut`: of the first
     region the scanner's field of view ends at the middle, or a box before it hides a half from scanner and camera, in
     the image marked as unknown. `focal_error` (a
     share) and `center_error_px`: standard deviations of the calibration that the estimate is given. `wrong`: one
@@ -72,7 +72,7 @@ class Condition:
     lidar_beams: int | None = None
     range_noise_m: float = 0.0
     divergence_mrad: float = 0.0
-    mislabelled: float = 0.0
+    mislabeled: float = 0.0
     cut: Cut = "none"
     scan: Scan = "outline"
     focal_error: float = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.evaluation.studies.rows import Results
-from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG
+from regionpose.evaluation.studies.trust import RIGHT_DEG, WRONG_DEG
 
 Array = NDArray[np.float64]
 

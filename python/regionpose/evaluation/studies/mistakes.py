@@ -10,10 +10,10 @@ from regionpose.cameras import Camera
 from regionpose.evaluation.masks import project_region, to_camera
 from regionpose.evaluation.noise import MiscalibratedCamera, another_shape
 from regionpose.evaluation.planar import PlaneFrame, region_centroid
-from regionpose.evaluation.scenes import Layout, Scene, ScenePlacementError, draw_scene, problem_generator
+from regionpose.evaluation.scenes import Layout, ScenePlacementError, SyntheticScene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup
 from regionpose.evaluation.studies.conditions import Condition, Mistake
-from regionpose.evaluation.studies.problems import OUTLINE_TOLERANCE_PX, Problem, world_region
+from regionpose.evaluation.studies.problems import OUTLINE_TOLERANCE_PX, StudyProblem, world_region
 from regionpose.evaluation.templates import polygon_template
 from regionpose.regions.image import ImageRegion
 
@@ -49,7 +49,7 @@ FOCAL_ERROR = 0.03
 """Share by which a focal length is too long or too short."""
 
 
-def draw_mistaken_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
+def draw_mistaken_problem(setup: Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem of a seed with the condition's mistake; no two mistakes or cameras have a scene in common."""
     mistake = condition.mistake
     rng = problem_generator(seed, f"{condition.camera} {mistake}")
@@ -63,7 +63,7 @@ def draw_mistaken_problem(setup: Setup, condition: Condition, seed: int) -> Prob
     worlds = [world_region(rings) for rings in known]
     camera = _given_camera(setup.camera, mistake, rng)
     every = list(range(planes))
-    return Problem(scene, camera, seen, worlds, every, 0.0, 0.0, wrong, drawn={"planes": planes})
+    return StudyProblem(scene, camera, seen, worlds, every, 0.0, 0.0, wrong, drawn={"planes": planes})
 
 
 def small_side_m(setup: Setup, rng: np.random.Generator) -> float:
@@ -97,11 +97,11 @@ def _mistaken(
 def mirrored(rings: list[Array], rng: np.random.Generator) -> list[Array]:
     """(n, 3) rings of a planar region mirrored in its plane about a line through its centroid, turning as before."""
     frame = PlaneFrame.of_region(rings)
-    centre = frame.flat(region_centroid(rings)[None])
+    center = frame.flat(region_centroid(rings)[None])
     angle = rng.uniform(0.0, np.pi)
     axis = np.array([np.cos(angle), np.sin(angle)])
     mirror = 2.0 * np.outer(axis, axis) - np.eye(2)
-    return [frame.lifted((frame.flat(ring) - centre) @ mirror + centre)[::-1] for ring in rings]
+    return [frame.lifted((frame.flat(ring) - center) @ mirror + center)[::-1] for ring in rings]
 
 
 def _exchanged(images: list[ImageRegion], places: tuple[int, ...]) -> list[ImageRegion]:
@@ -111,7 +111,7 @@ def _exchanged(images: list[ImageRegion], places: tuple[int, ...]) -> list[Image
     return seen
 
 
-def marked_region(scene: Scene, rings: list[Array], mistake: Mistake, rng: np.random.Generator) -> ImageRegion:
+def marked_region(scene: SyntheticScene, rings: list[Array], mistake: Mistake, rng: np.random.Generator) -> ImageRegion:
     """The image of a world region, (n, 3) rings, by corners that are marked with the mistake's error."""
     for _ in range(MARKED_TIMES):
         marked = [_marked(scene, ring, mistake, rng) for ring in rings]
@@ -120,7 +120,7 @@ def marked_region(scene: Scene, rings: list[Array], mistake: Mistake, rng: np.ra
     raise ScenePlacementError(f"edges crossed each of {MARKED_TIMES} times that the corners were marked")
 
 
-def _marked(scene: Scene, ring: Array, mistake: Mistake, rng: np.random.Generator) -> Array:
+def _marked(scene: SyntheticScene, ring: Array, mistake: Mistake, rng: np.random.Generator) -> Array:
     """(m, 2) pixels of a ring (n, 3) whose corners are off, and what lies between two as far as these."""
     (seen,) = project_region(scene.camera, scene.rotation, scene.translation, [ring], OUTLINE_TOLERANCE_PX)
     corners = scene.camera.project(to_camera(ring, scene.rotation, scene.translation))

@@ -10,7 +10,7 @@ import numpy as np
 from regionpose.evaluation.scenes import problem_generator
 from regionpose.evaluation.setups import Setup
 from regionpose.evaluation.studies.conditions import Condition, NoiseModel
-from regionpose.evaluation.studies.problems import Problem, draw_problem
+from regionpose.evaluation.studies.problems import StudyProblem, draw_problem
 
 DRAWN = (
     "planes",
@@ -40,7 +40,7 @@ SCENE_TRIES = 50
 """Scenes that are drawn at the most until one can be given to an estimate."""
 
 
-def draw_mixed_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
+def draw_mixed_problem(setup: Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem of a seed under the condition's noise model; no two models or cameras have a scene in common.
 
     The scene is drawn again where the disturbance leaves nothing to solve, as of a region that the lidar's fan misses.

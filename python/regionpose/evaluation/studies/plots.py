@@ -1,6 +1,6 @@
 """Rows as pictures in the paper's manner: sorted errors, and shares of solved problems.
 
-Lines differ in lightness, dash and marker, so that they can be told apart in print without colour.
+Lines differ in lightness, dash and marker, so that they can be told apart in print without color.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ DASHES = ("-", "--", "-.", ":", (0, (6, 1, 1, 1, 1, 1)), (0, (1, 1)))
 HATCHES = ("", "//", "..", "xx", "--", "oo")
 MARKERS = ("o", "s", "^", "D", "v", "x")
 LIGHTEST = 0.82
-"""Share of the colour map that is used: what is lighter vanishes on paper."""
+"""Share of the color map that is used: what is lighter vanishes on paper."""
 
 LEGEND_CHARACTERS, HANDLE_CHARACTERS = 13.0, 8
 """Characters of a legend on an inch, and those that the line before a name takes the room of."""
 
-LABELLED_DECADES = (1.5, 0.6)
+LABELED_DECADES = (1.5, 0.6)
 """Decades of an axis below which some of the values between powers of ten have labels, and below which all have."""
 
 MARKS_ON_A_CURVE = 6
@@ -71,7 +71,7 @@ NAMES = {
     "lidar_beams": "beams",
     "range_noise_m": "range noise, m",
     "divergence_mrad": "beams' width, mrad",
-    "mislabelled": "wrong labels",
+    "mislabeled": "wrong labels",
     "focal_error": "focal length error",
     "center_error_px": "principal point error, px",
 }
@@ -188,7 +188,7 @@ def _make_logarithmic(panel: Axes, *names: Literal["x", "y"]) -> None:
         panel.set(**{f"{name}scale": "log"})
         axis = panel.xaxis if name == "x" else panel.yaxis
         axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(LogFormatter(minor_thresholds=LABELLED_DECADES))
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=LABELED_DECADES))
 
 
 def _share_limits(row: Sequence[Axes]) -> None:
@@ -268,7 +268,7 @@ def _shares_figure(
     values = results.values(chart.lines)
     for panel, (title, shown) in zip(axes[0], panels, strict=True):
         panel.set_title(title)
-        panel.plot([0.0, 100.0], [0.0, 100.0], color="grey", linewidth=0.8)
+        panel.plot([0.0, 100.0], [0.0, 100.0], color="gray", linewidth=0.8)
         for value, style in zip(values, _styles(len(values)), strict=True):
             stated, observed = curve(shown.where(**{chart.lines: value}))
             every = max(len(stated) // MARKS_ON_A_CURVE, 1)

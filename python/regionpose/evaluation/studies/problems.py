@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
 from regionpose.estimation.prior import Prior
-from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabelled
+from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabeled
 from regionpose.evaluation.masks import (
-    Patch,
+    MaskPatch,
     Window,
     binary_mask,
     binary_patch,
@@ -33,7 +33,7 @@ from regionpose.evaluation.noise import (
     truncate_masks,
 )
 from regionpose.evaluation.planar import PlaneFrame, region_centroid
-from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, Scene, draw_scene, problem_generator
+from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, SyntheticScene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
@@ -59,18 +59,19 @@ LEAST_KEPT_SHARE = 0.5
 UP_SIGMA_DEG = 5.0
 """Standard deviation of a known up direction about each axis: a camera held upright."""
 
-INITIAL_SIGMA = (10.0, 0.5)
-"""Standard deviations, degrees and metres along each axis, of a rough pose: read off a map, or guessed."""
+INITIAL_ROTATION_SIGMA_DEG = 10.0
+INITIAL_CENTER_SIGMA_M = 0.5
+"""Standard deviations along each axis of a rough pose: read off a map, or guessed."""
 
 NEAR_SIGMA_M = 1.0
-"""Standard deviation, metres along each axis, of a place that the camera is near: beside a scanner on a vehicle."""
+"""Standard deviation, meters along each axis, of a place that the camera is near: beside a scanner on a vehicle."""
 
 GRAZING_VIEW_ANGLE_DEG = 90.0
 """Every angle of view is taken where the study asks for grazing ones."""
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class StudyProblem:
     """What an estimate is given, and the scene that it comes from.
 
     `camera`: as it is believed to be. `kept`: the scene's regions that are given: not those that a border cuts in
@@ -80,7 +81,7 @@ class Problem:
     fields of the condition that the seed decided.
     """
 
-    scene: Scene
+    scene: SyntheticScene
     camera: Camera
     image_regions: list[ImageRegion]
     world_regions: list[WorldRegion]
@@ -92,7 +93,7 @@ class Problem:
     drawn: Mapping[str, Value] = field(default_factory=dict)
 
 
-def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
+def draw_problem(setup: Setup, condition: Condition, seed: int) -> StudyProblem:
     """The problem of a seed. Scenes of one seed and layout are the same whatever disturbs them."""
     scene = draw_scene(setup.camera, pose_source(setup, condition), layout(condition), problem_generator(seed))
     wrong, told = with_wrong_region(scene, condition, problem_generator(seed, "wrong"))
@@ -106,7 +107,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     if "side" in condition.prior:
         viewpoint = Pose.from_parts(scene.rotation, scene.translation).camera_center
         worlds = {index: world.seen_from(viewpoint) for index, world in worlds.items()}
-    return Problem(
+    return StudyProblem(
         scene,
         given_camera(setup.camera, condition, rng),
         [given_region(seen, index, given[index], condition, shown, box if index == 0 else None) for index in worlds],
@@ -119,14 +120,17 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> Problem:
     )
 
 
-def known_beforehand(scene: Scene, condition: Condition, rng: np.random.Generator) -> Prior | None:
+def known_beforehand(scene: SyntheticScene, condition: Condition, rng: np.random.Generator) -> Prior | None:
     """What the condition lets be known of the pose beforehand, with its errors."""
     if condition.prior == "initial":
-        degrees, meters = INITIAL_SIGMA
-        turn = Rotation.from_rotvec(rng.normal(0.0, degrees, size=3), degrees=True)
+        turn = Rotation.from_rotvec(rng.normal(0.0, INITIAL_ROTATION_SIGMA_DEG, size=3), degrees=True)
         true = Pose.from_parts(scene.rotation, scene.translation)
-        rough = Pose(turn * true.rotation, turn.as_matrix() @ true.translation + rng.normal(0.0, meters, size=3))
-        return Prior(initial=rough, initial_sigma=INITIAL_SIGMA)
+        moved = turn.as_matrix() @ true.translation + rng.normal(0.0, INITIAL_CENTER_SIGMA_M, size=3)
+        return Prior(
+            initial=Pose(turn * true.rotation, moved),
+            initial_rotation_sigma_deg=INITIAL_ROTATION_SIGMA_DEG,
+            initial_center_sigma_m=INITIAL_CENTER_SIGMA_M,
+        )
     if condition.prior == "near":
         place = Pose.from_parts(scene.rotation, scene.translation).camera_center
         return Prior(camera_near=place + rng.normal(0.0, NEAR_SIGMA_M, size=3), camera_near_sigma_m=NEAR_SIGMA_M)
@@ -160,8 +164,8 @@ def given_camera(camera: Camera, condition: Condition, rng: np.random.Generator)
 
 
 def image_patches(
-    scene: Scene, condition: Condition, rng: np.random.Generator
-) -> tuple[list[Patch], list[Patch], Window]:
+    scene: SyntheticScene, condition: Condition, rng: np.random.Generator
+) -> tuple[list[MaskPatch], list[MaskPatch], Window]:
     """The true masks and those that the condition makes of them, each in a window, and what the image shows."""
     size = image_size(scene.camera)
     shown = Window(0, 0, *size)
@@ -179,7 +183,7 @@ def image_patches(
         return binary, given, shown
     coverage = [coverage_patch(rings, *size, margin) for rings, margin in sides]
     changed = [
-        Patch(np.where(before.values == after.values, whole.values, after.values), whole.window)
+        MaskPatch(np.where(before.values == after.values, whole.values, after.values), whole.window)
         for before, after, whole in zip(binary, given, coverage, strict=True)
     ]
     return coverage, changed, shown
@@ -192,8 +196,8 @@ def _margin(rings: Sequence[Array], share: float) -> int:
 
 
 def disturbed(
-    patches: list[Patch], rings: list[list[Array]], condition: Condition, rng: np.random.Generator
-) -> list[Patch]:
+    patches: list[MaskPatch], rings: list[list[Array]], condition: Condition, rng: np.random.Generator
+) -> list[MaskPatch]:
     """The masks, of regions with those pixel rings, with the share `noise` of their area changed."""
     changed = []
     for patch, outline in zip(patches, rings, strict=True):
@@ -202,21 +206,21 @@ def disturbed(
         else:
             boundary = [ring - (patch.window.left, patch.window.top) for ring in outline]
             mask = squares_on_mask(patch.values, condition.noise, rng, boundary=boundary)
-        changed.append(Patch(mask, patch.window))
+        changed.append(MaskPatch(mask, patch.window))
     return changed
 
 
 def truncated(
-    patches: list[Patch], share: float, rng: np.random.Generator, image: Window
-) -> tuple[list[Patch], Window]:
+    patches: list[MaskPatch], share: float, rng: np.random.Generator, image: Window
+) -> tuple[list[MaskPatch], Window]:
     """The masks cut by one border of a smaller image, and what that shows of the whole one."""
     windows = np.array([patch.window for patch in patches])
     left, top = windows[:, :2].min(axis=0).tolist()
     right, bottom = windows[:, 2:].max(axis=0).tolist()
-    common = [Patch(p.values, p.window.seen_from(left, top)).whole(right - left, bottom - top) for p in patches]
+    common = [MaskPatch(p.values, p.window.seen_from(left, top)).whole(right - left, bottom - top) for p in patches]
     masks, cut = truncate_masks(common, share, rng)
     cut_patches = [
-        Patch(mask[patch.window.seen_from(left, top).block], patch.window)
+        MaskPatch(mask[patch.window.seen_from(left, top).block], patch.window)
         for mask, patch in zip(masks, patches, strict=True)
     ]
     # The masks' common window ends at the regions; of its sides only one is the border.
@@ -226,7 +230,12 @@ def truncated(
 
 
 def given_region(
-    scene: Scene, index: int, patch: Patch, condition: Condition, shown: Window | None, box: Array | None = None
+    scene: SyntheticScene,
+    index: int,
+    patch: MaskPatch,
+    condition: Condition,
+    shown: Window | None,
+    box: Array | None = None,
 ) -> ImageRegion:
     """The image side of a region: from its mask, beside what a box (n, 3) hides, or its true outline."""
     if box is not None:
@@ -239,7 +248,7 @@ def given_region(
     return image_region(patch, scene.camera, shown)
 
 
-def image_region(patch: Patch, camera: Camera, shown: Window | None = None) -> ImageRegion:
+def image_region(patch: MaskPatch, camera: Camera, shown: Window | None = None) -> ImageRegion:
     """The region that the mask's contour bounds, in an image of which a window is shown (all of it without)."""
     width, height = image_size(camera)
     left, top, right, bottom = shown if shown is not None else Window(0, 0, width, height)
@@ -256,7 +265,7 @@ def image_region(patch: Patch, camera: Camera, shown: Window | None = None) -> I
     return ImageRegion(tuple(ring + corner for ring in rings), mask, border)
 
 
-def box_before(scene: Scene, rng: np.random.Generator) -> Array:
+def box_before(scene: SyntheticScene, rng: np.random.Generator) -> Array:
     """The face (4, 3) of a box before the first region that hides the half of it that lies on a random side."""
     rings = scene.regions[0]
     frame = PlaneFrame.of_region(rings)
@@ -274,7 +283,7 @@ def box_before(scene: Scene, rng: np.random.Generator) -> Array:
 
 
 def world_sides(
-    scene: Scene, kept: Sequence[int], condition: Condition, rng: np.random.Generator, box: Array | None = None
+    scene: SyntheticScene, kept: Sequence[int], condition: Condition, rng: np.random.Generator, box: Array | None = None
 ) -> dict[int, WorldRegion]:
     """The world side of each region, by its number; a box (n, 3) may stand before them.
 
@@ -292,7 +301,7 @@ def world_sides(
         way = region_centroid(regions[0]) - position
         lidar = lidar.below(float(np.degrees(np.arcsin(way @ up / np.linalg.norm(way)))))
     scan = lidar_scan([*regions, *([] if box is None else [[box]])], position, rng, lidar, up=up)
-    members = {index: mislabelled(scan, index, condition.mislabelled, rng) for index in kept}
+    members = {index: mislabeled(scan, index, condition.mislabeled, rng) for index in kept}
     return scanned_regions(scan, members, condition.scan)
 
 
@@ -332,7 +341,7 @@ def world_region(rings: Sequence[Array]) -> WorldRegion:
     return WorldRegion.from_polygons(polygons)
 
 
-def _image_change(true: Sequence[Patch], given: Sequence[Patch]) -> float:
+def _image_change(true: Sequence[MaskPatch], given: Sequence[MaskPatch]) -> float:
     changed = sum(float(np.abs(t.values.astype(float) - g.values).sum()) for t, g in zip(true, given, strict=True))
     whole = sum(float(t.values.sum()) for t in true)
     return changed / whole if whole > 0.0 else float("nan")

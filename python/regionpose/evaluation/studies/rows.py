@@ -15,7 +15,7 @@ from regionpose.evaluation.masks import ProjectionError, project_region
 from regionpose.evaluation.measures import is_solved, overlap_error, pose_errors
 from regionpose.evaluation.studies.bounds import PoseBound
 from regionpose.evaluation.studies.conditions import CONDITION_TYPES, Condition, Value
-from regionpose.evaluation.studies.problems import Problem
+from regionpose.evaluation.studies.problems import StudyProblem
 from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ COLUMN_TYPES: dict[str, type] = {**CONDITION_TYPES, "seed": int, **RESULT_TYPES}
 
 
 def solved_row(
-    problem: Problem, estimate: PoseEstimate, prepare_s: float, estimate_s: float, bound: PoseBound | None = None
+    problem: StudyProblem, estimate: PoseEstimate, prepare_s: float, estimate_s: float, bound: PoseBound | None = None
 ) -> Row:
     """The outcome of an estimate, with the bound of its errors where that was asked for."""
     answers = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
@@ -122,7 +122,7 @@ def solved_row(
     }
 
 
-def outlier_named(problem: Problem, estimate: PoseEstimate) -> str:
+def outlier_named(problem: StudyProblem, estimate: PoseEstimate) -> str:
     """What the warnings say of wrong regions: "none" named, the "right" ones and no other, or any "wrong" one."""
     named = regions_named(estimate, OUTLIER)
     if not named:
@@ -135,7 +135,7 @@ def regions_named(estimate: PoseEstimate, codes: set[str]) -> set[int]:
     return {region for warning in estimate.warnings if warning.code in codes for region in warning.regions}
 
 
-def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
+def failed_row(error: BaseException, problem: StudyProblem | None = None) -> Row:
     """The outcome of a problem that ended in an error: its text, no errors of a pose, not solved."""
     empty: Row = {name: _NOTHING[kind] for name, kind in RESULT_TYPES.items()}
     text = " ".join(f"{type(error).__name__}: {error}".split())
@@ -145,7 +145,7 @@ def failed_row(error: BaseException, problem: Problem | None = None) -> Row:
 _NOTHING: dict[type, Value] = {float: float("nan"), int: 0, str: "", bool: False}
 
 
-def judged(problem: Problem, pose: Pose) -> Row:
+def judged(problem: StudyProblem, pose: Pose) -> Row:
     """Errors of a pose; the overlap error is that of the scene's true regions, whatever disturbed the given ones."""
     scene = problem.scene
     errors = pose_errors(pose.rotation.as_matrix(), pose.translation, scene.rotation, scene.translation, scene.anchor)
@@ -161,7 +161,7 @@ def judged(problem: Problem, pose: Pose) -> Row:
     }
 
 
-def true_overlap_error(problem: Problem, pose: Pose) -> float:
+def true_overlap_error(problem: StudyProblem, pose: Pose) -> float:
     """The paper's delta over the true regions' images, mean of the regions given; NaN where one is out of view."""
     scene, rotation = problem.scene, pose.rotation.as_matrix()
     shares = []
@@ -175,15 +175,15 @@ def true_overlap_error(problem: Problem, pose: Pose) -> float:
     return float(np.mean(shares)) if shares else float("nan")
 
 
-def displacement(problem: Problem, pose: Pose) -> float:
-    """Mean distance in metres by which a pose misplaces the vertices of the scene's regions in the camera frame."""
+def displacement(problem: StudyProblem, pose: Pose) -> float:
+    """Mean distance in meters by which a pose misplaces the vertices of the scene's regions in the camera frame."""
     scene = problem.scene
     vertices = np.concatenate([ring for rings in scene.regions for ring in rings])
     turned = vertices @ (pose.rotation.as_matrix() - scene.rotation).T
     return float(np.linalg.norm(turned + pose.translation - scene.translation, axis=1).mean())
 
 
-def mahalanobis_squared(problem: Problem, pose: Pose, covariance: Array) -> float:
+def mahalanobis_squared(problem: StudyProblem, pose: Pose, covariance: Array) -> float:
     """Squared Mahalanobis distance of the true pose from an answer; of chi-squared distribution with 6 degrees of
     freedom when the covariance is right.
 
@@ -205,7 +205,7 @@ def _sigmas(estimate: PoseEstimate) -> Row:
     }
 
 
-def _drawn(problem: Problem) -> Row:
+def _drawn(problem: StudyProblem) -> Row:
     return {
         **problem.drawn,
         "templates_drawn": ";".join(problem.scene.names),

@@ -25,11 +25,11 @@ from regionpose.evaluation.studies.conditions import (
     grid_conditions,
     solver_options,
 )
-from regionpose.evaluation.studies.problems import Problem, draw_problem
+from regionpose.evaluation.studies.problems import StudyProblem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
 
 ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
-ProblemMaker = Callable[[Setup, Condition, int], Problem]
+ProblemMaker = Callable[[Setup, Condition, int], StudyProblem]
 
 LIBRARIES = ("numpy", "scipy", "shapely", "scikit-image")
 """Packages whose version may change a row."""
@@ -151,7 +151,7 @@ class Study:
             return failed_row(error, problem)
 
 
-def estimate_options(problem: Problem, solver: str) -> tuple[Prior, Solver]:
+def estimate_options(problem: StudyProblem, solver: str) -> tuple[Prior, Solver]:
     """Prior and solver for a problem: the condition's options, what these say of a prior added to what is known."""
     options = solver_options(solver)
     told = options.pop("prior", {})

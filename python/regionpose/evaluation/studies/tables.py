@@ -12,7 +12,7 @@ from regionpose.evaluation.studies.conditions import Value
 from regionpose.evaluation.studies.confidence import reliability
 from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
-from regionpose.evaluation.studies.verdict import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
+from regionpose.evaluation.studies.trust import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
 
 SHOWN_ERRORS = 5
 """Different error texts that are listed, the most frequent first."""
@@ -67,7 +67,7 @@ def _number(value: float) -> str:
 
 def value_text(name: str, value: Value) -> str:
     """The value of a condition as people read it: shares in per cent, no solver options as the default."""
-    if name in ("noise", "focal_error", "mislabelled") and isinstance(value, float):
+    if name in ("noise", "focal_error", "mislabeled") and isinstance(value, float):
         return f"{100.0 * value:g} %"
     if name == "solver" and value == "":
         return "default"

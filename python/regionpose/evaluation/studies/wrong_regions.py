@@ -8,7 +8,7 @@ import numpy as np
 
 from regionpose.evaluation.masks import Array, ProjectionError, image_size, project_region
 from regionpose.evaluation.noise import another_shape, elsewhere
-from regionpose.evaluation.scenes import Scene, ScenePlacementError
+from regionpose.evaluation.scenes import ScenePlacementError, SyntheticScene
 from regionpose.evaluation.studies.conditions import Condition, Wrong
 from regionpose.evaluation.templates import all_templates
 
@@ -16,7 +16,9 @@ TRIES = 200
 """Times that a wrong region is drawn until the image holds it."""
 
 
-def with_wrong_region(scene: Scene, condition: Condition, rng: np.random.Generator) -> tuple[int | None, Scene]:
+def with_wrong_region(
+    scene: SyntheticScene, condition: Condition, rng: np.random.Generator
+) -> tuple[int | None, SyntheticScene]:
     """Index of the region that is wrong, and the scene with it; None and the same scene where the condition has none.
 
     On side "2d" the wrong region lies in the image as a whole, or ScenePlacementError.
@@ -34,7 +36,7 @@ def with_wrong_region(scene: Scene, condition: Condition, rng: np.random.Generat
     )
 
 
-def wrong_rings(scene: Scene, index: int, wrong: Wrong, rng: np.random.Generator) -> list[Array]:
+def wrong_rings(scene: SyntheticScene, index: int, wrong: Wrong, rng: np.random.Generator) -> list[Array]:
     """(n, 3) rings in place of one region's: another template's of its area and centroid, or its own elsewhere."""
     rings = scene.regions[index]
     if wrong == "place":
@@ -43,7 +45,7 @@ def wrong_rings(scene: Scene, index: int, wrong: Wrong, rng: np.random.Generator
     return another_shape(rings, others[int(rng.integers(len(others)))].region(), rng)
 
 
-def _in_image(scene: Scene, rings: list[Array]) -> bool:
+def _in_image(scene: SyntheticScene, rings: list[Array]) -> bool:
     try:
         pixels = np.concatenate(project_region(scene.camera, scene.rotation, scene.translation, rings))
     except ProjectionError:

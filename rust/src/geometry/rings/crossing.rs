@@ -71,7 +71,7 @@ fn check_pair(rings: &[CleanRing], first: &Edge, second: &Edge) -> Result<()> {
     let Some(contact) = contact(first.ends, second.ends) else { return Ok(()) };
     let contact = match contact {
         Contact::Touches if first.ring == second.ring => {
-            if are_neighbours(first, second, rings[first.ring].vertices.len()) {
+            if are_neighbors(first, second, rings[first.ring].vertices.len()) {
                 return Ok(());
             }
             Contact::Touches
@@ -91,14 +91,14 @@ fn check_pair(rings: &[CleanRing], first: &Edge, second: &Edge) -> Result<()> {
     })
 }
 
-fn are_neighbours(first: &Edge, second: &Edge, count: usize) -> bool {
+fn are_neighbors(first: &Edge, second: &Edge, count: usize) -> bool {
     (first.index + 1) % count == second.index || (second.index + 1) % count == first.index
 }
 
-/// Whether two neighbours on a ring turn a corner: they then meet there alone.
+/// Whether two neighbors on a ring turn a corner: they then meet there alone.
 fn are_bent(first: &Edge, second: &Edge, count: usize) -> bool {
     let [a, b] = first.ends;
-    are_neighbours(first, second, count) && second.ends.into_iter().any(|end| turn(a, b, end).is_ne())
+    are_neighbors(first, second, count) && second.ends.into_iter().any(|end| turn(a, b, end).is_ne())
 }
 
 /// Whether two rings that touch at a vertex change sides there, rather than only meet.

@@ -47,7 +47,7 @@ impl<'a, T: MaskValue> Mask<'a, T> {
 /// What a mask says of its region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaskContours {
-    /// Rings in pixels (integer = pixel centre, x right, y down), as of [`PlaneRings::new`].
+    /// Rings in pixels (integer = pixel center, x right, y down), as of [`PlaneRings::new`].
     pub rings: PlaneRings,
     /// Rows from the first to the last that hold any coverage.
     pub rows: Range<usize>,
@@ -62,7 +62,7 @@ impl MaskContours {
     /// 0.01 px of a line.
     ///
     /// Covered pixels that touch at a corner alone are apart. Beside the border of the image the mask goes on for a
-    /// pixel, and the contour is cut half a pixel outside the outermost centres.
+    /// pixel, and the contour is cut half a pixel outside the outermost centers.
     ///
     /// # Errors
     /// Integers of more than two values, or of two other than 0; coverage outside [0, 1]; no pixel that is covered by

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-/// Vertices of a contour within this distance (pixels) of the line through their neighbours are redundant.
+/// Vertices of a contour within this distance (pixels) of the line through their neighbors are redundant.
 const TOLERANCE_PX: f64 = 0.01;
 
 /// A closed contour, its first vertex repeated at its end, as a ring without that and without redundant vertices.

@@ -5,15 +5,15 @@ use nalgebra::Vector2;
 use super::scan::Runs;
 use super::{CONTOUR_LEVEL, Mask, MaskValue};
 
-/// Least distance (pixels) of a contour from a pixel's centre: where the coverage there is the level itself, the contour
-/// would pass the centre on both sides and touch itself.
-const CLEAR_OF_CENTRES_PX: f64 = 1e-10;
+/// Least distance (pixels) of a contour from a pixel's center: where the coverage there is the level itself, the contour
+/// would pass the center on both sides and touch itself.
+const CLEAR_OF_CENTERS_PX: f64 = 1e-10;
 
 /// Extent (pixels) up to which a ring is the contour of one pixel at the level: a point.
-const POINT_PX: f64 = 4.0 * CLEAR_OF_CENTRES_PX;
+const POINT_PX: f64 = 4.0 * CLEAR_OF_CENTERS_PX;
 
-/// Distance (pixels) by which the border of the image lies outside the outermost centres.
-const BEYOND_CENTRES_PX: f64 = 0.5;
+/// Distance (pixels) by which the border of the image lies outside the outermost centers.
+const BEYOND_CENTERS_PX: f64 = 0.5;
 
 /// Cells are numbered from the pixels this far before the first: one that the mask goes on for, and an empty one.
 const MARGIN: usize = 2;
@@ -64,7 +64,7 @@ impl PaddedRows<'_> {
     }
 }
 
-/// Whether the upper and the lower of two neighbours in a column are at or above the level.
+/// Whether the upper and the lower of two neighbors in a column are at or above the level.
 type Column = [bool; 2];
 
 /// A side of a cell that the contour crosses.
@@ -150,14 +150,14 @@ impl<'a, T: MaskValue> Tracer<'a, T> {
         vertices[Side::Right as usize]
     }
 
-    /// A new vertex where the coverage between two neighbours, each [row, column] of the padded mask, is at the level.
+    /// A new vertex where the coverage between two neighbors, each [row, column] of the padded mask, is at the level.
     fn vertex(&mut self, first: [usize; 2], second: [usize; 2]) -> usize {
         let (from, to) = (self.coverage(first), self.coverage(second));
-        let share = ((CONTOUR_LEVEL - from) / (to - from)).clamp(CLEAR_OF_CENTRES_PX, 1.0 - CLEAR_OF_CENTRES_PX);
+        let share = ((CONTOUR_LEVEL - from) / (to - from)).clamp(CLEAR_OF_CENTERS_PX, 1.0 - CLEAR_OF_CENTERS_PX);
         let [y, x] = [0, 1].map(|axis| {
             let size = if axis == 0 { self.mask.rows() } else { self.mask.columns };
             let place = first[axis] as f64 - MARGIN as f64 + share * (second[axis] - first[axis]) as f64;
-            place.clamp(-BEYOND_CENTRES_PX, size as f64 - BEYOND_CENTRES_PX)
+            place.clamp(-BEYOND_CENTERS_PX, size as f64 - BEYOND_CENTERS_PX)
         });
         self.segments.vertex(Vector2::new(x, y))
     }

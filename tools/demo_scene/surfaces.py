@@ -12,19 +12,19 @@ Array = NDArray[np.float64]
 Texture = Callable[[Array, Array], Array]
 
 NEAREST_HIT = 1e-6
-"""Shortest distance of a hit in metres: a ray that starts on a surface doesn't meet that surface again."""
+"""Shortest distance of a hit in meters: a ray that starts on a surface doesn't meet that surface again."""
 
 PARALLEL = 1e-12
 """Least |cosine| between a ray and a normal: below it the distance has no digit left in double precision."""
 
 
 BALL_MARGIN = 1e-6
-"""Added to a surface's ball, metres, so that rounding never hides a hit at its rim."""
+"""Added to a surface's ball, meters, so that rounding never hides a hit at its rim."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A plane's coordinates: the point `(u, v)` is `origin + u right + v up`, metres, seen upright from its front."""
+    """A plane's coordinates: the point `(u, v)` is `origin + u right + v up`, meters, seen upright from its front."""
 
     origin: Array
     right: Array
@@ -40,7 +40,7 @@ class Frame:
         return np.asarray(self.origin + uv @ np.stack([self.right, self.up]))
 
     def lifted(self, distance: float) -> Frame:
-        """The parallel frame `distance` metres before this one."""
+        """The parallel frame `distance` meters before this one."""
         return Frame(self.origin + distance * self.normal, self.right, self.up)
 
 
@@ -54,7 +54,7 @@ class Surface:
     region: str | None = None
 
     def distances(self, origins: Array, directions: Array) -> Array:
-        """Distances (n,) from the origins (n, 3) at which the rays meet the polygon, inf where they don't, metres."""
+        """Distances (n,) from the origins (n, 3) at which the rays meet the polygon, inf where they don't, meters."""
         axes = np.stack([self.frame.normal, self.frame.right, self.frame.up], axis=1)
         rate, start = directions @ axes, (origins - self.frame.origin) @ axes
         reach = -start[:, 0] / np.where(np.abs(rate[:, 0]) < PARALLEL, PARALLEL, rate[:, 0])
@@ -66,7 +66,7 @@ class Surface:
         return distances
 
     def ball(self) -> tuple[Array, float]:
-        """Centre (3,) and radius, metres, of a ball that holds the polygon."""
+        """Center (3,) and radius, meters, of a ball that holds the polygon."""
         corners = self.frame.points(np.concatenate(self.rings))
         center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         return center, float(np.max(np.linalg.norm(corners - center, axis=1)))
@@ -101,7 +101,7 @@ def may_meet(surfaces: Sequence[Surface], origins: Array, directions: Array) -> 
 
 
 def first_hits(surfaces: Sequence[Surface], origins: Array, directions: Array) -> tuple[NDArray[np.intp], Array]:
-    """Index of the first surface on each ray (-1 for none) and its distance (inf for none), metres.
+    """Index of the first surface on each ray (-1 for none) and its distance (inf for none), meters.
 
     `origins` is (3,) or (n, 3), `directions` (n, 3) unit.
     """

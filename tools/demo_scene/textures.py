@@ -1,4 +1,4 @@
-"""Procedural colours of the courtyard: linear light in [0, 1], from plane coordinates in metres."""
+"""Procedural colors of the courtyard: linear light in [0, 1], from plane coordinates in meters."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.demo.surfaces import Array, Texture
+from tools.demo_scene.surfaces import Array, Texture
 
 SRGB_GAMMA = 2.2
 """Exponent between stored and linear light; the exact sRGB curve looks the same."""
 
 
 def linear(color: str) -> Array:
-    """Linear light (3,) of a colour written `#rrggbb`."""
+    """Linear light (3,) of a color written `#rrggbb`."""
     stored = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float64) / 255.0
     return np.asarray(stored**SRGB_GAMMA)
 
@@ -46,18 +46,18 @@ def layered_noise(u: Array, v: Array, seed: int, layers: int = 4) -> Array:
 
 
 def tinted(color: Array, strength: Array) -> Array:
-    """Colours (n, 3): `color` (3,) or (n, 3) times `strength` (n,)."""
+    """Colors (n, 3): `color` (3,) or (n, 3) times `strength` (n,)."""
     return np.asarray(color * strength[:, None])
 
 
 def mixed(below: Array, above: Array, weight: Array | NDArray[np.bool_]) -> Array:
-    """Colours (n, 3): `above` where the weight (n,) is 1, `below` where it is 0."""
+    """Colors (n, 3): `above` where the weight (n,) is 1, `below` where it is 0."""
     share = np.asarray(weight, dtype=np.float64)[:, None]
     return np.asarray(below * (1.0 - share) + above * share)
 
 
 def plain(color: str, grain: float = 0.04) -> Texture:
-    """Paint of one colour with a faint grain, a fraction of the colour."""
+    """Paint of one color with a faint grain, a fraction of the color."""
     base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
@@ -84,7 +84,7 @@ def plaster(color: str, plinth: str, plinth_height: float) -> Texture:
 
 
 def bricks(color: str, mortar: str, length: float = 0.25, height: float = 0.083, joint: float = 0.011) -> Texture:
-    """Running-bond brickwork; sizes in metres."""
+    """Running-bond brickwork; sizes in meters."""
     base, bed = linear(color), linear(mortar)
 
     def shade(u: Array, v: Array) -> Array:
@@ -105,7 +105,7 @@ def bricks(color: str, mortar: str, length: float = 0.25, height: float = 0.083,
 
 
 def planks(color: str, width: float, upright: bool = True, gap: float = 0.008) -> Texture:
-    """Boards with grain along them; sizes in metres."""
+    """Boards with grain along them; sizes in meters."""
     base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
@@ -121,7 +121,7 @@ def planks(color: str, width: float, upright: bool = True, gap: float = 0.008) -
 
 
 def pavers(color: str, joint: str, size: float = 0.42, gap: float = 0.016) -> Texture:
-    """Staggered square slabs with joints; sizes in metres."""
+    """Staggered square slabs with joints; sizes in meters."""
     base, bed = linear(color), linear(joint)
 
     def shade(u: Array, v: Array) -> Array:
@@ -142,7 +142,7 @@ def pavers(color: str, joint: str, size: float = 0.42, gap: float = 0.016) -> Te
 
 
 def roof_tiles(color: str, width: float = 0.24, course: float = 0.2) -> Texture:
-    """Courses of curved clay tiles; sizes in metres."""
+    """Courses of curved clay tiles; sizes in meters."""
     base = linear(color)
 
     def shade(u: Array, v: Array) -> Array:
@@ -171,7 +171,7 @@ def foliage(color: str, light: str) -> Texture:
 
 
 def panes(glass: str, bars: str, columns: int, rows: int, size: tuple[float, float], bar: float = 0.045) -> Texture:
-    """A window from (0, 0) to `size`: panes that mirror a sky brighter above, between painted bars, metres."""
+    """A window from (0, 0) to `size`: panes that mirror a sky brighter above, between painted bars, meters."""
     pane, paint = linear(glass), linear(bars)
 
     def shade(u: Array, v: Array) -> Array:
@@ -194,7 +194,7 @@ def marked(below: Texture, marks: Callable[[Array, Array], Array], strength: flo
 
 
 def strokes(bars: tuple[tuple[float, float, float, float], ...]) -> Callable[[Array, Array], Array]:
-    """Marks 1 inside any of the rectangles `(u0, v0, u1, v1)`, metres."""
+    """Marks 1 inside any of the rectangles `(u0, v0, u1, v1)`, meters."""
 
     def mark(u: Array, v: Array) -> Array:
         held = [(u >= a) & (u <= c) & (v >= b) & (v <= d) for a, b, c, d in bars]

@@ -1,6 +1,6 @@
 """The courtyard itself: its surfaces, its six named regions, its light, and where the camera and the lidar stand.
 
-Courtyard axes: x right, y away from the camera, z up, metres, the ground at z = 0. Users never see these axes: what
+Courtyard axes: x right, y away from the camera, z up, meters, the ground at z = 0. Users never see these axes: what
 ships is in the lidar's frame.
 """
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionpose.demo.surfaces import Array, Frame, Surface, Texture
-from regionpose.demo.textures import (
+from tools.demo_scene.surfaces import Array, Frame, Surface, Texture
+from tools.demo_scene.textures import (
     bricks,
     foliage,
     marked,
@@ -64,7 +64,7 @@ def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
 
 
 def courtyard_from_camera() -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,), metres, from the camera's frame (x right, y down, z ahead)."""
+    """Rotation (3, 3) and translation (3,), meters, from the camera's frame (x right, y down, z ahead)."""
     turn, tilt, roll = CAMERA_TURN_DEG
     ahead = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     turns = Rotation.from_euler("YXZ", [turn, tilt, roll], degrees=True).as_matrix()
@@ -72,7 +72,7 @@ def courtyard_from_camera() -> tuple[Array, Array]:
 
 
 def courtyard_from_lidar() -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,), metres, from the lidar's frame (z along its spin axis)."""
+    """Rotation (3, 3) and translation (3,), meters, from the lidar's frame (z along its spin axis)."""
     return turned(*LIDAR_TURN_DEG), LIDAR_CENTER
 
 
@@ -119,7 +119,7 @@ def scalloped(width: float, drop: float, depth: float, count: int, arcs: int = 8
 
 
 def leafy(width: float, height: float, seed: int, points: int = 90) -> Array:
-    """Ring of a bush's outline above v = 0, centred on u = 0."""
+    """Ring of a bush's outline above v = 0, centered on u = 0."""
     rng = np.random.default_rng(seed)
     angle = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
     swell = sum(rng.uniform(0.02, 0.06) * np.cos(k * angle + rng.uniform(0.0, 6.3)) for k in (3, 5, 8))

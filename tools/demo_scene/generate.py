@@ -1,4 +1,4 @@
-"""Writes the shipped files: `python -m regionpose.demo.generate --out DIR`."""
+"""Writes the shipped files: `python -m tools.demo_scene.generate --out DIR`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial.transform import Rotation
-
 from regionpose.cameras import PinholeCamera
-from regionpose.demo.courtyard import REGIONS, courtyard_from_camera, courtyard_from_lidar, surfaces
-from regionpose.demo.rendering import Camera, Indices, albedo, developed, pixel_grid, region_labels, rendered
 from regionpose.demo.scene import (
     CAMERA_FILE,
     CLOUD_FILE,
@@ -27,7 +23,11 @@ from regionpose.demo.scene import (
     TRUTH_FILE,
     DemoRegion,
 )
-from regionpose.demo.surfaces import Array, Surface, first_hits
+from scipy.spatial.transform import Rotation
+
+from tools.demo_scene.courtyard import REGIONS, courtyard_from_camera, courtyard_from_lidar, surfaces
+from tools.demo_scene.rendering import Camera, Indices, albedo, developed, pixel_grid, region_labels, rendered
+from tools.demo_scene.surfaces import Array, Surface, first_hits
 
 WIDTH, HEIGHT = 1280, 960
 FOCAL = (905.0, 903.5)
@@ -39,7 +39,7 @@ IMAGE_NOISE = 1.3
 """Standard deviation of the sensor's noise, in levels of 0 to 255."""
 
 JPEG_QUALITY = 95
-"""Keeps the picture below 1 MB with its edges clean; no chroma subsampling, which would move coloured edges."""
+"""Keeps the picture below 1 MB with its edges clean; no chroma subsampling, which would move colored edges."""
 
 LIDAR_RINGS = 128
 LIDAR_ELEVATIONS_DEG = (-29.0, 21.0)
@@ -48,10 +48,10 @@ LIDAR_AZIMUTHS_DEG = (-35.0, 90.0)
 
 LIDAR_STEP_DEG = 0.15
 LIDAR_RANGE = 20.0
-"""Longest range that is kept, metres."""
+"""Longest range that is kept, meters."""
 
 RANGE_NOISE = 0.01
-"""Standard deviation of a range, metres."""
+"""Standard deviation of a range, meters."""
 
 LIDAR_BLOCK = 1 << 14
 """Rays traced together: a block's arrays stay in the processor's cache."""
@@ -74,7 +74,7 @@ def demo_camera() -> PinholeCamera:
 
 
 def camera_from_lidar() -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,), metres: `x_camera = rotation @ x_lidar + translation`."""
+    """Rotation (3, 3) and translation (3,), meters: `x_camera = rotation @ x_lidar + translation`."""
     (camera, camera_center), (lidar, lidar_center) = courtyard_from_camera(), courtyard_from_lidar()
     return camera.T @ lidar, camera.T @ (lidar_center - camera_center)
 
@@ -158,7 +158,7 @@ def truth() -> dict[str, object]:
         "meaning": "x_camera = rotation @ x_lidar + translation",
         "camera_frame": "x right, y down, z along the optical axis",
         "lidar_frame": "z along the spin axis, upwards; azimuth from x towards y",
-        "translation_unit": "metre",
+        "translation_unit": "meter",
         "rotation": rotation.tolist(),
         "quaternion_xyzw": Rotation.from_matrix(rotation).as_quat().tolist(),
         "translation": translation.tolist(),
@@ -177,15 +177,15 @@ def written_regions(regions: Sequence[DemoRegion]) -> dict[str, object]:
         }
         for region in regions
     ]
-    return {"frame": "lidar", "unit": "metre", "pixel": "x right, y down, a whole number is a centre", "regions": held}
+    return {"frame": "lidar", "unit": "meter", "pixel": "x right, y down, a whole number is a center", "regions": held}
 
 
 def write_cloud(path: Path, scan: Scan) -> None:
-    """Write a binary PLY with x, y, z (float32, metres) and intensity (uint8)."""
+    """Write a binary PLY with x, y, z (float32, meters) and intensity (uint8)."""
     records = np.empty(len(scan.points), dtype=CLOUD_POINT)
     records["x"], records["y"], records["z"] = scan.points.T
     records["intensity"] = scan.intensities
-    header = ["ply", "format binary_little_endian 1.0", "comment lidar frame, metres", f"element vertex {len(records)}"]
+    header = ["ply", "format binary_little_endian 1.0", "comment lidar frame, meters", f"element vertex {len(records)}"]
     header += [f"property float {axis}" for axis in "xyz"] + ["property uchar intensity", "end_header", ""]
     path.write_bytes("\n".join(header).encode("ascii") + records.tobytes())
 

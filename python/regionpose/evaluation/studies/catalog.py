@@ -38,7 +38,7 @@ SCAN_CHANGES: tuple[Grid, ...] = tuple(
     for changed in (
         {"range_noise_m": (0.0, 0.03)},
         {"divergence_mrad": (3.0,)},
-        {"mislabelled": (0.03, 0.1)},
+        {"mislabeled": (0.03, 0.1)},
         {"noise": (0.05,)},
         {"camera": ("omnidirectional",)},
         {"cut": ("scanner", "box")},

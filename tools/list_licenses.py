@@ -1,6 +1,6 @@
-"""Write docs/reference/licences.md: the licences of all dependencies, from their own metadata.
+"""Write docs/reference/licenses.md: the licenses of all dependencies, from their own metadata.
 
-`python tools/list_licences.py` in an environment with the package and its extras, with cargo at hand.
+`python tools/list_licenses.py` in an environment with the package and its extras, with cargo at hand.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "reference" / "licences.md"
+PAGE = ROOT / "docs" / "reference" / "licenses.md"
 EXTRAS = ("clouds", "parquet", "pick", "plots", "distributed")
 
-HEAD = """# Licences of dependencies
+HEAD = """# Licenses of dependencies
 
 regionpose is licensed under MIT or Apache-2.0, at your choice. It is compiled together with the crates below. The
 Python packages are installed beside it and not distributed with it. This page is written by
-`python tools/list_licences.py` from `cargo metadata` and the metadata of the installed packages.
+`python tools/list_licenses.py` from `cargo metadata` and the metadata of the installed packages.
 
-All of them are permissive: they ask that their licence texts are kept.
+All of them are permissive: they ask that their license texts are kept.
 """
 
 
 def crates() -> list[tuple[str, str, str]]:
-    """Name, version and licence of each crate that the extension is compiled from."""
+    """Name, version and license of each crate that the extension is compiled from."""
     found = json.loads(_cargo("metadata", "--format-version", "1"))
     tree = _cargo("tree", "--package", "regionpose-python", "--edges", "normal", "--prefix", "none", "--format", "{p}")
     used = {tuple(line.split()[:2]) for line in tree.splitlines() if line.strip()}
@@ -43,7 +43,7 @@ def _cargo(*arguments: str) -> str:
 
 
 def packages() -> list[tuple[str, str, str]]:
-    """Name, licence and what asks for it, of each Python package that the package and its extras require."""
+    """Name, license and what asks for it, of each Python package that the package and its extras require."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     rows = [_row(each, "always") for each in project["dependencies"]]
     for extra in EXTRAS:
@@ -61,11 +61,11 @@ def _parts(extras: dict[str, list[str]], requirement: str) -> list[str]:
 def _row(requirement: str, asked_by: str) -> tuple[str, str, str]:
     name = re.match(r"[\w.-]+", requirement)
     assert name is not None
-    return name[0], licence_of(metadata.metadata(name[0])), asked_by
+    return name[0], license_of(metadata.metadata(name[0])), asked_by
 
 
-def licence_of(held: Any) -> str:
-    """The licence of a package's metadata: its expression, its classifiers, or the first line of its text."""
+def license_of(held: Any) -> str:
+    """The license of a package's metadata: its expression, its classifiers, or the first line of its text."""
     if held.get("License-Expression"):
         return str(held["License-Expression"])
     told = [each.split(" :: ")[-1] for each in held.get_all("Classifier") or [] if each.startswith("License ::")]
@@ -84,9 +84,9 @@ def main() -> None:
     parts = [
         HEAD,
         "## Crates\n",
-        table(("crate", "version", "licence"), crates()) + "\n",
+        table(("crate", "version", "license"), crates()) + "\n",
         "## Python packages\n",
-        table(("package", "licence", "needed for"), packages()),
+        table(("package", "license", "needed for"), packages()),
     ]
     PAGE.write_text("\n".join(parts) + "\n", encoding="utf-8")
 

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.demo.courtyard import REGIONS, SUN, courtyard_from_camera
-from regionpose.demo.surfaces import Array, Surface, are_blocked, first_hits
-from regionpose.demo.textures import layered_noise, linear, mixed
+from tools.demo_scene.courtyard import REGIONS, SUN, courtyard_from_camera
+from tools.demo_scene.surfaces import Array, Surface, are_blocked, first_hits
+from tools.demo_scene.textures import layered_noise, linear, mixed
 
 SUPERSAMPLING = 4
 """Rays along each side of a pixel."""
@@ -35,7 +35,7 @@ class Camera(Protocol):
 
 
 def pixel_grid(width: int, height: int) -> Array:
-    """Pixel centres (height * width, 2), row after row; a whole number is a pixel's centre."""
+    """Pixel centers (height * width, 2), row after row; a whole number is a pixel's center."""
     u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     return np.stack([u.ravel(), v.ravel()], axis=1)
 
@@ -123,7 +123,7 @@ def received(scene: Sequence[Surface], points: Array, normals: Array, light: Arr
 
 
 def albedo(scene: Sequence[Surface], index: Indices, points: Array) -> Array:
-    """Colours (n, 3) of the surfaces at the points (n, 3) on them."""
+    """Colors (n, 3) of the surfaces at the points (n, 3) on them."""
     colors = np.zeros((len(points), 3))
     for number in np.unique(index):
         held = np.flatnonzero(index == number)

@@ -1,0 +1,61 @@
+"""Absolute pose of a central camera from planar regions, without correspondences; the public names and their homes."""
+
+from . import kernels as kernels
+from .calibration import load_camera as load_camera
+from .cameras import Camera as Camera
+from .cameras import FisheyeCamera as FisheyeCamera
+from .cameras import OcamCamera as OcamCamera
+from .cameras import PinholeCamera as PinholeCamera
+from .cameras import UnifiedCamera as UnifiedCamera
+from .cameras import camera_from_colmap as camera_from_colmap
+from .cameras import camera_to_colmap as camera_to_colmap
+from .clouds import Cloud as Cloud
+from .clouds import read_cloud as read_cloud
+from .clouds import write_ply as write_ply
+from .estimation.answer import Alternative as Alternative
+from .estimation.answer import Crease as Crease
+from .estimation.answer import PoseError as PoseError
+from .estimation.answer import PoseEstimate as PoseEstimate
+from .estimation.batch import estimate_poses as estimate_poses
+from .estimation.intrinsics import CameraRefinement as CameraRefinement
+from .estimation.matching import RegionMatches as RegionMatches
+from .estimation.matching import match_regions as match_regions
+from .estimation.options import Solver as Solver
+from .estimation.prior import Prior as Prior
+from .estimation.rig import Frame as Frame
+from .estimation.rig import FrameFit as FrameFit
+from .estimation.rig import Influence as Influence
+from .estimation.rig import RigEstimate as RigEstimate
+from .estimation.rig import estimate_rig as estimate_rig
+from .estimation.sides import overlap_errors as overlap_errors
+from .estimation.single import estimate_pose as estimate_pose
+from .estimation.warning import PoseWarning as PoseWarning
+from .pictures.colors import blend_colors as blend_colors
+from .pictures.colors import colorize as colorize
+from .pictures.overlays import overlay_depth as overlay_depth
+from .pictures.overlays import overlay_regions as overlay_regions
+from .pose import Pose as Pose
+from .regions.image import ImageRegion as ImageRegion
+from .regions.mask import MaskWindow as MaskWindow
+from .regions.outline import SparseSamplingWarning as SparseSamplingWarning
+from .regions.world import WorldRegion as WorldRegion
+from .sanity import check_camera as check_camera
+from .sanity import check_regions as check_regions
+from .scene import estimate_scene as estimate_scene
+from .scene import load_scene as load_scene
+from .segmentation.cloud import grow_plane as grow_plane
+from .segmentation.image import grow_image_region as grow_image_region
+from .segmentation.masks import mask_from_file as mask_from_file
+from .segmentation.masks import masks_from_file as masks_from_file
+from .segmentation.masks import masks_from_segmenter as masks_from_segmenter
+from .segmentation.masks import region_from_file as region_from_file
+from .segmentation.masks import regions_from_file as regions_from_file
+from .segmentation.planes import find_planes as find_planes
+from .witness import Alignment as Alignment
+from .witness import SceneFrame as SceneFrame
+from .witness import SceneRefinement as SceneRefinement
+from .witness import check_alignment as check_alignment
+from .witness import refine_with_scene as refine_with_scene
+
+__all__: list[str]
+__version__: str
