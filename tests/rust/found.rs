@@ -220,3 +220,18 @@ fn ordinary_searches_spend_a_small_part_of_what_they_may() {
         assert!(estimate.is_some() && work < MOST_LOOKS / 10 * problem.work(), "{place}: {work} of {}", problem.work());
     }
 }
+
+/// A search looks thousands of times, and leads to the same place however it sums.
+#[test]
+fn a_mesh_is_searched_along_its_boundary() {
+    let scene = scene(2);
+    for system in [System::Plane, System::Sphere] {
+        let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
+            let problem = scene.problem(system, integration);
+            let (search, work) = effort::counted(|| problem.search(&Options::default()));
+            (search.problem().work(), work)
+        });
+        assert!(mesh.0 > 20 * boundary.0, "the solution's looks are the mesh's: {} of {}", mesh.0, boundary.0);
+        assert!(mesh.1 < 2 * boundary.1, "{system:?}: {} along the boundary, {} over a mesh", boundary.1, mesh.1);
+    }
+}
