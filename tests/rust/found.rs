@@ -103,6 +103,8 @@ fn covariances_are_symmetric_and_positive_or_infinite_with_a_warning() {
         let scene = Scene::random(&mut random, layout);
         let Ok(problem) = Problem::new(&scene.observed, &scene.worlds) else { continue };
         let Some(estimate) = problem.estimate() else { continue };
+        let said = estimate.warnings.iter().map(|warning| warning.to_string()).collect::<String>();
+        assert!(!said.contains("NaN") && !said.contains("inf "), "case {case}: {said}");
         let covariance = estimate.best.covariance;
         if covariance.iter().all(|entry| *entry == f64::INFINITY) {
             assert!(estimate.warnings.iter().any(|warning| warning.code() == "weak-geometry"), "case {case}");
