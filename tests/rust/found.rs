@@ -231,6 +231,8 @@ fn a_mesh_is_searched_along_its_boundary() {
         let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
             let problem = scene.problem(system, integration);
             let (search, work) = effort::counted(|| problem.search(&Options::default()));
+            let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
+            assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
             (search.problem().work(), work)
         });
         assert!(mesh.0 > 20 * boundary.0, "the solution's looks are the mesh's: {} of {}", mesh.0, boundary.0);

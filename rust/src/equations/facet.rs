@@ -167,14 +167,17 @@ impl Facet {
         }
     }
 
+    /// Whether it is a mesh of a planar region, whose integrals may be taken along the boundary.
+    pub fn is_mesh(&self, world: &WorldRegion) -> bool {
+        matches!(self.shape, Shape::Triangles { .. }) && world.surface().is_none()
+    }
+
     /// The facet of a planar region with its integrals along the boundary, far fewer places than a mesh has; others as they
     /// are.
     pub fn by_boundary(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
-        match (&self.shape, world.surface()) {
-            (Shape::Triangles { .. }, None) => {
-                Self { shape: rings_of(world.outline().rings(), world, origin), ..*self }
-            }
-            _ => self.clone(),
+        match self.is_mesh(world) {
+            true => Self { shape: rings_of(world.outline().rings(), world, origin), ..*self },
+            false => self.clone(),
         }
     }
 

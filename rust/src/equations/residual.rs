@@ -108,6 +108,11 @@ impl RegionEquations {
         Self { facets, ..self.clone() }
     }
 
+    /// Whether a plane's integrals are taken over a mesh.
+    pub fn is_mesh(&self, world: &WorldRegion) -> bool {
+        self.facets.iter().any(|facet| facet.is_mesh(world))
+    }
+
     /// The same equations with integrals of planes along their boundaries, to search by.
     pub fn by_boundary(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let facets = self.facets.iter().map(|facet| facet.by_boundary(world, origin)).collect();

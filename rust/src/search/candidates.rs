@@ -147,7 +147,8 @@ impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     pub fn search(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
-        let (search, exhausted) = effort::bounded(sketch.most_work(), || sketch.searched(options));
+        let first = sketch.as_ref().unwrap_or(self);
+        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(options));
         Search { exhausted, problem: search.problem.integrated_as(self), ..search }
     }
 
@@ -266,10 +267,17 @@ impl Search {
         &self.problem
     }
 
-    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`.
+    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`; over a mesh from that along
+    /// the boundary, where there is one.
     pub fn solve_from(&self, candidate: &Pose) -> Minimum {
+        let solved = |problem: &Problem, start| minimize(problem.regions(), start, Weighting::Whitened, FINAL);
         let start = self.problem.centred(candidate);
-        let minimum = minimize(self.problem.regions(), &start, Weighting::Whitened, FINAL);
+        let along = self.problem.by_boundary().map(|sketch| solved(&sketch, &start));
+        let minimum = match along {
+            // What doesn't converge along the boundary doesn't over its mesh, at a hundred times the price.
+            Some(along) if !along.converged => along,
+            along => solved(&self.problem, along.as_ref().map_or(&start, |minimum| &minimum.pose)),
+        };
         Minimum { pose: self.problem.uncentred(&minimum.pose), ..minimum }
     }
 }
