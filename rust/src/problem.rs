@@ -113,6 +113,20 @@ impl Problem {
         self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
     }
 
+    /// The same with integrals of planes along their boundaries, where any is over a mesh: a search looks thousands of times, and
+    /// where it leads does not depend on how it sums.
+    pub(crate) fn by_boundary(&self) -> Option<Self> {
+        let pairs = || self.regions.iter().zip(self.worlds.iter());
+        let regions = || pairs().map(|(region, world)| region.by_boundary(world, &self.origin)).collect();
+        pairs().any(|(region, world)| region.is_mesh(world)).then(|| Self { regions: regions(), ..self.clone() })
+    }
+
+    /// The same with the integrals of another problem of the same regions.
+    pub(crate) fn integrated_as(&self, other: &Self) -> Self {
+        let pairs = self.regions.iter().zip(&other.regions);
+        Self { regions: pairs.map(|(region, other)| region.integrated_as(other)).collect(), ..self.clone() }
+    }
+
     /// The world side of each region.
     pub fn worlds(&self) -> &[WorldRegion] {
         &self.worlds

@@ -44,7 +44,7 @@ fn what_stars_share_has_the_area_of_their_overlap() {
         let random = &mut Random::new(seed);
         let first = PlaneRings::new(pierced_star(random, 9, 1.0)).unwrap();
         let shift = Vector2::new(random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8));
-        let second = star(random, 7, 1.0).iter().map(|p| p + shift).collect();
+        let second = star(random, [7, 90][seed as usize % 2], 1.0).iter().map(|p| p + shift).collect();
         let second = PlaneRings::new(vec![second]).unwrap();
         let shared = intersection(first.rings(), second.rings());
         // Areas on the sphere are those of the plane where both are small.

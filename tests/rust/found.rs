@@ -103,6 +103,8 @@ fn covariances_are_symmetric_and_positive_or_infinite_with_a_warning() {
         let scene = Scene::random(&mut random, layout);
         let Ok(problem) = Problem::new(&scene.observed, &scene.worlds) else { continue };
         let Some(estimate) = problem.estimate() else { continue };
+        let said = estimate.warnings.iter().map(|warning| warning.to_string()).collect::<String>();
+        assert!(!said.contains("NaN") && !said.contains("inf "), "case {case}: {said}");
         let covariance = estimate.best.covariance;
         if covariance.iter().all(|entry| *entry == f64::INFINITY) {
             assert!(estimate.warnings.iter().any(|warning| warning.code() == "weak-geometry"), "case {case}");
@@ -218,5 +220,22 @@ fn ordinary_searches_spend_a_small_part_of_what_they_may() {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         let (estimate, work) = effort::counted(|| problem.estimate());
         assert!(estimate.is_some() && work < MOST_LOOKS / 10 * problem.work(), "{place}: {work} of {}", problem.work());
+    }
+}
+
+/// A search looks thousands of times, and leads to the same place however it sums.
+#[test]
+fn a_mesh_is_searched_along_its_boundary() {
+    let scene = scene(2);
+    for system in [System::Plane, System::Sphere] {
+        let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
+            let problem = scene.problem(system, integration);
+            let (search, work) = effort::counted(|| problem.search(&Options::default()));
+            let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
+            assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
+            (search.problem().work(), work)
+        });
+        assert!(mesh.0 > 20 * boundary.0, "the solution's looks are the mesh's: {} of {}", mesh.0, boundary.0);
+        assert!(mesh.1 < 2 * boundary.1, "{system:?}: {} along the boundary, {} over a mesh", boundary.1, mesh.1);
     }
 }

@@ -23,7 +23,8 @@ class Solver:
     system : {"plane", "sphere"}
         Moments on each region's normalized plane (default), or on the sphere.
     integration : {"boundary", "mesh", "pixels"}
-        Sums over the boundary (default), a mesh, or, with the sphere, the observed side's pixels.
+        Sums over the boundary (default), a mesh, or, with the sphere, the observed side's pixels. A search sums along
+        the boundary of planar regions; the mesh decides its solutions.
     mesh_size : float or None
         Edge length of the mesh's triangles over the square root of the region's area. None is 1/8 on the sphere and, on
         the plane, where every mesh is exact, triangles between the boundary's vertices.

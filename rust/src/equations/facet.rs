@@ -161,11 +161,23 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 impl Facet {
     /// The facet of a planar region with boundaries of fewer vertices, for a first look; others as they are.
     pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
-        match &self.shape {
-            Shape::Rings(_) if world.surface().is_none() => {
-                Self { shape: rings_of(world.coarse(), world, origin), ..*self }
-            }
-            shape => Self { shape: shape.clone(), ..*self },
+        match world.surface() {
+            None => Self { shape: rings_of(world.coarse(), world, origin), ..*self },
+            Some(_) => self.clone(),
+        }
+    }
+
+    /// Whether it is a mesh of a planar region, whose integrals may be taken along the boundary.
+    pub fn is_mesh(&self, world: &WorldRegion) -> bool {
+        matches!(self.shape, Shape::Triangles { .. }) && world.surface().is_none()
+    }
+
+    /// The facet of a planar region with its integrals along the boundary, far fewer places than a mesh has; others as they
+    /// are.
+    pub fn by_boundary(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        match self.is_mesh(world) {
+            true => Self { shape: rings_of(world.outline().rings(), world, origin), ..*self },
+            false => self.clone(),
         }
     }
 

@@ -108,6 +108,22 @@ impl RegionEquations {
         Self { facets, ..self.clone() }
     }
 
+    /// Whether a plane's integrals are taken over a mesh.
+    pub fn is_mesh(&self, world: &WorldRegion) -> bool {
+        self.facets.iter().any(|facet| facet.is_mesh(world))
+    }
+
+    /// The same equations with integrals of planes along their boundaries, to search by.
+    pub fn by_boundary(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+        let facets = self.facets.iter().map(|facet| facet.by_boundary(world, origin)).collect();
+        Self { facets, ..self.clone() }
+    }
+
+    /// The same equations with the integrals of other ones of the same region.
+    pub fn integrated_as(&self, other: &Self) -> Self {
+        Self { facets: other.facets.clone(), ..self.clone() }
+    }
+
     /// The same equations, whitened for a boundary noise of `sigma` pixels instead of the least.
     pub fn whitened_for(&self, sigma: f64, orders: Orders) -> Self {
         let whitening = OnceLock::from(Whitening::new(self.covariance(), sigma, orders));

@@ -45,13 +45,22 @@ struct Crossing {
     enters: bool,
 }
 
+/// Edges in one box: neighbors along a ring lie together, and a box that an edge misses holds none that it crosses. A convention.
+const GROUP: usize = 16;
+
+/// An edge: its ring, its number, and its ends.
+type Edge = (usize, usize, Point, Point);
+
 fn crossings(first: &[Vec<Point>], second: &[Vec<Point>]) -> Vec<Crossing> {
+    let others: Vec<Edge> = edges(second).collect();
+    let boxes: Vec<[Point; 2]> = others.chunks(GROUP).map(around).collect();
     let mut found = Vec::new();
     for (ring, edge, a, b) in edges(first) {
         let (lower, upper) = (a.inf(&b), a.sup(&b));
-        for (other_ring, other_edge, c, d) in edges(second) {
-            let apart = |k: usize| c[k].min(d[k]) > upper[k] || c[k].max(d[k]) < lower[k];
-            if apart(0) || apart(1) {
+        let apart = |low: Point, high: Point| (0..2).any(|k| low[k] > upper[k] || high[k] < lower[k]);
+        let near = others.chunks(GROUP).zip(&boxes).filter(|(_, [low, high])| !apart(*low, *high));
+        for &(other_ring, other_edge, c, d) in near.flat_map(|(edges, _)| edges) {
+            if apart(c.inf(&d), c.sup(&d)) {
                 continue;
             }
             let enters = is_left(c, d, b, 1.0);
@@ -69,6 +78,13 @@ fn crossings(first: &[Vec<Point>], second: &[Vec<Point>]) -> Vec<Crossing> {
         }
     }
     found
+}
+
+/// The least and the greatest coordinates of edges.
+fn around(edges: &[Edge]) -> [Point; 2] {
+    let ends = || edges.iter().flat_map(|&(_, _, c, d)| [c, d]);
+    let low = ends().fold(Point::repeat(f64::INFINITY), |low, end| low.inf(&end));
+    [low, ends().fold(Point::repeat(f64::NEG_INFINITY), |high, end| high.sup(&end))]
 }
 
 /// Share of the edge from `a` to `b` before the line through `c` and `d`.
@@ -89,7 +105,7 @@ fn is_left(a: Point, b: Point, point: Point, moved: f64) -> bool {
     }
 }
 
-fn edges(rings: &[Vec<Point>]) -> impl Iterator<Item = (usize, usize, Point, Point)> + '_ {
+fn edges(rings: &[Vec<Point>]) -> impl Iterator<Item = Edge> + '_ {
     rings
         .iter()
         .enumerate()

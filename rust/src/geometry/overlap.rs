@@ -53,7 +53,8 @@ impl Add for OverlapAreas {
 
 /// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians.
 ///
-/// Each is right to about 1e-15 of the region's extent as an angle, and never negative.
+/// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
+/// never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
     let (first, second) = (Chains::of(observed), Chains::of(predicted));
     let (first_area, second_area) = (first.area(), second.area());

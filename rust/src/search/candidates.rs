@@ -7,7 +7,7 @@ use super::closed_form::WantedTurns;
 use super::corners::corner_poses;
 use super::directions::direction_poses;
 use super::moments::{
-    CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
+    Alone, CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
     single_region_poses,
 };
 use super::poses::{distinct, sorted};
@@ -146,14 +146,16 @@ pub(crate) enum Answers {
 impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     pub fn search(&self, options: &Options) -> Search {
-        let (search, exhausted) = effort::bounded(self.most_work(), || self.searched(options));
-        Search { exhausted, ..search }
+        let sketch = self.by_boundary();
+        let first = sketch.as_ref().unwrap_or(self);
+        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(options));
+        Search { exhausted, problem: search.problem.integrated_as(self), ..search }
     }
 
     fn searched(&self, options: &Options) -> Search {
-        let mut looks = Looks::new(self, options);
+        let (mut looks, mut alone) = (Looks::new(self, options), Alone::default());
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &mut looks),
+            Start::Global => self.global_poses(options, &mut looks, &mut alone),
             Start::Paper => paper_poses(self, &options.prior),
         };
         let first = poses.first().and_then(|pose| looks.at(pose));
@@ -164,21 +166,22 @@ impl Problem {
         let problem = self.whitened(noise, orders);
         let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&looks.known, &poses) };
         let answers = match options.refinement {
-            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks),
+            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks, &mut alone),
             _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
         };
         Search { problem, options: *options, answers, starts, exhausted: false }
     }
 
-    fn global_poses(&self, options: &Options, looks: &mut Looks) -> Vec<Pose> {
+    fn global_poses(&self, options: &Options, looks: &mut Looks, alone: &mut Alone) -> Vec<Pose> {
         let known = looks.known.clone();
-        let poses = moment_poses(self, &options.prior, &known, WantedTurns::Likely, |pose| looks.explains(pose));
+        let likely = WantedTurns::Likely;
+        let poses = moment_poses(self, &options.prior, &known, likely, alone, |pose| looks.explains(pose));
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || looks.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, |_| false),
+            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, alone, |_| false),
         }
     }
 
@@ -264,10 +267,17 @@ impl Search {
         &self.problem
     }
 
-    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`.
+    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`; over a mesh from that along
+    /// the boundary, where there is one.
     pub fn solve_from(&self, candidate: &Pose) -> Minimum {
+        let solved = |problem: &Problem, start| minimize(problem.regions(), start, Weighting::Whitened, FINAL);
         let start = self.problem.centered(candidate);
-        let minimum = minimize(self.problem.regions(), &start, Weighting::Whitened, FINAL);
+        let along = self.problem.by_boundary().map(|sketch| solved(&sketch, &start));
+        let minimum = match along {
+            // What doesn't converge along the boundary doesn't over its mesh, at a hundred times the price.
+            Some(along) if !along.converged => along,
+            along => solved(&self.problem, along.as_ref().map_or(&start, |minimum| &minimum.pose)),
+        };
         Minimum { pose: self.problem.uncentered(&minimum.pose), ..minimum }
     }
 }
@@ -327,9 +337,9 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
 
 /// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are
 /// disturbed all over the moments are the better measure.
-fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> Answers {
+fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks, alone: &mut Alone) -> Answers {
     let (contours, few) = (problem.contours(), problem.few());
-    let places = places(problem, poses, prior, looks);
+    let places = places(problem, poses, prior, looks, alone);
     if problem.hides_edges() {
         return Answers::Contours(places);
     }
@@ -351,7 +361,7 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks
 
 /// The likeliest poses on the contours: the candidates, further ones where none of these is found, and other turns of a
 /// plane, each refined on few pieces, then on all.
-fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> Vec<ContourFit> {
+fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks, alone: &mut Alone) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = problem.few();
     let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| looks.led_from(pose)).collect::<Vec<_>>();
@@ -360,7 +370,7 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks) -> 
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
     if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
-        found.extend(led(further_poses(problem)));
+        found.extend(led(further_poses(problem, alone)));
     }
     let mut all = sharpened(problem, found, few, prior);
     if let Some(best) = all.first() {
@@ -392,7 +402,7 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
 
 /// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie
 /// nearest to the contours of all.
-pub(crate) fn further_poses(problem: &Problem) -> Vec<Pose> {
+pub(crate) fn further_poses(problem: &Problem, alone: &mut Alone) -> Vec<Pose> {
     let (contours, few) = (problem.contours(), problem.few());
     let sketch = Sketch::new(contours, few);
     let best = |poses: Vec<Pose>| {
@@ -400,7 +410,7 @@ pub(crate) fn further_poses(problem: &Problem) -> Vec<Pose> {
         distinct(scored, MOST_LED, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose)
     };
     let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
-    let single = if contours.len() > 1 { single_region_poses(problem) } else { Vec::new() };
+    let single = if contours.len() > 1 { single_region_poses(problem, alone) } else { Vec::new() };
     let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
     corners.chain(best(single)).chain(best(hidden)).collect()
 }

@@ -53,13 +53,14 @@ pub fn moment_poses(
     prior: &Prior,
     known: &[Pose],
     turns: WantedTurns,
+    alone: &mut Alone,
     mut explains: impl FnMut(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, index, prior, turns)));
+        found.extend(solved_together(problem, region_poses(problem, index, prior, turns, alone)));
         found = narrowed(found);
         if turns == WantedTurns::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
@@ -69,29 +70,46 @@ pub fn moment_poses(
 }
 
 /// Poses that single regions give, whatever the others say.
-pub fn single_region_poses(problem: &Problem) -> Vec<Pose> {
-    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All);
+pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Pose> {
+    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All, alone);
     (0..problem.regions().len()).flat_map(of).collect()
 }
 
 /// Minima of one region's equations, of fewer vertices, near the closed forms that look like it.
-fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns) -> Vec<Pose> {
+fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns, alone: &mut Alone) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
-    let alone = problem.regions().len() == 1;
+    let single = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
     poses.extend(triangle_poses(region.chart(), region.outline(), world, origin, region.pixel_area().sqrt().recip()));
     if prior.up.is_some() {
         poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
     }
     // A wrong view of a region alone may look right where the rest of it is cut off.
-    if region.border().is_some() && (turns == WantedTurns::All || alone) {
+    if region.border().is_some() && (turns == WantedTurns::All || single) {
         poses.extend(cut_starts(problem, region, world));
     }
-    if turns == WantedTurns::Likely && !alone {
+    if turns == WantedTurns::Likely && !single {
         poses = without_cost(worth_a_look(costs_of(problem.coarse(), poses)));
         poses.truncate(STARTS_PER_REGION);
     }
-    poses.iter().filter_map(|pose| solved_alone(&problem.coarse()[index], pose)).collect()
+    poses.iter().filter_map(|pose| alone.solved(problem, index, pose)).collect()
+}
+
+/// Starts of single regions that were followed, and where they led: those that are likely are followed first, and are among
+/// all of them.
+#[derive(Debug, Default)]
+pub struct Alone(Vec<(usize, Pose, Option<Pose>)>);
+
+impl Alone {
+    /// The minimum of one region's equations near a start, if it looks like the region.
+    fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
+        if let Some((_, _, found)) = self.0.iter().find(|(region, from, _)| *region == index && from == start) {
+            return *found;
+        }
+        let found = solved_alone(&problem.coarse()[index], start);
+        self.0.push((index, *start, found));
+        found
+    }
 }
 
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region

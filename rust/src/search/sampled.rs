@@ -1,6 +1,7 @@
 //! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
 
 use super::candidates::further_poses;
+use super::moments::Alone;
 use super::poses::{apart, distinct};
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
@@ -62,7 +63,7 @@ impl Problem {
         };
         let mut found = self.posteriors_near(starts, &others);
         if !found.iter().any(is_found) {
-            let further = further_poses(self);
+            let further = further_poses(self, &mut Alone::default());
             found.extend(self.posteriors_near(&further, &others));
         }
         likeliest(found, f64::INFINITY, |posterior| posterior.log_evidence, Posterior::is_same_as)
