@@ -88,10 +88,12 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
             ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
         ]
     )
+    _say_matching(result)
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
     typer.echo("3D regions known by")
     say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
+    _say_frames(result)
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)
@@ -114,6 +116,29 @@ def _known_by(region: dict[str, Any]) -> str:
     """What a region's 3D side is known by, and how its samples fit."""
     share = region["samples_on_their_side"]
     return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
+
+
+def _say_matching(result: dict[str, Any]) -> None:
+    """Which unpaired regions were found to be which."""
+    for held in result["matching"] or ():
+        typer.echo("pairs found" + (f" in {held['frame']}" if "frame" in held else ""))
+        say_rows([(image, world) for image, world in held["pairs"]])
+        left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
+        if left:
+            typer.echo(f"without a partner: {', '.join(left)}")
+
+
+def _say_frames(result: dict[str, Any]) -> None:
+    """How each of several frames fits."""
+    if result["frames"] is not None:
+        typer.echo("frames: contours at the pose, and at the pose of the others, px")
+        say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
+
+
+def _frame_fit(frame: dict[str, Any]) -> str:
+    own, other = frame["residual_px"], frame["without_it"]
+    values = ["unknown" if value is None else f"{value:.2f}" for value in (own, other["residual_px"])]
+    return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["disagrees"] else "")
 
 
 def _say_known(result: dict[str, Any]) -> None:

@@ -97,6 +97,8 @@ def report_html(report: Report) -> str:
         f'<div class="pair">{"".join(_figure(view) for view in report.views)}</div>' if report.views else "",
         "<h2>Regions</h2>",
         _regions(result["regions"]),
+        _matching(result["matching"]),
+        _frames(result["frames"]),
         _truth(result.get("truth_errors")),
         "<h2>Pose</h2>",
         _pose("camera_from_world", result["camera_from_world"]),
@@ -185,6 +187,42 @@ def _regions(regions: Sequence[Mapping[str, Any]]) -> str:
         ["region", *errors, "image area (px)", "world area (m²)", "cloud points", "known by", "samples on their side"],
         rows,
     )
+
+
+def _matching(matched: Sequence[Mapping[str, Any]] | None) -> str:
+    """Which unpaired regions were found to be which."""
+    parts = []
+    for held in matched or ():
+        pairs = ", ".join(f"{image} is {world}" for image, world in held["pairs"]) or "none"
+        left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
+        words = f"Pairs that were found{_of_frame(held)}: {pairs}."
+        words += f" Without a partner: {', '.join(left)}." if left else ""
+        for other in held["alternatives"]:
+            words += " Another assignment: " + ", ".join(f"{image} is {world}" for image, world in other) + "."
+        parts.append(f"<p>{escape(words)}</p>")
+    return "".join(parts)
+
+
+def _of_frame(held: Mapping[str, Any]) -> str:
+    return f" in {held['frame']}" if "frame" in held else ""
+
+
+def _frames(frames: Sequence[Mapping[str, Any]] | None) -> str:
+    """How each of several frames fits."""
+    if frames is None:
+        return ""
+    heads = ["frame", "overlap error", "contours (px)", "without it (px)", "expected (px)", "turn (deg)", "shift (mm)"]
+    rows = []
+    for frame in frames:
+        other = frame["without_it"]
+        own = [escape(frame["name"]), _percent(frame["overlap_error"]), _fixed(frame["residual_px"], 2)]
+        apart = [_fixed(other["turned_deg"], 3), _fixed(_scaled(other["moved_m"], 1000.0), 1)]
+        rows.append([*own, _fixed(other["residual_px"], 2), _fixed(other["expected_px"], 2), *apart])
+    words = (
+        "How far each frame's contours lie from its projected outlines: at the pose, at the pose of the other frames,"
+        " and what their noise leads to expect; and how far that pose is from the pose of all."
+    )
+    return f'<h2>Frames</h2>{_table(heads, rows)}<p class="soft">{words}</p>'
 
 
 def _truth(errors: Mapping[str, Any] | None) -> str:

@@ -45,7 +45,7 @@ def scene_camera(scene: Scene) -> Camera:
 
 def scene_image(scene: Scene) -> Picture:
     """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
-    return named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
+    return named(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
 
 
 def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +19,9 @@ from regionpose.regions.image import ImageRegion
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
-from regionpose.scene.loading import Scene
-from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
+from regionpose.scene.loading import Scene, named_regions
+from regionpose.scene.models import ImageMask, ImageSeed, ImageSide, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
+from regionpose.scene.models import WorldSide as WorldItem
 from regionpose.scene.sensors import Picture, SensorOrigin, named
 
 Array = NDArray[np.float64]
@@ -74,17 +76,15 @@ def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
     """The local origin (3,), metres: the cloud's, or near the first far polygon, else zero."""
     if cloud is not None:
         return cloud.origin
-    for item in scene.model.regions:
+    for item in named_regions(scene):
         if isinstance(item.world, WorldPolygonSide):
             first = np.concatenate([np.atleast_2d(ring) for ring in item.world.polygon])[0]
             return np.where(np.abs(first) > FAR, np.round(first / ORIGIN_STEP) * ORIGIN_STEP, 0.0)
     return np.zeros(3)
 
 
-def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
-    """The image side of region `index`; SceneError that names its line when it gives no region."""
-    place: Place = ("regions", index, "image")
-    item = scene.model.regions[index].image
+def image_side(scene: Scene, place: Place, item: ImageSide, image: Picture) -> ImageRegion:
+    """The region of an image side that stands at `place`; SceneError that names its line when it gives no region."""
     if isinstance(item, ImageSeed):
         return named(scene, (*place, "seed"), lambda: _grown(image, item))
     if isinstance(item, ImageMask):
@@ -109,30 +109,53 @@ def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
     raise ValueError(f"found [{x:g}, {y:g}] outside the photo of {size[0]} x {size[1]} pixels; needed {cure}")
 
 
-def world_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
-    """The world side of region `index` about the origin; SceneError that names its line when it gives no region."""
+def world_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
+    """The world side that stands at `place`, about the origin; SceneError that names its line where it gives none."""
+    return _remarked(lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan), scan.origin))
+
+
+def plane_sides(scene: Scene, scan: Scan) -> dict[str, WorldSide]:
+    """The world sides of all planes that the scene's cloud holds, the largest first, by names that count them.
+
+    SceneError where it holds none.
+    """
+    from regionpose.segmentation.planes import find_planes
+
+    assert scan.cloud is not None
+    points = scan.cloud.local_points
+    found = named(scene, ("world_regions",), lambda: find_planes(points))
+    sides = [side for indices in found for side in _plane_side(points, indices, scan)]
+    if not sides:
+        raise scene.error(("world_regions",), "found no plane in the cloud; needed regions written out")
+    return {f"plane {number}": side for number, side in enumerate(sides, start=1)}
+
+
+def _plane_side(points: Array, indices: Indices, scan: Scan) -> list[WorldSide]:
+    """The side of a plane's points; none where they are too few across to have an outline."""
+    whole = WorldPoints.model_construct(points=[])
+    try:
+        return [_remarked(lambda: _scanned(points, indices, whole, scan))]
+    except ValueError:
+        return []
+
+
+def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
+    """The side that is made, with what its outline was warned of."""
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always", SparseSamplingWarning)
-        side = _sided(scene, index, _unremarked_side(scene, index, scan), scan.origin)
+        side = made()
     return replace(side, remarks=tuple(str(warning.message) for warning in raised))
 
 
-def _sided(scene: Scene, index: int, side: WorldSide, origin: Array) -> WorldSide:
+def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
     """The side whose region knows the viewpoint that the scene gives it, if any."""
-    given = scene.model.regions[index].world.seen_from
-    if given is None:
+    if item.seen_from is None:
         return side
-    viewpoint = np.asarray(given) - origin
-    return named(
-        scene,
-        ("regions", index, "world", "seen_from"),
-        lambda: replace(side, region=side.region.seen_from(viewpoint)),
-    )
+    viewpoint = np.asarray(item.seen_from) - origin
+    return named(scene, (*place, "seen_from"), lambda: replace(side, region=side.region.seen_from(viewpoint)))
 
 
-def _unremarked_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
-    item = scene.model.regions[index].world
-    place: Place = ("regions", index, "world")
+def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
     if isinstance(item, WorldPolygonSide):
         return named(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
     if isinstance(item, WorldMesh):
