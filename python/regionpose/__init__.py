@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from regionpose.calibration import load_camera
     from regionpose.cameras import (
         Camera,
+        EquirectangularCamera,
         FisheyeCamera,
         OcamCamera,
         PinholeCamera,
@@ -58,6 +59,7 @@ __all__ = [
     "CameraRefinement",
     "Cloud",
     "Crease",
+    "EquirectangularCamera",
     "FisheyeCamera",
     "Frame",
     "FrameFit",
@@ -114,6 +116,7 @@ _MODULES = {
     "calibration": ("load_camera",),
     "cameras": (
         "Camera",
+        "EquirectangularCamera",
         "FisheyeCamera",
         "OcamCamera",
         "PinholeCamera",

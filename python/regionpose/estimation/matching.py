@@ -193,7 +193,7 @@ class _Sides:
         sums = np.array([[m[1, 0, 0], m[0, 1, 0], m[0, 0, 1]] for m in moments])
         return cls(
             observed=observed,
-            worlds=[region.core for region in worlds],
+            worlds=[_outline(region.core) for region in worlds],
             bearings=sums / np.linalg.norm(sums, axis=1, keepdims=True),
             solid_angles=np.array([m[0, 0, 0] for m in moments]),
             centroids=np.array([_centroid(region.core) for region in worlds]),
@@ -252,6 +252,14 @@ class _Sides:
         if estimate is None or not (estimate.best.region_overlap_errors[found] <= MATCHED_OVERLAP).all():
             return None
         return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)
+
+
+def _outline(world: _core.WorldRegion) -> _core.WorldRegion:
+    """The region by its outline: its samples would make each of many poses more exact than a hypothesis needs."""
+    if world.samples is None:
+        return world
+    outline = _core.WorldRegion.from_outline(world.origin, world.axes[:2], world.outline)
+    return outline if world.viewpoint is None else outline.seen_from(world.viewpoint)
 
 
 def _centroid(world: _core.WorldRegion) -> Array:
@@ -374,10 +382,11 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
     """The one that explains the most and the other readings that explain about as much and that the prior leaves, best
     first.
     """
-    first = max(consensuses, key=lambda each: each.score)
+    confirmed = [each for each in consensuses if _is_confirmed(sides.prior, each)] or consensuses
+    first = max(confirmed, key=lambda each: each.score)
     alike = [
         each
-        for each in consensuses
+        for each in confirmed
         if each.score >= first.score - AS_MUCH_SCORE
         and each.noise <= AS_MUCH_NOISE * first.noise
         and (each.pairs == first.pairs or each.is_another(first))
@@ -385,6 +394,11 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
     penalties = [_penalty(sides.prior, each.pose) for each in alike]
     left = [each for each, penalty in zip(alike, penalties, strict=True) if penalty <= min(penalties) + AMBIGUITY]
     return sorted(left, key=lambda each: -each.score)
+
+
+def _is_confirmed(prior: _core.Prior | None, consensus: _Consensus) -> bool:
+    """Whether a second pair speaks for a consensus, or the prior does not rule it out."""
+    return len(consensus.pairs) > 1 or _penalty(prior, consensus.pose) <= AMBIGUITY
 
 
 def _completed(sides: _Sides, consensuses: list[_Consensus]) -> list[Pairs]:

@@ -81,7 +81,15 @@ class InlineOcam(_Camera):
     height: int | None = Field(None, gt=0)
 
 
-InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam
+class InlineEquirectangular(_Camera):
+    """A 360 degree panorama, known by its size."""
+
+    model: Literal["equirectangular"]
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+
+
+InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam | InlineEquirectangular
 
 
 def _camera_kind(value: object) -> str | None:
@@ -90,7 +98,7 @@ def _camera_kind(value: object) -> str | None:
     if isinstance(value, dict) and "file" in value:
         return "<file>"
     model = value.get("model") if isinstance(value, dict) else None
-    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam") else None
+    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam", "equirectangular") else None
 
 
 CameraItem = Annotated[
@@ -99,8 +107,12 @@ CameraItem = Annotated[
     | Annotated[InlinePinhole, Tag("<pinhole>")]
     | Annotated[InlineFisheye, Tag("<fisheye>")]
     | Annotated[InlineUnified, Tag("<unified>")]
-    | Annotated[InlineOcam, Tag("<ocam>")],
-    choice(_camera_kind, "a calibration file, {file, name}, or a model: pinhole, fisheye, unified or ocam"),
+    | Annotated[InlineOcam, Tag("<ocam>")]
+    | Annotated[InlineEquirectangular, Tag("<equirectangular>")],
+    choice(
+        _camera_kind,
+        "a calibration file, {file, name}, or a model: pinhole, fisheye, unified, ocam or equirectangular",
+    ),
 ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -20,7 +21,16 @@ from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene, named_regions
-from regionpose.scene.models import ImageMask, ImageSeed, ImageSide, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
+from regionpose.scene.models import (
+    ImageMask,
+    ImageSeed,
+    ImageSide,
+    InlineEquirectangular,
+    WorldMesh,
+    WorldPoints,
+    WorldPolygonSide,
+    WorldSeed,
+)
 from regionpose.scene.models import WorldSide as WorldItem
 from regionpose.scene.sensors import Picture, SensorOrigin, named
 
@@ -91,17 +101,22 @@ def image_side(scene: Scene, place: Place, item: ImageSide, image: Picture) -> I
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
     drawn = named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
-    return named(scene, (*place, "polygon"), lambda: _within(drawn, image))
+    return named(scene, (*place, "polygon"), lambda: _within(scene, drawn, image))
 
 
-def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
+def is_panorama(scene: Scene) -> bool:
+    """Whether the left side of the scene's photo continues its right side."""
+    return isinstance(scene.model.camera, InlineEquirectangular)
+
+
+def _within(scene: Scene, drawn: ImageRegion, image: Picture) -> ImageRegion:
     """The region of a polygon that stays in the image; ValueError where it was drawn on a larger one."""
     vertices = np.concatenate(drawn.rings) + 0.5
     size = np.array([image.shape[1], image.shape[0]])
-    beyond = np.maximum(-vertices, vertices - size).max(axis=1)
-    if beyond.max() <= OUTSIDE_MARGIN:
+    beyond = np.maximum(-vertices, vertices - size)
+    if beyond[:, 1].max() <= OUTSIDE_MARGIN and (is_panorama(scene) or beyond[:, 0].max() <= OUTSIDE_MARGIN):
         return drawn
-    x, y = vertices[np.argmax(beyond)] - 0.5
+    x, y = vertices[np.argmax(beyond.max(axis=1))] - 0.5
     larger = float((vertices / size).max())
     cure = "a polygon cut at the photo's border"
     if larger > 1.0:
@@ -179,8 +194,12 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     from regionpose.segmentation.masks import coverage_from_file, mask_from_file, region_from_file
 
     path, size = scene.file(item.mask), (image.shape[0], image.shape[1])
+    panorama = is_panorama(scene)
+    from_mask = partial(ImageRegion.from_mask, panorama=panorama)
     if item.coverage:
-        return named(scene, (*place, "mask"), lambda: ImageRegion.from_mask(coverage_from_file(path, size)))
+        return named(scene, (*place, "mask"), lambda: from_mask(coverage_from_file(path, size)))
+    if panorama and item.unknown is None:
+        return named(scene, (*place, "mask"), lambda: from_mask(mask_from_file(path, item.label, image=item.image)))
     whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
     if item.unknown is None:
         return whole
@@ -188,7 +207,7 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     return named(
         scene,
         (*place, "unknown"),
-        lambda: ImageRegion.from_mask(
+        lambda: from_mask(
             mask_from_file(path, item.label, image=item.image),
             unknown=mask_from_file(unknown, item.unknown_label, image=item.image),
         ),

@@ -33,7 +33,7 @@ hold that many times the points of one, closer to each other than their noise. A
 the next, as above."""
 
 WIDER_THICKNESS = 0.05
-"""Thickness over width of such a neighbourhood at the most: those of half a street around faces of 200 to 400 points have
+"""Thickness over width of such a neighbourhood at the most: those of half a street around faces of 300 points have
 0.07 and more in KITTI's frames; a board of 1 m with 1 cm noise has 0.04."""
 
 MOST_NEIGHBOURS = SEED_NEIGHBOURS[-1] * WIDER[-1]
