@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, Force, Quiet
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
 from regionpose.outputs import claimed
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def estimate(
     strict: Annotated[
         bool, typer.Option("--strict", help="End with exit code 1 when the pose comes with warnings.")
     ] = False,
+    segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
     """Estimate the pose of a scene's camera.
@@ -42,20 +43,37 @@ def estimate(
       regionpose estimate scene.yaml
       regionpose estimate scene.yaml --out result --force
       regionpose estimate scene.yaml --json --quiet | jq .camera_from_world.matrix
+      regionpose estimate scene.yaml --segmenter my_sam:predictor
       regionpose estimate scene.yaml --strict && echo "no warnings"
     """
-    run_scene(scene, out or Path(f"{scene.stem}-result"), force=force, as_json=as_json, strict=strict, quiet=quiet)
+    run_scene(
+        scene,
+        out or Path(f"{scene.stem}-result"),
+        force=force,
+        as_json=as_json,
+        strict=strict,
+        quiet=quiet,
+        segmenter=segmenter,
+    )
 
 
 def run_scene(
-    path: Path, out: Path, *, force: bool, as_json: bool, quiet: bool, strict: bool = False, truth: Truth | None = None
+    path: Path,
+    out: Path,
+    *,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    strict: bool = False,
+    truth: Truth | None = None,
+    segmenter: str | None = None,
 ) -> None:
     """Estimate a scene, write its files to the folder `out`, and say the result."""
-    from regionpose.scene import Stages, estimate_scene, load_scene
+    from regionpose.scene import Stages, estimate_scene
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.verdict import DOUBTFUL, verdict
 
-    scene = load_scene(path)
+    scene = scene_with(path, segmenter)
     with claimed(out, file_names(scene), force=force) as claim, Progress(quiet) as progress:
         stages = Stages(progress.begin)
         run = estimate_scene(scene, stages)

@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
 from regionpose.scene.models import EXPOSURE_KEYS, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
+from regionpose.segmentation.segmenters import Segmenter
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Scene:
     """Of the frame that it is; none for a whole file."""
     place: Place = ()
     """Of the frame in the file."""
+    segmenter: Segmenter | None = None
+    """What seeds in photos without a tolerance ask for their masks; they are grown by color where it is None."""
 
     @property
     def path(self) -> Path:
@@ -48,7 +51,8 @@ class Scene:
     def _frame(self, index: int, frame: FrameItem) -> Scene:
         held = {key: getattr(frame, key) for key in EXPOSURE_KEYS & frame.model_fields_set}
         shared = {key: getattr(self.model, key) for key in self.model.model_fields_set - {"frames"}}
-        return Scene(self.document, SceneModel.model_construct(**shared, **held), frame.name, ("frames", index))
+        model = SceneModel.model_construct(**shared, **held)
+        return Scene(self.document, model, frame.name, ("frames", index), self.segmenter)
 
     def error(self, place: Place, message: str) -> SceneError:
         """The error about the value at `place`, of a frame within it."""

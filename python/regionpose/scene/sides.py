@@ -33,6 +33,7 @@ from regionpose.scene.models import (
 )
 from regionpose.scene.models import WorldSide as WorldItem
 from regionpose.scene.sensors import Picture, SensorOrigin, named
+from regionpose.segmentation.segmenters import Segmenter, segmented
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -96,7 +97,7 @@ def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
 def image_side(scene: Scene, place: Place, item: ImageSide, image: Picture) -> ImageRegion:
     """The region of an image side that stands at `place`; SceneError that names its line when it gives no region."""
     if isinstance(item, ImageSeed):
-        return named(scene, (*place, "seed"), lambda: _grown(image, item))
+        return named(scene, (*place, "seed"), lambda: _grown(image, item, scene.segmenter))
     if isinstance(item, ImageMask):
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
@@ -180,13 +181,15 @@ def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) ->
     return named(scene, (*place, "points"), lambda: _points(scene, item, scan))
 
 
-def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
+def _grown(image: Picture, item: ImageSeed, segmenter: Segmenter | None) -> ImageRegion:
     from regionpose.segmentation.image import grow_image_region
 
     x, y = item.seed
     height, width = image.shape[:2]
     if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
         raise ValueError(f"found [{x:g}, {y:g}] outside the image; needed a pixel of its {width} x {height}")
+    if segmenter is not None and item.tolerance is None:
+        return ImageRegion.from_mask(segmented(segmenter, image, [item.seed], [1])[0])
     return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
 
 
