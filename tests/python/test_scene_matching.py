@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from commands import run as run_command
 from regionpose import PoseError, match_regions
+from regionpose.demo.scene import folder as demo_folder
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
@@ -189,3 +191,21 @@ def test_an_error_in_a_frame_names_its_place(tmp_path: Path) -> None:
     values["frames"][1]["regions"][0]["image"] = {"seed": [1000, 5]}
     with pytest.raises(SceneError, match=r"frames\[1\].regions\[0\].image.seed: found \[1000, 5\] outside the image"):
         estimate_scene(load_scene(write_scene(tmp_path, values)))
+
+
+def test_the_demo_needs_no_pairs(tmp_path: Path) -> None:
+    scene = yaml.safe_load((demo_folder() / "scene.yaml").read_text(encoding="utf-8"))
+    for key in ("camera", "image", "cloud"):
+        scene[key] = str(demo_folder() / scene[key])
+    paired = tmp_path / "paired.yaml"
+    paired.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    regions = scene.pop("regions")
+    scene["image_regions"] = [{"name": one["name"], "image": one["image"]} for one in regions]
+    scene["world_regions"] = [{"name": f"{one['name']} there", "world": one["world"]} for one in reversed(regions)]
+    path = tmp_path / "scene.yaml"
+    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    found, known = estimate_scene(load_scene(path)), estimate_scene(load_scene(paired))
+    held = found.sides.matching
+    assert held is not None and len(held.pairs) >= len(regions) - 1
+    assert all(world == f"{image} there" for image, world in held.pairs)
+    assert (found.estimate.pose.rotation * known.estimate.pose.rotation.inv()).magnitude() < np.radians(0.2)

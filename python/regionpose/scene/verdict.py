@@ -41,6 +41,7 @@ DOUBTS = {
     "place-contradicted",
     "scene-disagrees",
     "side-contradicted",
+    "unconfirmed-matching",
     "up-contradicted",
 }
 """Warnings after which the pose may be another one altogether."""
