@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,19 +96,11 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
 
 def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bundle:
     """Everything that is written of a run; the pictures' seconds are added to `stages`."""
-    writers: dict[str, Callable[[Path], object]] = {}
-    figures: list[Figure] = []
-    solids: list[Figure] = []
-    for index, view in enumerate(run.views):
-        with stages.stage("pictures"):
-            drawn = {_numbered(name, index, len(run.views)): figure for name, figure in pictures(view).items()}
-        writers |= {name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()}
-        figures += [_titled(view, figure) for figure in drawn.values()]
-        if view.sides.cloud is not None:
-            with stages.stage("colors"):
-                cloud, visible = colored_cloud(view.sides.cloud, [(view.sides.image, view.camera, view.estimate.pose)])
-                solids += [_titled(view, figure) for figure in cloud_views(view, cloud, visible)]
-            writers[_numbered(CLOUD, index, len(run.views))] = partial(_write_cloud, cloud)
+    views = run.views
+    frames = [_frame_files(view, partial(_numbered, index=k, count=len(views)), stages) for k, view in enumerate(views)]
+    writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
+    figures = [figure for frame in frames for figure in frame.figures]
+    solids = [figure for frame in frames for figure in frame.solids]
     judged, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
     result = scene_result(run) | {"verdict": judged.values}
     if truth is not None:
@@ -118,6 +110,30 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bu
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
     return Bundle(result, writers)
+
+
+class FrameFiles(NamedTuple):
+    """What is written of a frame, by file name, and its figures in the report: over the photo, and of the cloud."""
+
+    writers: dict[str, Callable[[Path], object]]
+    figures: list[Figure]
+    solids: list[Figure]
+
+
+def _frame_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
+    """The files of one frame; the seconds of its pictures are added to `stages`."""
+    with stages.stage("pictures"):
+        drawn = {numbered(name): figure for name, figure in pictures(view).items()}
+    writers: dict[str, Callable[[Path], object]] = {
+        name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()
+    }
+    solids: list[Figure] = []
+    if view.sides.cloud is not None:
+        with stages.stage("colors"):
+            cloud, visible = colored_cloud(view.sides.cloud, [(view.sides.image, view.camera, view.estimate.pose)])
+            solids = [_titled(view, figure) for figure in cloud_views(view, cloud, visible)]
+        writers[numbered(CLOUD)] = partial(_write_cloud, cloud)
+    return FrameFiles(writers, [_titled(view, figure) for figure in drawn.values()], solids)
 
 
 def _titled(view: SceneEstimate, figure: Figure) -> Figure:

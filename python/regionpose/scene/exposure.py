@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
-from regionpose.estimation.matching import match_regions
+from regionpose.estimation.matching import RegionMatches, match_regions
 from regionpose.estimation.sides import overlap_errors
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.sanity import check_camera, check_regions, check_unit
+from regionpose.scene.document import Place
 from regionpose.scene.known import scene_prior, scene_solver
-from regionpose.scene.loading import Scene
+from regionpose.scene.loading import Scene, named_regions
+from regionpose.scene.models import ImageSide
 from regionpose.scene.sensors import (
     Picture,
     SensorOrigin,
@@ -103,22 +106,31 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
     if cloud is not None and origin is not None:
         cloud = cloud.about(origin)
     center = scene_origin(scene, cloud) if origin is None else origin
-    scanner, model = sensor_origin(scene, cloud), scene.model
+    scanner = sensor_origin(scene, cloud)
     with stages.stage("image regions"):
-        paired = [image_side(scene, ("regions", k, "image"), one.image, image) for k, one in enumerate(model.regions)]
-        images = [
-            image_side(scene, ("image_regions", k, "image"), one.image, image)
-            for k, one in enumerate(model.image_regions)
-        ]
+        images = [image_side(scene, (*one.place, "image"), one.image, image) for one in _imaged(scene)]
     with stages.stage("world regions"):
-        scan = Scan.of(cloud, center, scanner)
-        sides = [world_side(scene, ("regions", k, "world"), one.world, scan) for k, one in enumerate(model.regions)]
+        scan, paired = Scan.of(cloud, center, scanner), scene.model.regions
+        sides = [world_side(scene, ("regions", k, "world"), one.world, scan) for k, one in enumerate(paired)]
         world_names, worlds = _unpaired_worlds(scene, scan)
-    unpaired = Unpaired(tuple(one.name for one in model.image_regions), tuple(images), world_names, worlds)
-    names = tuple(one.name for one in model.regions)
-    found = SceneSides(scene, camera, image, cloud, center, scanner, names, tuple(paired), tuple(sides), unpaired)
+    names, count = tuple(one.name for one in _imaged(scene)), len(paired)
+    unpaired = Unpaired(names[count:], tuple(images[count:]), world_names, worlds)
+    regions = (names[:count], tuple(images[:count]), tuple(sides), unpaired)
     with stages.stage("checks"):
-        return checked(found)
+        return checked(SceneSides(scene, camera, image, cloud, center, scanner, *regions))
+
+
+class Imaged(NamedTuple):
+    """A region of the photo: its place in the scene, its name, and its side there as written."""
+
+    place: Place
+    name: str
+    image: ImageSide
+
+
+def _imaged(scene: Scene) -> list[Imaged]:
+    """The regions with a side in the photo, those with both sides first."""
+    return [Imaged(one.place, one.name, one.image) for one in named_regions(scene) if one.image is not None]
 
 
 def _unpaired_worlds(scene: Scene, scan: Scan) -> tuple[tuple[str, ...], tuple[WorldSide, ...]]:
@@ -150,13 +162,11 @@ def matched(sides: SceneSides) -> SceneSides:
     The pairs that the scene gives are kept, and say where the others are looked for. ValueError for regions that the
     core refuses; PoseError where no image region looks like any world region.
     """
-    unpaired = sides.unpaired
+    unpaired, known = sides.unpaired, len(sides.names)
     if not unpaired.can_match:
         return sides
-    known = len(sides.names)
     images = (*sides.image_regions, *unpaired.image_regions)
     worlds = (*sides.world_sides, *unpaired.world_sides)
-    image_names, world_names = (*sides.names, *unpaired.image_names), (*sides.names, *unpaired.world_names)
     found = match_regions(
         sides.camera,
         images,
@@ -165,22 +175,30 @@ def matched(sides: SceneSides) -> SceneSides:
         prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
         solver=scene_solver(sides.scene),
     )
-
-    def named_pairs(pairs: tuple[tuple[int, int], ...]) -> tuple[tuple[str, str], ...]:
-        return tuple((image_names[i], world_names[j]) for i, j in pairs if i >= known)
-
-    matching = Matching(
-        named_pairs(found.pairs),
-        tuple(image_names[i] for i in found.unmatched_image),
-        tuple(world_names[j] for j in found.unmatched_world),
-        tuple(named_pairs(pairs) for pairs in found.alternatives),
-    )
+    matching = _matching(sides, found)
     paired = replace(
         sides,
-        names=tuple(image_names[i] for i, _ in found.pairs),
+        names=(*sides.names, *(image for image, _ in matching.pairs)),
         image_regions=tuple(images[i] for i, _ in found.pairs),
         world_sides=tuple(worlds[j] for _, j in found.pairs),
         matching=matching,
     )
     with_warnings = checked(paired)
     return replace(with_warnings, warnings=(*with_warnings.warnings, *found.warnings))
+
+
+def _matching(sides: SceneSides, found: RegionMatches) -> Matching:
+    """What was found by the regions' names, without the pairs that the scene gives."""
+    known = len(sides.names)
+    images = (*sides.names, *sides.unpaired.image_names)
+    worlds = (*sides.names, *sides.unpaired.world_names)
+
+    def named_pairs(pairs: tuple[tuple[int, int], ...]) -> tuple[tuple[str, str], ...]:
+        return tuple((images[i], worlds[j]) for i, j in pairs if i >= known)
+
+    return Matching(
+        named_pairs(found.pairs),
+        tuple(images[i] for i in found.unmatched_image),
+        tuple(worlds[j] for j in found.unmatched_world),
+        tuple(named_pairs(pairs) for pairs in found.alternatives),
+    )
