@@ -61,6 +61,7 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.published --scenes 20
 	$(BIN)/python benchmarks/peers.py --scenes 20
 	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
+	$(BIN)/python benchmarks/click_masks.py
 	$(BIN)/python benchmarks/cloud_segmentation.py --scenes 20
 	$(BIN)/python benchmarks/matching.py --scenes 20
 	$(BIN)/python benchmarks/rig.py --synthetic 5

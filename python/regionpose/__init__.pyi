@@ -3,6 +3,7 @@
 from . import kernels as kernels
 from .calibration import load_camera as load_camera
 from .cameras import Camera as Camera
+from .cameras import EquirectangularCamera as EquirectangularCamera
 from .cameras import FisheyeCamera as FisheyeCamera
 from .cameras import OcamCamera as OcamCamera
 from .cameras import PinholeCamera as PinholeCamera

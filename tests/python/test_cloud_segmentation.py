@@ -89,6 +89,36 @@ def test_grown_board_gives_its_outline(lidar: str) -> None:
     assert area == pytest.approx(0.96, rel=0.06)
 
 
+@pytest.mark.parametrize("count", [4, 16, 64])
+@pytest.mark.parametrize("seed", [(5.0, 0.1, 0.05), (5.0, 0.4, 0.4), (6.5, 1.5, 0.5)])
+def test_scans_over_one_another_grow_whole_faces(count: int, seed: tuple[float, float, float]) -> None:
+    """The same beams again and again with 1 cm noise: points nearer to each other than the noise."""
+    generator = np.random.default_rng(1)
+    azimuth, elevation = np.meshgrid(np.radians(np.arange(-20.0, 20.0, 0.3)), np.radians(np.linspace(-13.0, 13.0, 48)))
+    beams = np.stack([np.ones(azimuth.size), np.tan(azimuth).ravel(), np.tan(elevation).ravel()], axis=1)
+    on_board = (np.abs(5.0 * beams[:, 1:]) < 0.5).all(axis=1)
+    ranges = np.tile(np.where(on_board, 5.0, 6.5), count) + generator.normal(0.0, 0.01, count * len(beams))
+    points, board = np.tile(beams, (count, 1)) * ranges[:, None], np.tile(on_board, count)
+    recall, precision = recall_and_precision(grow_plane(points, seed), board if seed[0] == 5.0 else ~board)
+    assert recall > 0.98
+    assert precision > 0.99
+
+
+def test_small_faces_among_much_else_are_all_found() -> None:
+    """Twelve faces of 80 points among 40 000 of clutter: one in 500 is a point of any of them."""
+    generator = np.random.default_rng(3)
+    clutter = generator.uniform(-20.0, 20.0, (40_000, 3))
+    boards = []
+    for k in range(12):
+        board = generator.uniform(-0.5, 0.5, (80, 3))
+        board[:, 2] = generator.normal(0.0, 0.003, 80)
+        boards.append(board + np.array([3.0 * k - 18.0, 30.0, 0.0]))
+    points, labels = labeled([*boards, clutter])
+    found = find_planes(points)
+    whole = [max(recall_and_precision(plane, labels == k)[0] for plane in found) for k in range(12)]
+    assert min(whole) > 0.9
+
+
 def test_all_planes_of_a_room_are_found_once() -> None:
     points, labels = room(60_000)
     found = find_planes(points, min_points=1000)

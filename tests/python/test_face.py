@@ -258,6 +258,7 @@ UNITLESS = {
     "fx fy cx cy distortion": "intrinsics, as every calibration file names them",
     "xi polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
+    "column": "a coordinate of pixels",
     "depth_tolerance mesh_size overlap_error disturbed_share": "shares",
     "confidence score log_odds chance sigmas": "probabilities and their like",
     "values": "of a warning, each with its unit in its key",

@@ -125,10 +125,10 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 
 def test_the_schema_knows_every_key_and_refuses_others() -> None:
     schema = scene_schema()
-    lists = {"regions", "image_regions", "world_regions"}
+    lists = {"regions", "image_regions", "world_regions", "frames"}
     assert set(schema["properties"]) == {"camera", "image", "cloud", "sensor_origin", *lists, "prior", "solver"}
     assert schema["additionalProperties"] is False
-    assert schema["required"] == ["camera", "image", "regions"]
+    assert schema["required"] == ["camera"]
     mappings = [item for item in schema["$defs"].values() if item["type"] == "object"]
     assert mappings and all(item["additionalProperties"] is False for item in mappings)
     json.dumps(schema, allow_nan=False)

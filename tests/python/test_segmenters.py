@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cli import main
+from regionpose.scene import load_scene, scene_sides
 from regionpose.segmentation.segmenters import PredictorSegmenter, load_segmenter, segmented
+from scene_files import scene_values, write_scene
 
 IMAGE = np.zeros((40, 60, 3), dtype=np.uint8)
 
@@ -83,3 +88,29 @@ def test_the_command_asks_the_segmenter_that_it_is_told(
     assert main([*arguments, "--out", "mask.png"]) == 0
     assert int((np.asarray(Image.open("mask.png")) > 0).sum()) == 100
     assert main([*arguments, "--tolerance", "3", "--out", "other.png"]) == 2
+
+
+def left_half(image: Any, pixels: Any, labels: Any) -> Any:
+    """A segmenter that knows one thing."""
+    mask = np.zeros(image.shape[:2], dtype=np.bool_)
+    mask[40:200, 20:150] = True
+    return mask
+
+
+def test_seeds_of_scenes_ask_the_segmenter(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = scene_values()
+    values["regions"][0]["image"] = {"seed": [60, 60]}
+    path = write_scene(tmp_path, values)
+    words = ("--segmenter", "test_segmenters:left_half", "--out", tmp_path / "out", "--json", "--quiet")
+    code, said, _ = run(capsys, "segment", path, *words)
+    assert code == 0
+    assert json.loads(said)["regions"][0]["image_area_px"] == pytest.approx(160 * 130, rel=0.01)
+    code, said, _ = run(capsys, "estimate", path, *words[:2], "--out", tmp_path / "pose", "--json", "--quiet")
+    assert json.loads(said)["regions"][0]["image_area_px"] == pytest.approx(160 * 130, rel=0.01)
+
+
+def test_a_seed_with_a_tolerance_is_grown_all_the_same(tmp_path: Path) -> None:
+    values = scene_values()
+    values["regions"][0]["image"] = {"seed": [60, 60], "tolerance": 5.0}
+    scene = replace(load_scene(write_scene(tmp_path, values)), segmenter=left_half)
+    assert scene_sides(scene).image_regions[0].area > 0.9 * 320 * 240

@@ -137,9 +137,9 @@ def heard(given: PoseEstimate, leads: list[float]) -> tuple[PoseEstimate, list[r
     settled: list[rp.Pose] = []
     answers = [given.pose, *(other.pose for other in given.alternatives)]
 
-    def align(pose: rp.Pose) -> rp.Alignment:
+    def align(pose: rp.Pose) -> list[rp.Alignment | None]:
         gaps = [(pose.rotation * answer.rotation.inv()).magnitude() for answer in answers]
-        return alignment(leads[int(np.argmin(gaps))])
+        return [alignment(leads[int(np.argmin(gaps))])]
 
     def settle(pose: rp.Pose) -> PoseEstimate:
         settled.append(pose)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from regionpose.cameras.base import Camera
 from regionpose.cameras.colmap import camera_from_colmap, camera_to_colmap
+from regionpose.cameras.equirectangular import EquirectangularCamera
 from regionpose.cameras.fisheye import FisheyeCamera
 from regionpose.cameras.ocam import OcamCamera
 from regionpose.cameras.pinhole import PinholeCamera
@@ -15,6 +16,7 @@ from regionpose.cameras.unified import UnifiedCamera
 
 __all__ = [
     "Camera",
+    "EquirectangularCamera",
     "FisheyeCamera",
     "OcamCamera",
     "PinholeCamera",

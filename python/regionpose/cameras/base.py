@@ -100,6 +100,18 @@ class Camera(ABC):
         """The camera of photos whose sides are scaled by two factors to `size`, width and height."""
         raise ValueError(f"camera: found a {type(self).__name__}; needed one that knows how to be resized")
 
+    def project_near(self, points: ArrayLike, column: float) -> Array:
+        """As `project`, of a panorama the columns nearest to `column`, beyond the image's sides where that is so."""
+        pixels = self.project(points)
+        if self.period is not None:
+            pixels[:, 0] -= self.period * np.round((pixels[:, 0] - column) / self.period)
+        return pixels
+
+    @property
+    def period(self) -> float | None:
+        """Pixels after which columns repeat, of a panorama of one turn; None of other cameras."""
+        return None
+
     @property
     @abstractmethod
     def max_angle(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, Force, Quiet
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
 from regionpose.outputs import claimed
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def estimate(
     force: Force = False,
     as_json: AsJson = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")] = False,
+    segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
     """Estimate the pose of a scene's camera.
@@ -40,20 +41,37 @@ def estimate(
       regionpose estimate scene.yaml
       regionpose estimate scene.yaml --out result --force
       regionpose estimate scene.yaml --json --quiet | jq .camera_from_world.matrix
+      regionpose estimate scene.yaml --segmenter my_sam:predictor
       regionpose estimate scene.yaml --strict && echo "no warnings"
     """
-    run_scene(scene, out or Path(f"{scene.stem}-result"), force=force, as_json=as_json, strict=strict, quiet=quiet)
+    run_scene(
+        scene,
+        out or Path(f"{scene.stem}-result"),
+        force=force,
+        as_json=as_json,
+        strict=strict,
+        quiet=quiet,
+        segmenter=segmenter,
+    )
 
 
 def run_scene(
-    path: Path, out: Path, *, force: bool, as_json: bool, quiet: bool, strict: bool = False, truth: Truth | None = None
+    path: Path,
+    out: Path,
+    *,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    strict: bool = False,
+    truth: Truth | None = None,
+    segmenter: str | None = None,
 ) -> None:
     """Estimate a scene, write its files to the folder `out`, and say the result."""
-    from regionpose.scene import Stages, estimate_scene, load_scene
+    from regionpose.scene import Stages, estimate_scene
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.verdict import DOUBTFUL, verdict
 
-    scene = load_scene(path)
+    scene = scene_with(path, segmenter)
     with claimed(out, file_names(scene), force=force) as claim, Progress(quiet) as progress:
         stages = Stages(progress.begin)
         run = estimate_scene(scene, stages)
@@ -86,10 +104,12 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
             ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
         ]
     )
+    _say_matching(result)
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
     typer.echo("3D regions known by")
     say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
+    _say_frames(result)
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)
@@ -112,6 +132,29 @@ def _known_by(region: dict[str, Any]) -> str:
     """What a region's 3D side is known by, and how its samples fit."""
     share = region["samples_on_their_side"]
     return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
+
+
+def _say_matching(result: dict[str, Any]) -> None:
+    """Which unpaired regions were found to be which."""
+    for held in result["matching"] or ():
+        typer.echo("pairs found" + (f" in {held['frame']}" if "frame" in held else ""))
+        say_rows([(image, world) for image, world in held["pairs"]])
+        left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
+        if left:
+            typer.echo(f"without a partner: {', '.join(left)}")
+
+
+def _say_frames(result: dict[str, Any]) -> None:
+    """How each of several frames fits."""
+    if result["frames"] is not None:
+        typer.echo("frames: contours at the pose, and at the pose of the others, px")
+        say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
+
+
+def _frame_fit(frame: dict[str, Any]) -> str:
+    own, other = frame["residual_px"], frame["without_it"]
+    values = ["unknown" if value is None else f"{value:.2f}" for value in (own, other["residual_px"])]
+    return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["disagrees"] else "")
 
 
 def _say_known(result: dict[str, Any]) -> None:

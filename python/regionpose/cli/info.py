@@ -16,6 +16,7 @@ from regionpose.cli.options import AsJson, CameraModel, CameraName, Quiet
 
 if TYPE_CHECKING:
     from regionpose.clouds import Cloud
+    from regionpose.scene.loading import NamedRegion
 
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
@@ -192,24 +193,30 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
 
 
 def _scene_facts(path: Path) -> Facts:
-    from regionpose.scene.loading import load_scene
+    from regionpose.scene.loading import load_scene, named_regions
     from regionpose.scene.result import named_files
 
     scene = load_scene(path)
     files = {role: str(scene.file(name)) for role, name in named_files(scene).items()}
     return {
         "kind": "scene file",
-        "regions": [_region_line(region) for region in scene.model.regions],
+        "regions": [_region_line(frame.name, region) for frame in scene.frames for region in named_regions(frame)],
         "files": files,
         "missing_files": [name for name in files.values() if not os.path.exists(name)],
         "solver": scene.model.solver.model_dump(),
     }
 
 
-def _region_line(region: Any) -> str:
-    """A region as `door (image seed, world points)`."""
-    image, world = (next(iter(type(side).model_fields)) for side in (region.image, region.world))
-    return f"{region.name} (image {image}, world {world})"
+def _region_line(frame: str, region: NamedRegion) -> str:
+    """A region as `door (image seed, world points)`, after the name of its frame where the scene has frames."""
+    sides = [(name, side) for name, side in (("image", region.image), ("world", region.world)) if side is not None]
+    kinds = ", ".join(f"{name} {_kind(side)}" for name, side in sides)
+    return f"{f'{frame}: ' if frame else ''}{region.name} ({kinds})"
+
+
+def _kind(side: Any) -> str:
+    """The key that says what a side is."""
+    return next(key for key in ("seed", "mask", "points", "mesh", "polygon") if key in type(side).model_fields)
 
 
 def _result_facts(path: Path) -> Facts:

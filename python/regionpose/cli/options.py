@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from regionpose.scene import Scene
 
 Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
@@ -52,3 +55,17 @@ CameraNames = Annotated[
 PosePaths = Annotated[
     list[Path], typer.Option("--pose", help=f"{POSE_HELP} One for each image, in order.", show_default=False)
 ]
+
+
+def scene_with(path: Path, segmenter: str | None) -> Scene:
+    """The scene of a file, whose seeds in photos ask the segmenter that is named, if one is."""
+    from dataclasses import replace
+
+    from regionpose.scene import load_scene
+
+    scene = load_scene(path)
+    if segmenter is None:
+        return scene
+    from regionpose.segmentation.segmenters import load_segmenter
+
+    return replace(scene, segmenter=load_segmenter(segmenter))

@@ -13,7 +13,7 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.info import IMAGE_SUFFIXES
-from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
 from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def segment(
     """
     suffix = source.suffix.lower()
     if suffix in SCENE_SUFFIXES:
-        facts = _segment_scene(source, seed, out or Path(f"{source.stem}-regions"), force, quiet)
+        facts = _segment_scene(source, seed, segmenter, out or Path(f"{source.stem}-regions"), force, quiet)
     elif suffix in IMAGE_SUFFIXES:
         grow = _grower(tolerance, segmenter)
         facts = _segment_image(source, _numbers(seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet)
@@ -155,13 +155,15 @@ def _check_ending(out: Path, endings: set[str]) -> None:
         raise ValueError(f"{out}: found the ending {out.suffix!r}; needed {' or '.join(sorted(endings))}")
 
 
-def _segment_scene(path: Path, seed: str | None, out: Path, force: bool, quiet: bool) -> dict[str, Any]:
+def _segment_scene(
+    path: Path, seed: str | None, segmenter: str | None, out: Path, force: bool, quiet: bool
+) -> dict[str, Any]:
     if seed is not None:
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
-    from regionpose.scene import Stages, load_scene, scene_sides
+    from regionpose.scene import Stages, scene_sides
     from regionpose.scene.result import plain, region_sizes
 
-    scene = load_scene(path)
+    scene = scene_with(path, segmenter)
     names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
     names.append(SCENE_FILE)
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:

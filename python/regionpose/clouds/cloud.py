@@ -195,6 +195,13 @@ class Cloud:
         """The same, scanned from a place (3,) of the world."""
         return replace(self, sensor_origin=np.asarray(place, dtype=np.float64))
 
+    def about(self, origin: ArrayLike) -> Cloud:
+        """The same world points, kept about another origin (3,)."""
+        other = np.asarray(origin, dtype=np.float64)
+        if np.array_equal(other, self.origin):
+            return self
+        return replace(self, local_points=self.local_points + (self.origin - other), origin=other)
+
     @cached_property
     def points(self) -> Array:
         """The points (n, 3) in world coordinates, float64, read-only."""

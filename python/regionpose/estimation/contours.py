@@ -181,7 +181,12 @@ def neighbor_scatter(gradients: Sequence[Array]) -> Array:
 
 
 def _projected(camera: Camera, pose: Pose, contours: Contours) -> Array:
-    return camera.project(pose.transform(contours.vertices))
+    points = pose.transform(contours.vertices)
+    if camera.period is None:
+        return camera.project(points)
+    columns = [float(np.mean(contours.pieces[part][:, 0])) for part, _ in contours.regions]
+    parts = zip(contours.regions, columns, strict=True)
+    return np.concatenate([camera.project_near(points[own], column) for (_, own), column in parts])
 
 
 def _slices(regions: Sequence[Sequence[Array]]) -> list[slice]:
@@ -196,11 +201,12 @@ def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:
         return ring
     step = np.roll(ring, -1, axis=0) - ring
     ends = camera.project(pose.transform(ring))
+    ends = camera.project_near(pose.transform(ring), ends[0, 0])
     chord = np.roll(ends, -1, axis=0) - ends
     length = np.maximum(np.hypot(*chord.T), np.finfo(float).tiny)
     sagitta = np.zeros(len(ring))
     for share in BEND_PROBES:
-        x, y = (camera.project(pose.transform(ring + share * step)) - ends).T
+        x, y = (camera.project_near(pose.transform(ring + share * step), ends[0, 0]) - ends).T
         off_chord = np.abs(chord[:, 0] * y - chord[:, 1] * x) / length
         sagitta = np.fmax(sagitta, off_chord / (4.0 * share * (1.0 - share)))
     parts = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)

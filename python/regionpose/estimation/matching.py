@@ -85,6 +85,7 @@ def match_regions(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
     *,
+    known: Sequence[Pair] = (),
     prior: Prior | None = None,
     solver: Solver | None = None,
     threads: int | None = None,
@@ -105,6 +106,9 @@ def match_regions(
         What the image shows, pixels, in any order.
     world_regions : sequence of WorldRegion
         What the world holds, meters, in any order.
+    known : sequence of (int, int)
+        Image and world indices of regions that are known to be the same: they stay pairs, and their poses alone say
+        where the others are looked for.
     prior : Prior, optional
         What is known of the pose; it decides between assignments that explain about as much.
     solver : Solver, optional
@@ -127,9 +131,9 @@ def match_regions(
     """
     options = checked_solver(solver)
     images, worlds = checked_regions(image_regions, ImageRegion), checked_regions(world_regions, WorldRegion)
-    sides = _Sides.of(camera, images, worlds, core_prior(prior), options)
+    sides = _Sides.of(camera, images, worlds, core_prior(prior), options, _checked_pairs(known, images, worlds))
     sides.check()
-    consensuses, least = _consensuses(sides, threads)
+    consensuses, least = _from_known(sides) if sides.known else _consensuses(sides, threads)
     if not consensuses:
         raise PoseError(
             f"none of {len(sides.observed)} image regions looks like any of {len(sides.worlds)} world regions: the best"
@@ -168,6 +172,7 @@ class _Sides:
     facing: Array
     prior: _core.Prior | None
     solver: Solver
+    known: Pairs
 
     @classmethod
     def of(
@@ -177,6 +182,7 @@ class _Sides:
         worlds: list[WorldRegion],
         prior: _core.Prior | None,
         solver: Solver,
+        known: Pairs,
     ) -> _Sides:
         """Both sides as this camera sees them."""
         check_camera(camera, images)
@@ -187,7 +193,7 @@ class _Sides:
         sums = np.array([[m[1, 0, 0], m[0, 1, 0], m[0, 0, 1]] for m in moments])
         return cls(
             observed=observed,
-            worlds=[region.core for region in worlds],
+            worlds=[_outline(region.core) for region in worlds],
             bearings=sums / np.linalg.norm(sums, axis=1, keepdims=True),
             solid_angles=np.array([m[0, 0, 0] for m in moments]),
             centroids=np.array([_centroid(region.core) for region in worlds]),
@@ -196,6 +202,7 @@ class _Sides:
             facing=np.array([_facing(region.core) for region in worlds]),
             prior=prior,
             solver=solver,
+            known=known,
         )
 
     def check(self) -> None:
@@ -221,9 +228,13 @@ class _Sides:
         gaps = np.linalg.norm(self.bearings[:, None] - rays[None], axis=2) / np.sqrt(self.solid_angles)[:, None]
         ratios = np.abs(np.log(np.maximum(solid_angles, np.finfo(float).tiny)[None] / self.solid_angles[:, None]))
         refused = (gaps > REACH) | (ratios > np.log(MOST_SIZE_RATIO)) | (self.facing * cosines > 0.0)
+        for image, world in self.known:
+            refused[image], refused[:, world] = True, True
+            refused[image, world] = False
         # Above the sum of all others: a refused pair is taken only where nothing else is left.
         out_of_reach = min(refused.shape) * (REACH + np.log(MOST_SIZE_RATIO)) + 1.0
         costs = np.where(refused, out_of_reach, gaps + ratios)
+        costs[tuple(np.reshape(self.known, (-1, 2)).astype(np.intp).T)] = 0.0
         # Loaded when first used, as scipy's driver is.
         from scipy.optimize import linear_sum_assignment
 
@@ -237,9 +248,18 @@ class _Sides:
         ordered = tuple(sorted(pairs))
         initial = _core.Prior(initial=(start.rotation, start.translation))
         estimate = self.problem(ordered).estimate(start="paper", prior=initial, refine=refine)
-        if estimate is None or not (estimate.best.region_overlap_errors <= MATCHED_OVERLAP).all():
+        found = [pair not in self.known for pair in ordered]
+        if estimate is None or not (estimate.best.region_overlap_errors[found] <= MATCHED_OVERLAP).all():
             return None
         return _Consensus.of(ordered, estimate.best, estimate.boundary_noise)
+
+
+def _outline(world: _core.WorldRegion) -> _core.WorldRegion:
+    """The region by its outline: its samples would make each of many poses more exact than a hypothesis needs."""
+    if world.samples is None:
+        return world
+    outline = _core.WorldRegion.from_outline(world.origin, world.axes[:2], world.outline)
+    return outline if world.viewpoint is None else outline.seen_from(world.viewpoint)
 
 
 def _centroid(world: _core.WorldRegion) -> Array:
@@ -267,7 +287,7 @@ class _Consensus:
     @classmethod
     def of(cls, pairs: Pairs, solution: _core.Solution, noise: float) -> _Consensus:
         """The consensus of a solution of these pairs."""
-        losses = (solution.region_overlap_errors / MATCHED_OVERLAP) ** 2
+        losses = np.minimum(solution.region_overlap_errors / MATCHED_OVERLAP, 1.0) ** 2
         return cls(pairs, solution, float(np.sum(1.0 - losses)), noise)
 
     def is_another(self, other: _Consensus) -> bool:
@@ -294,6 +314,26 @@ def _consensuses(sides: _Sides, threads: int | None) -> tuple[list[_Consensus], 
                 found.append(_grown(sides, alone, needed))
                 needed = max(needed, found[-1].score - AS_MUCH_SCORE)
     return found, least
+
+
+def _from_known(sides: _Sides) -> tuple[list[_Consensus], float]:
+    """What the poses of the known pairs grow to, and infinity: no pair is asked alone."""
+    estimate = sides.problem(sides.known).estimate(prior=sides.prior)
+    if estimate is None:
+        raise PoseError(f"no pose shows the {len(sides.known)} regions whose pairs are known")
+    poses = [estimate.best, *estimate.alternatives]
+    alone = [_Consensus.of(sides.known, pose, estimate.boundary_noise) for pose in poses]
+    return [_grown(sides, each, 0.0) for each in alone], float("inf")
+
+
+def _checked_pairs(known: Sequence[Pair], images: list[ImageRegion], worlds: list[WorldRegion]) -> Pairs:
+    """The known pairs by image index; ValueError for an index that is none or that stands in two."""
+    for side, count in enumerate((len(images), len(worlds))):
+        places = [pair[side] for pair in known]
+        if len({*places}) < len(places) or any(not 0 <= place < count for place in places):
+            what = ("image", "world")[side]
+            raise ValueError(f"known names the {what} regions {places}; needed different indices from 0 to {count - 1}")
+    return tuple(sorted((int(i), int(j)) for i, j in known))
 
 
 def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:
@@ -342,10 +382,11 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
     """The one that explains the most and the other readings that explain about as much and that the prior leaves, best
     first.
     """
-    first = max(consensuses, key=lambda each: each.score)
+    confirmed = [each for each in consensuses if _is_confirmed(sides.prior, each)] or consensuses
+    first = max(confirmed, key=lambda each: each.score)
     alike = [
         each
-        for each in consensuses
+        for each in confirmed
         if each.score >= first.score - AS_MUCH_SCORE
         and each.noise <= AS_MUCH_NOISE * first.noise
         and (each.pairs == first.pairs or each.is_another(first))
@@ -353,6 +394,11 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
     penalties = [_penalty(sides.prior, each.pose) for each in alike]
     left = [each for each, penalty in zip(alike, penalties, strict=True) if penalty <= min(penalties) + AMBIGUITY]
     return sorted(left, key=lambda each: -each.score)
+
+
+def _is_confirmed(prior: _core.Prior | None, consensus: _Consensus) -> bool:
+    """Whether a second pair speaks for a consensus, or the prior does not rule it out."""
+    return len(consensus.pairs) > 1 or _penalty(prior, consensus.pose) <= AMBIGUITY
 
 
 def _completed(sides: _Sides, consensuses: list[_Consensus]) -> list[Pairs]:

@@ -45,7 +45,8 @@ def sample_fit(camera: Camera, pose: Pose, image: ImageRegion, world: WorldRegio
     known = world.core.samples
     if known is None:
         return None
-    inside, outside, enclosed = (camera.project(pose.transform(places)) for places in known)
+    column = float(np.mean([ring[:, 0].mean() for ring in image.rings]))
+    inside, outside, enclosed = (camera.project_near(pose.transform(places), column) for places in known)
     if any(signed_area(ring) < 0.0 for ring in image.rings):
         outside = np.concatenate([outside, enclosed])
     region: BaseGeometry = shapely.Polygon()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
@@ -21,6 +21,7 @@ MODEL_NAMES: dict[type[Camera], str] = {
     FisheyeCamera: "fisheye",
     UnifiedCamera: "unified",
     OcamCamera: "ocam",
+    EquirectangularCamera: "equirectangular",
 }
 
 

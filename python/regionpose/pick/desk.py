@@ -84,7 +84,7 @@ class Desk:
         self._serve_cloud()
         self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
         self._worker.start()
-        if session.pairs:
+        if session.can_estimate:
             self._wake.set()
 
     def close(self) -> None:
@@ -111,7 +111,7 @@ class Desk:
     def _edited(self, before: tuple[Picked, ...]) -> None:
         # First of all: no page may show the pose of other pairs as that of these.
         if _pairs(before) != _pairs(self.session.regions):
-            self.outcome = replace(self.outcome, state="busy") if self.session.pairs else Outcome()
+            self.outcome = replace(self.outcome, state="busy") if self.session.can_estimate else Outcome()
             self._wake.set()
         self.revision += 1
         if _worlds(before) != _worlds(self.session.regions):
@@ -240,12 +240,12 @@ class Desk:
     def _estimate(self) -> None:
         with self._lock:
             session = copy(self.session)
-        if not session.pairs:
+        if not session.can_estimate:
             return
         start = time.perf_counter()
         try:
             run = session.estimate()
-            outcome = Outcome.of(run, [picked.key for picked in session.pairs], time.perf_counter() - start)
+            outcome = Outcome.of(run, session.keys_of(run.sides.names), time.perf_counter() - start)
         except ValueError as error:
             outcome = Outcome("failed", str(error))
         except Exception as error:

@@ -90,8 +90,13 @@ def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], see
     return whole
 
 
+def picked_world(scene: Scene, written: dict[str, Any], scan: Scan, label: str = "") -> WorldPart:
+    """What is written of the side in the cloud of a scene's only region, and the side."""
+    return WorldPart(written, world_side(scene, ("regions", 0, "world"), scene.model.regions[0].world, scan), label)
+
+
 def _patch(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], written: dict[str, Any], label: str) -> WorldPart:
-    return WorldPart(written, world_side(scene_with(written), 0, scan), label)
+    return picked_world(scene_with(written), written, scan, label)
 
 
 def _shade(scan: Scan, seed: Array) -> float | None:

@@ -17,18 +17,21 @@ from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
-from regionpose.pick.proposals import mask_choices, plane_choices, segmenter_choices
+from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
-from regionpose.scene.estimate import checked
+from regionpose.scene.exposure import Unpaired, checked
+from regionpose.scene.models import PLANES
 from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
-from regionpose.scene.sides import Scan, image_side, scene_origin, world_side
+from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.segmentation.segmenters import Segmenter
 
 Array = NDArray[np.float64]
 
 MOST_UNDO = 200
 """Steps that can be undone; each holds references to its regions, not copies."""
+
+NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
 
 STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
 """A side in the photo, of a scene that is made to look at its region's other side."""
@@ -81,6 +84,7 @@ class Session:
     _future: list[Sketch] = field(default_factory=list)
     _saved: Sketch = field(default_factory=Sketch)
     _next: int = 0
+    _planes: dict[str, WorldSide] = field(default_factory=dict)
 
     @classmethod
     def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
@@ -95,13 +99,16 @@ class Session:
         """The session of a scene file, with its regions; errors as of `load_scene` and of its files."""
         scene = load_scene(path)
         values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
-        lists = {key: values.pop(key, []) for key in ("regions", "image_regions", "world_regions")}
+        if scene.model.frames:
+            raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
+        held_lists = {key: values.get(key, []) for key in ("regions", "image_regions", "world_regions")}
+        lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
         if scene.model.cloud is None:
             raise scene.error((), "found no cloud; needed the key cloud, to pick in")
         session = cls._with_sensors(path, values)
-        for key, held in lists.items():
-            for index, written in enumerate(held if isinstance(held, list) else []):
-                session._read(scene, key, index, written)
+        for held in lists.values():
+            for written in held:
+                session._read(written)
         session._saved = session.sketch = replace(session.sketch, selected=None)
         return session
 
@@ -115,7 +122,7 @@ class Session:
         scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
         return cls(path, base, camera, image, cloud, scan)
 
-    def _read(self, scene: Scene, key: str, index: int, written: dict[str, Any]) -> None:
+    def _read(self, written: dict[str, Any]) -> None:
         """Add a region that the scene file holds."""
         held: dict[str, Any] = {"key": self._next, "name": written["name"]}
         if "image" in written:
@@ -127,10 +134,11 @@ class Session:
 
     def _image_part(self, written: dict[str, Any]) -> ImagePart:
         scene = self._scene([_alone(written, {"seed": [0.0, 0.0, 0.0]})])
-        return ImagePart(written, image_side(scene, 0, self.image))
+        item = scene.model.regions[0].image
+        return ImagePart(written, image_side(scene, ("regions", 0, "image"), item, self.image))
 
     def _world_part(self, written: dict[str, Any], label: str = "") -> WorldPart:
-        return WorldPart(written, world_side(self._scene_with(written), 0, self.scan), label)
+        return picked_world(self._scene_with(written), written, self.scan, label)
 
     def _scene_with(self, world: dict[str, Any]) -> Scene:
         """A scene of one region with this side in the cloud."""
@@ -148,6 +156,11 @@ class Session:
     def pairs(self) -> tuple[Picked, ...]:
         """The regions with both sides."""
         return tuple(picked for picked in self.regions if picked.is_paired)
+
+    @property
+    def can_estimate(self) -> bool:
+        """Whether there is a pair, or regions of either side to be matched."""
+        return bool(self.pairs) or self._unpaired().can_match
 
     @property
     def can_undo(self) -> bool:
@@ -293,23 +306,47 @@ class Session:
         return {**self.base, **region_lists(self.regions, self.path)}
 
     def sides(self) -> SceneSides:
-        """Sensors and both sides of the pairs; ValueError without any."""
+        """Sensors and both sides of the pairs, and the regions to be matched; ValueError without any."""
         pairs = self.pairs
-        if not pairs:
-            raise ValueError("found no pair; needed a region with a side in the photo and one in the cloud")
+        if not self.can_estimate:
+            raise ValueError(NO_PAIR)
         scene = scene_of(self.path, self.values())
-        image_regions = tuple(_chosen(picked.image).region for picked in pairs)
-        world_sides = tuple(_chosen(picked.world).side for picked in pairs)
-        scanner = sensor_origin(scene, self.cloud)
-        return checked(
-            SceneSides(
-                scene, self.camera, self.image, self.cloud, self.scan.origin, scanner, image_regions, world_sides
-            )
+        sides = SceneSides(
+            scene,
+            self.camera,
+            self.image,
+            self.cloud,
+            self.scan.origin,
+            sensor_origin(scene, self.cloud),
+            tuple(picked.name for picked in pairs),
+            tuple(_chosen(picked.image).region for picked in pairs),
+            tuple(_chosen(picked.world).side for picked in pairs),
+            self._unpaired(),
         )
+        return checked(sides)
+
+    def _unpaired(self) -> Unpaired:
+        """The regions of one side, which the estimate matches where there are some of either."""
+        images = [picked for picked in self.regions if picked.world is None]
+        worlds = {picked.name: _chosen(picked.world).side for picked in self.regions if picked.image is None}
+        if images and not worlds and self.base.get("world_regions") == PLANES:
+            if not self._planes:
+                self._planes.update(plane_sides(scene_of(self.path, self.values()), self.scan))
+            worlds = self._planes
+        image_regions = tuple(_chosen(picked.image).region for picked in images)
+        names = tuple(picked.name for picked in images)
+        return Unpaired(names, image_regions, tuple(worlds), tuple(worlds.values()))
 
     def estimate(self) -> SceneEstimate:
-        """The pose by the pairs, as `regionpose estimate` on the saved file gives it; PoseError where there is none."""
+        """The pose by the pairs and by what matches of the rest, as `regionpose estimate` on the saved file gives it;
+        PoseError where there is none.
+        """
         return estimate_sides(self.sides())
+
+    def keys_of(self, names: Sequence[str]) -> list[int]:
+        """The keys of regions by their names."""
+        keys = {picked.name: picked.key for picked in self.regions}
+        return [keys[name] for name in names]
 
     def save(self) -> list[Path]:
         """Write the scene file and its masks, whole or not at all, and return their paths.
@@ -317,8 +354,8 @@ class Session:
         A mask has a name of its own for what it holds, so that none is replaced; the scene file goes last.
         """
         values = self.values()
-        if not self.pairs:
-            raise ValueError("found no pair; needed a region with a side in the photo and one in the cloud to save")
+        if not self.can_estimate:
+            raise ValueError(NO_PAIR)
         scene_of(self.path, values)
         writers: dict[str, Writer] = {}
         for picked in self.regions:

@@ -117,8 +117,11 @@ def overlay_regions(
     picture = checked_image(image).copy()
     observed = _checked_pairs(image_regions, world_regions, labels)
     width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
-    projected = [[_projected_ring(ring, camera, pose) for ring in region.rings] for region in world_regions]
-    lines = [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings]
+    projected = [
+        _repeated(camera, [_projected_ring(ring, camera, pose) for ring in region.rings]) for region in world_regions
+    ]
+    rings = [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings]
+    lines = _repeated(camera, rings)
     arcs = [piece for region in projected for ring in region for piece in _visible_pieces(ring)]
     draw_lines(picture, [*lines, *arcs], 2.8 * width, CASING, 0.55)
     draw_lines(picture, lines, 2.0 * width, OBSERVED)
@@ -242,7 +245,7 @@ def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: boo
 
 def projected_lines(camera: Camera, pose: Pose, region: WorldRegion) -> list[Array]:
     """The parts of a region's outline that the camera sees at a pose, as open lines (m, 2) of pixels."""
-    rings = [_projected_ring(ring, camera, pose) for ring in region.rings]
+    rings = _repeated(camera, [_projected_ring(ring, camera, pose) for ring in region.rings])
     return [piece for ring in rings for piece in _visible_pieces(ring)]
 
 
@@ -259,7 +262,23 @@ def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
     edge = np.repeat(np.arange(len(ring)), parts)
     within = (np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[edge]
     points = start[edge] + within[:, None] * (end - start)[edge]
-    return camera.project(np.concatenate([points, start[:1]]))
+    pixels = camera.project(np.concatenate([points, start[:1]]))
+    if camera.period is not None:
+        pixels[:, 0] = np.unwrap(pixels[:, 0], period=camera.period)
+    return pixels
+
+
+def _repeated(camera: Camera, lines: list[Array]) -> list[Array]:
+    """The lines, those that leave a panorama by one side again where they come in by the other."""
+    if camera.period is None or camera.width is None:
+        return lines
+    copies = list(lines)
+    for line in lines:
+        left, right = float(np.nanmin(line[:, 0])), float(np.nanmax(line[:, 0]))
+        for shift in (camera.period, -camera.period):
+            if left + shift < camera.width and right + shift > 0.0:
+                copies.append(line + np.array([shift, 0.0]))
+    return copies
 
 
 def _visible_pieces(ring: Array) -> list[Array]:

@@ -14,7 +14,7 @@ from regionpose import _core
 from regionpose.arrays import read_only, ring_list, signed_area
 from regionpose.cameras import Camera
 from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
-from regionpose.regions.mask import MaskWindow, traced_mask
+from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
 from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ class ImageRegion:
         return region
 
     @classmethod
-    def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None) -> ImageRegion:
+    def from_mask(cls, mask: ArrayLike, *, unknown: ArrayLike | None = None, panorama: bool = False) -> ImageRegion:
         """The region of a mask.
 
         The contour runs where the linearly interpolated coverage is 0.5, so that the edge of a binary mask lies midway
@@ -148,6 +148,9 @@ class ImageRegion:
         unknown : (h, w) array, optional
             Bool, or numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask
             says, such as an occluder's; the contour beside them is hidden.
+        panorama : bool
+            Whether the left side of the mask continues its right side, as of an `EquirectangularCamera`: a region on
+            both then goes on across the seam, its pixels beyond the right side, without a `mask` to take sums over.
 
         Raises
         ------
@@ -160,12 +163,25 @@ class ImageRegion:
         >>> rp.ImageRegion.from_mask(np.pad(np.ones((20, 30), dtype=bool), 5))
         ImageRegion(area=599.5 px, vertices=8, mask of 40 x 30 px)
         """
+        if panorama and (start := seam_free(mask)):
+            return cls._across_seam(mask, unknown, start)
         if unknown is None:
             (rings, window), hidden = traced_mask(mask), None
         else:
             rings, window, hidden = traced_beside(mask, unknown)
         height, width = window.shape
+        if panorama:
+            return cls._valid(rings, window, (-np.inf, -0.5, np.inf, height - 0.5), hidden)
         return cls._valid(rings, window, (-0.5, -0.5, width - 0.5, height - 0.5), hidden)
+
+    @classmethod
+    def _across_seam(cls, mask: ArrayLike, unknown: ArrayLike | None, start: int) -> ImageRegion:
+        """The region of a panorama's mask that begins at the column `start`, and goes on beyond the last."""
+        turned = None if unknown is None else np.roll(np.asarray(unknown), -start, axis=1)
+        found = cls.from_mask(np.roll(np.asarray(mask), -start, axis=1), unknown=turned)
+        height = np.shape(mask)[0]
+        rings = [ring + np.array([float(start), 0.0]) for ring in found.rings]
+        return cls._valid(rings, None, (-np.inf, -0.5, np.inf, height - 0.5), found.hidden)
 
     def __repr__(self) -> str:
         """Its area and vertices, and what it is made of."""
@@ -240,7 +256,8 @@ class ImageRegion:
     def _border(self, camera: Camera) -> Border | None:
         if self.border is not None or camera.width is None or camera.height is None:
             return self.border
-        return (-0.5, -0.5, camera.width - 0.5, camera.height - 0.5)
+        left, right = (-0.5, camera.width - 0.5) if camera.period is None else (-np.inf, np.inf)
+        return (left, -0.5, right, camera.height - 0.5)
 
     @property
     def _within(self) -> float:

@@ -73,6 +73,20 @@ def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 
 
+def seam_free(mask: ArrayLike) -> int:
+    """The last empty column of a panorama's mask, where the mask is on both its sides; else 0.
+
+    ValueError for a mask without an empty column, which no turn of it can show whole.
+    """
+    covered = (checked_mask(mask) != 0).any(axis=0)
+    if not (covered[0] and covered[-1]):
+        return 0
+    empty = np.flatnonzero(~covered)
+    if not len(empty):
+        raise ValueError("mask covers every column of the panorama; needed a region that leaves some free")
+    return int(empty[-1])
+
+
 def checked_mask(mask: ArrayLike) -> NDArray[Any]:
     """The mask as an array (h, w) of a type that masks may have; ValueError for another."""
     try:

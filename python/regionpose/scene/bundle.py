@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,12 @@ from regionpose.pictures.colors import colored_cloud
 from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps, save_png
 from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
-from regionpose.scene.estimate import SceneEstimate, Stages, given_pose
+from regionpose.scene.estimate import SceneEstimate
+from regionpose.scene.known import given_pose
 from regionpose.scene.loading import Scene
 from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
+from regionpose.scene.stages import Stages
 from regionpose.scene.verdict import verdict
 
 Colors = NDArray[np.uint8]
@@ -53,10 +55,26 @@ class Bundle:
 
 
 def file_names(scene: Scene) -> list[str]:
-    """The names of the files of a scene's bundle."""
+    """The names of the files of a scene's bundle; those of several frames end in the frame's number."""
+    frames = scene.frames
+    return [
+        RESULT,
+        REPORT,
+        *(_numbered(n, k, len(frames)) for k, each in enumerate(frames) for n in _frame_names(each)),
+    ]
+
+
+def _frame_names(scene: Scene) -> list[str]:
+    """The names of the files of one frame, before they are numbered."""
     before = [] if given_pose(scene) is None else [BEFORE]
     edges = [EDGES] if scene.model.solver.witness else []
-    return [RESULT, REPORT, OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
+    return [OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
+
+
+def _numbered(name: str, index: int, count: int) -> str:
+    """A file's name with the number of its frame, from 1, where there are several: frames' names may hold anything."""
+    stem, dot, ending = name.rpartition(".")
+    return name if count == 1 else f"{stem}_{index + 1}{dot}{ending}"
 
 
 def read_truth(path: Path) -> Truth:
@@ -78,26 +96,54 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
 
 def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bundle:
     """Everything that is written of a run; the pictures' seconds are added to `stages`."""
-    writers: dict[str, Callable[[Path], object]] = {}
-    with stages.stage("pictures"):
-        drawn = pictures(run)
-    views: list[Figure] = []
-    if run.sides.cloud is not None:
-        with stages.stage("colors"):
-            cloud, visible = colored_cloud(run.sides.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
-            views = cloud_views(run, cloud, visible)
-        writers[CLOUD] = lambda path: write_ply(path, cloud)
-    judged, title = verdict(run), f"Camera pose of {run.sides.scene.path.stem}"
+    views = run.views
+    frames = [_frame_files(view, partial(_numbered, index=k, count=len(views)), stages) for k, view in enumerate(views)]
+    writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
+    figures = [figure for frame in frames for figure in frame.figures]
+    solids = [figure for frame in frames for figure in frame.solids]
+    judged, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
     result = scene_result(run) | {"verdict": judged.values}
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
-    figures = list(drawn.values())
-    html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, views))
+    html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, solids))
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    writers |= {name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()}
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
     return Bundle(result, writers)
+
+
+class FrameFiles(NamedTuple):
+    """What is written of a frame, by file name, and its figures in the report: over the photo, and of the cloud."""
+
+    writers: dict[str, Callable[[Path], object]]
+    figures: list[Figure]
+    solids: list[Figure]
+
+
+def _frame_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
+    """The files of one frame; the seconds of its pictures are added to `stages`."""
+    with stages.stage("pictures"):
+        drawn = {numbered(name): figure for name, figure in pictures(view).items()}
+    writers: dict[str, Callable[[Path], object]] = {
+        name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()
+    }
+    solids: list[Figure] = []
+    if view.sides.cloud is not None:
+        with stages.stage("colors"):
+            cloud, visible = colored_cloud(view.sides.cloud, [(view.sides.image, view.camera, view.estimate.pose)])
+            solids = [_titled(view, figure) for figure in cloud_views(view, cloud, visible)]
+        writers[numbered(CLOUD)] = partial(_write_cloud, cloud)
+    return FrameFiles(writers, [_titled(view, figure) for figure in drawn.values()], solids)
+
+
+def _titled(view: SceneEstimate, figure: Figure) -> Figure:
+    """The figure with the name of its frame, where it has one, before what it shows."""
+    name = view.sides.scene.name
+    return replace(figure, caption=f"{name}: {figure.caption}") if name else figure
+
+
+def _write_cloud(cloud: Cloud, path: Path) -> None:
+    write_ply(path, cloud)
 
 
 def pictures(run: SceneEstimate) -> dict[str, Figure]:
@@ -120,8 +166,8 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     if sides.cloud is not None:
         depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
-    if run.witness is not None:
-        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.alignment), EDGES_CAPTION)
+    if run.witness is not None and run.witness.told:
+        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.told[0]), EDGES_CAPTION)
     return made
 
 
@@ -147,7 +193,7 @@ def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) ->
     if not visible.any() or cloud.colors is None:
         return []
     pose = run.local_pose
-    up = run.sides.scene.model.prior.up
+    up = run.scene.model.prior.up
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
     colors = np.where(visible[:, None], cloud.colors, _grays(cloud)[:, None]).astype(np.uint8)
     views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)

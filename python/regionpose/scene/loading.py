@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
-from regionpose.scene.models import ImageMask, SceneModel
+from regionpose.scene.models import EXPOSURE_KEYS, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
+from regionpose.segmentation.segmenters import Segmenter
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,12 @@ class Scene:
 
     document: Document
     model: SceneModel
+    name: str = ""
+    """Of the frame that it is; none for a whole file."""
+    place: Place = ()
+    """Of the frame in the file."""
+    segmenter: Segmenter | None = None
+    """What seeds in photos without a tolerance ask for their masks; they are grown by color where it is None."""
 
     @property
     def path(self) -> Path:
@@ -29,9 +36,28 @@ class Scene:
         """The path of a file that the scene names, relative to the scene file."""
         return self.path.parent / name
 
+    @property
+    def image(self) -> str:
+        """The photo's name; of a scene without frames."""
+        return self.model.image or ""
+
+    @property
+    def frames(self) -> tuple[Scene, ...]:
+        """The scene of each of its frames: a photo, a cloud, and their regions; itself alone where it has none."""
+        if not self.model.frames:
+            return (self,)
+        return tuple(self._frame(index, frame) for index, frame in enumerate(self.model.frames))
+
+    def _frame(self, index: int, frame: FrameItem) -> Scene:
+        held = {key: getattr(frame, key) for key in EXPOSURE_KEYS & frame.model_fields_set}
+        shared = {key: getattr(self.model, key) for key in self.model.model_fields_set - {"frames"}}
+        model = SceneModel.model_construct(**shared, **held)
+        return Scene(self.document, model, frame.name, ("frames", index), self.segmenter)
+
     def error(self, place: Place, message: str) -> SceneError:
-        """The error about the value at `place`."""
-        return self.document.error(place, message)
+        """The error about the value at `place`, of a frame within it."""
+        own = bool(place) and place[0] in EXPOSURE_KEYS
+        return self.document.error((*self.place, *place) if own or not place else place, message)
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -73,30 +99,76 @@ DEVIATIONS_OF = {"initial_rotation_sigma_deg": "initial", "initial_center_sigma_
 
 
 def _check_references(scene: Scene) -> None:
-    names: set[str] = set()
-    for index, region in enumerate(scene.model.regions):
-        if region.name in names:
-            raise scene.error(("regions", index, "name"), f"found {region.name!r} twice; needed names that differ")
-        names.add(region.name)
-        image = region.image
-        if isinstance(image, ImageMask) and image.unknown_label is not None and image.unknown is None:
-            place = ("regions", index, "image", "unknown_label")
-            raise scene.error(place, "found a label of nothing; needed the key unknown")
-        if isinstance(image, ImageMask) and image.coverage and (image.label, image.image, image.unknown) != (None,) * 3:
-            place = ("regions", index, "image", "coverage")
-            raise scene.error(
-                place, "found it beside label, image or unknown; needed a file of one region, and it alone"
-            )
-        if scene.model.cloud is None and needs_cloud(region.world):
-            raise scene.error(
-                ("regions", index, "world"), "found no cloud to look in; needed the key cloud in the scene"
-            )
-    if scene.model.cloud is None and scene.model.solver.refine == "scene":
+    _check_frames(scene)
+    for frame in scene.frames:
+        _check_exposure(frame)
+    no_cloud = all(frame.model.cloud is None for frame in scene.frames)
+    if no_cloud and scene.model.solver.refine == "scene":
         raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
     prior = scene.model.prior
     for key, of in DEVIATIONS_OF.items():
         if getattr(prior, key) is not None and getattr(prior, of) is None:
             raise scene.error(("prior", key), f"found a deviation of nothing; needed the key {of}")
+
+
+def _check_frames(scene: Scene) -> None:
+    """Pass where there is one photo, or frames with names of their own; SceneError otherwise."""
+    frames = scene.model.frames
+    if not frames and scene.model.image is None:
+        raise scene.error(("image",), "found nothing; needed this key, or frames with a photo each")
+    both = next((key for key in scene.model.model_fields_set if frames and key in EXPOSURE_KEYS), None)
+    if both is not None:
+        raise scene.error((both,), "found it beside frames; needed it in each frame")
+    names = [frame.name for frame in frames]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise scene.error(("frames", index, "name"), f"found {name!r} twice; needed names that differ")
+
+
+def _check_exposure(scene: Scene) -> None:
+    """Pass where each region of a photo and a cloud is one; SceneError otherwise."""
+    names: set[str] = set()
+    for region in named_regions(scene):
+        if region.name in names:
+            raise scene.error((*region.place, "name"), f"found {region.name!r} twice; needed names that differ")
+        names.add(region.name)
+        if isinstance(region.image, ImageMask):
+            _check_mask(scene, (*region.place, "image"), region.image)
+        if scene.model.cloud is None and needs_cloud(region.world):
+            found = "found no cloud to look in; needed the key cloud in the scene"
+            raise scene.error((*region.place, "world"), found)
+    model = scene.model
+    if scene.model.cloud is None and model.world_regions == "planes":
+        raise scene.error(("world_regions",), "found planes without a cloud; needed the key cloud in the scene")
+    if not model.regions and not (model.image_regions and model.world_regions):
+        found = "found no region; needed one with both sides, or image_regions and world_regions to be matched"
+        raise scene.error(("regions",), found)
+
+
+def _check_mask(scene: Scene, place: Place, image: ImageMask) -> None:
+    if image.unknown_label is not None and image.unknown is None:
+        raise scene.error((*place, "unknown_label"), "found a label of nothing; needed the key unknown")
+    if image.coverage and (image.label, image.image, image.unknown) != (None,) * 3:
+        found = "found it beside label, image or unknown; needed a file of one region, and it alone"
+        raise scene.error((*place, "coverage"), found)
+
+
+class NamedRegion(NamedTuple):
+    """A region of a scene: its place in the frame, and its sides as written; None for one that is not known."""
+
+    place: Place
+    name: str
+    image: ImageSide | None
+    world: WorldSide | None
+
+
+def named_regions(scene: Scene) -> list[NamedRegion]:
+    """All regions that a scene of one photo writes out, those with both sides first."""
+    model = scene.model
+    found = [NamedRegion(("regions", k), one.name, one.image, one.world) for k, one in enumerate(model.regions)]
+    found += [NamedRegion(("image_regions", k), a.name, a.image, None) for k, a in enumerate(model.image_regions)]
+    alone = model.world_regions if isinstance(model.world_regions, list) else []
+    return found + [NamedRegion(("world_regions", k), b.name, None, b.world) for k, b in enumerate(alone)]
 
 
 def needs_cloud(side: object) -> bool:

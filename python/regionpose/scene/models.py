@@ -2,100 +2,25 @@
 
 from __future__ import annotations
 
-import re
-import sys
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import ConfigDict, Field, Tag
 
-from regionpose.scene.document import brief
-
-
-def _numbers(count: int, needed: str) -> Callable[[object], object]:
-    """A check that a value is a list of `count` finite numbers."""
-
-    def check(value: object) -> object:
-        if not isinstance(value, list):
-            raise PydanticCustomError(
-                "numbers", "found {found}; needed {needed}", {"found": brief(value), "needed": needed}
-            )
-        odd = next((item for item in value if not _is_number(item)), None)
-        if odd is not None or len(value) != count:
-            found = brief(odd) if odd is not None else f"{len(value)} numbers"
-            raise PydanticCustomError("numbers", "found {found}; needed {needed}", {"found": found, "needed": needed})
-        return value
-
-    return check
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-FileName = Annotated[str, Field(min_length=1, description="a path, relative to the scene file")]
-Pixel = Annotated[
-    list[Number],
-    BeforeValidator(_numbers(2, "[x, y]")),
-    Field(min_length=2, max_length=2, description="[x, y], pixels"),
-]
-Point = Annotated[
-    list[Number],
-    BeforeValidator(_numbers(3, "[x, y, z]")),
-    Field(min_length=3, max_length=3, description="[x, y, z], meters, world frame"),
-]
-Quaternion = Annotated[
-    list[Number],
-    BeforeValidator(_numbers(4, "[x, y, z, w]")),
-    Field(min_length=4, max_length=4, description="[x, y, z, w]"),
-]
-Row = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
-Coefficients4 = Annotated[list[Number], BeforeValidator(_numbers(4, "4 numbers")), Field(min_length=4, max_length=4)]
-Pair = Annotated[list[Number], BeforeValidator(_numbers(2, "2 numbers")), Field(min_length=2, max_length=2)]
-
-
-HIDDEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
-"""Control characters, breaks of lines, and turns of the direction of writing."""
-
-LONGEST_NAME = 200
-"""Characters of a region's name: what a line and a table hold."""
-
-
-class Item(BaseModel):
-    """A mapping of the scene file: unknown keys are errors, and nothing is converted."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_keys(cls, value: Any) -> Any:
-        if not isinstance(value, dict):
-            return value
-        for key in value:
-            if key not in cls.model_fields:
-                known = ", ".join(cls.model_fields)
-                raise PydanticCustomError(
-                    "unknown_key", "found an unknown key; needed one of {known}", {"known": known, "key": str(key)}
-                )
-        return value
-
-
-def _key_among(*keys: str) -> Callable[[object], str | None]:
-    """The tag of the first of `keys` that a mapping holds."""
-
-    def kind(value: object) -> str | None:
-        if not isinstance(value, dict):
-            return None
-        return next((f"<{key}>" for key in keys if key in value), None)
-
-    return kind
-
-
-def _choice(kind: Callable[[Any], str | None], needed: str) -> Discriminator:
-    return Discriminator(kind, custom_error_type="choice", custom_error_message=needed)
+from regionpose.scene.items import (
+    Coefficients4,
+    FileName,
+    Item,
+    Name,
+    Number,
+    Pair,
+    Pixel,
+    Point,
+    Positive,
+    Quaternion,
+    Row,
+    choice,
+    key_among,
+)
 
 
 class _Camera(Item):
@@ -156,7 +81,15 @@ class InlineOcam(_Camera):
     height: int | None = Field(None, gt=0)
 
 
-InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam
+class InlineEquirectangular(_Camera):
+    """A 360 degree panorama, known by its size."""
+
+    model: Literal["equirectangular"]
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+
+
+InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam | InlineEquirectangular
 
 
 def _camera_kind(value: object) -> str | None:
@@ -165,7 +98,7 @@ def _camera_kind(value: object) -> str | None:
     if isinstance(value, dict) and "file" in value:
         return "<file>"
     model = value.get("model") if isinstance(value, dict) else None
-    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam") else None
+    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam", "equirectangular") else None
 
 
 CameraItem = Annotated[
@@ -174,8 +107,12 @@ CameraItem = Annotated[
     | Annotated[InlinePinhole, Tag("<pinhole>")]
     | Annotated[InlineFisheye, Tag("<fisheye>")]
     | Annotated[InlineUnified, Tag("<unified>")]
-    | Annotated[InlineOcam, Tag("<ocam>")],
-    _choice(_camera_kind, "a calibration file, {file, name}, or a model: pinhole, fisheye, unified or ocam"),
+    | Annotated[InlineOcam, Tag("<ocam>")]
+    | Annotated[InlineEquirectangular, Tag("<equirectangular>")],
+    choice(
+        _camera_kind,
+        "a calibration file, {file, name}, or a model: pinhole, fisheye, unified, ocam or equirectangular",
+    ),
 ]
 
 
@@ -199,12 +136,12 @@ RING_NEEDED = "a ring of at least 3 vertices, or a list of rings"
 ImagePolygon = Annotated[
     Annotated[list[Pixel], Field(min_length=3), Tag("<ring>")]
     | Annotated[list[Annotated[list[Pixel], Field(min_length=3)]], Tag("<rings>")],
-    _choice(_ring_kind, RING_NEEDED),
+    choice(_ring_kind, RING_NEEDED),
 ]
 WorldPolygon = Annotated[
     Annotated[list[Point], Field(min_length=3), Tag("<ring>")]
     | Annotated[list[Annotated[list[Point], Field(min_length=3)]], Tag("<rings>")],
-    _choice(_ring_kind, RING_NEEDED),
+    choice(_ring_kind, RING_NEEDED),
 ]
 
 
@@ -250,19 +187,19 @@ class ImagePolygonSide(Item):
     polygon: ImagePolygon
     hidden_edges: Annotated[
         Annotated[list[EdgeIndex], Tag("<ring>")] | Annotated[list[list[EdgeIndex]], Tag("<rings>")],
-        _choice(_edges_kind, "a list of edge indices, or one for each ring"),
+        choice(_edges_kind, "a list of edge indices, or one for each ring"),
         Field(
             description="edges that are not the region's own but an occluder's, or not seen; edge i goes from vertex i"
             " of a ring to the next"
         ),
-    ] = []
+    ] = Field(default_factory=list)
 
 
 ImageSide = Annotated[
     Annotated[ImageSeed, Tag("<seed>")]
     | Annotated[ImageMask, Tag("<mask>")]
     | Annotated[ImagePolygonSide, Tag("<polygon>")],
-    _choice(_key_among("seed", "mask", "polygon"), "one of seed, mask, polygon"),
+    choice(key_among("seed", "mask", "polygon"), "one of seed, mask, polygon"),
 ]
 
 
@@ -308,7 +245,7 @@ class WorldPoints(_WorldItem):
 
     points: Annotated[
         Annotated[FileName, Tag("<file>")] | Annotated[Indices, Tag("<indices>")],
-        _choice(lambda value: {str: "<file>", list: "<indices>"}.get(type(value)), "a file or a list of indices"),
+        choice(lambda value: {str: "<file>", list: "<indices>"}.get(type(value)), "a file or a list of indices"),
     ]
     label: int | None = Field(None, description="which label, where the file holds one for each point of the cloud")
     radius_m: Radius = None
@@ -332,20 +269,8 @@ WorldSide = Annotated[
     | Annotated[WorldPoints, Tag("<points>")]
     | Annotated[WorldPolygonSide, Tag("<polygon>")]
     | Annotated[WorldMesh, Tag("<mesh>")],
-    _choice(_key_among("seed", "points", "polygon", "mesh"), "one of seed, points, polygon, mesh"),
+    choice(key_among("seed", "points", "polygon", "mesh"), "one of seed, points, polygon, mesh"),
 ]
-
-
-def _visible(name: str) -> str:
-    """A check that a name has no characters that break lines or turn the direction of what follows."""
-    hidden = HIDDEN.search(name)
-    if hidden is not None:
-        message = "found the character U+{code}; needed a name without control characters"
-        raise PydanticCustomError("numbers", message, {"code": f"{ord(hidden.group()):04X}"})
-    return name
-
-
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_visible)]
 
 
 class RegionItem(Item):
@@ -370,6 +295,12 @@ class WorldRegionItem(Item):
     world: WorldSide
 
 
+def _regions_kind(value: object) -> str | None:
+    if isinstance(value, list):
+        return "<list>"
+    return "<planes>" if value == "planes" else None
+
+
 class QuaternionPose(Item):
     """A pose as a quaternion and a translation."""
 
@@ -385,7 +316,7 @@ class MatrixPose(Item):
 
 PoseItem = Annotated[
     Annotated[QuaternionPose, Tag("<quat_xyzw>")] | Annotated[MatrixPose, Tag("<matrix>")],
-    _choice(_key_among("quat_xyzw", "matrix"), "{quat_xyzw, translation_m} or {matrix}"),
+    choice(key_among("quat_xyzw", "matrix"), "{quat_xyzw, translation_m} or {matrix}"),
 ]
 
 
@@ -412,7 +343,7 @@ class PriorItem(Item):
         Annotated[
             Annotated[CameraFromWorld, Tag("<camera_from_world>")]
             | Annotated[WorldFromCamera, Tag("<world_from_camera>")],
-            _choice(_key_among("camera_from_world", "world_from_camera"), "camera_from_world or world_from_camera"),
+            choice(key_among("camera_from_world", "world_from_camera"), "camera_from_world or world_from_camera"),
         ]
         | None
     ) = None
@@ -455,13 +386,13 @@ class SolverItem(Item):
     ] = True
 
 
-class SceneModel(Item):
-    """A camera, its image, a point cloud, and the planar regions that both show."""
+PLANES = "planes"
+"""In place of a list of world regions: all that the cloud holds."""
 
-    model_config = ConfigDict(title="regionpose scene file")
 
-    camera: CameraItem
-    image: FileName
+class _Exposure(Item):
+    """What one photo and one cloud show."""
+
     cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
     sensor_origin: Annotated[
         Point | None,
@@ -470,12 +401,37 @@ class SceneModel(Item):
             " null, as of scans merged from several places"
         ),
     ] = None
-    regions: list[RegionItem] = Field(min_length=1)
+    regions: Annotated[list[RegionItem], Field(description="regions with both sides")] = Field(default_factory=list)
     image_regions: Annotated[
-        list[ImageRegionItem], Field(description="regions that `regionpose pick` keeps until they are paired; unused")
-    ] = []
+        list[ImageRegionItem], Field(description="regions whose world sides are looked for among world_regions")
+    ] = Field(default_factory=list)
     world_regions: Annotated[
-        list[WorldRegionItem], Field(description="regions that `regionpose pick` keeps until they are paired; unused")
-    ] = []
+        Annotated[list[WorldRegionItem], Tag("<list>")] | Annotated[Literal["planes"], Tag("<planes>")],
+        choice(_regions_kind, "a list of regions, or planes for those that the cloud holds"),
+        Field(description="regions whose image sides are looked for among image_regions; planes: all of the cloud"),
+    ] = Field(default_factory=list)
+
+
+class FrameItem(_Exposure):
+    """One photo and one cloud of several, which were taken at one pose of the camera in the clouds' frame."""
+
+    name: Name
+    image: FileName
+
+
+class SceneModel(_Exposure):
+    """A camera, its image, a point cloud, and the planar regions that both show; or several frames of these."""
+
+    model_config = ConfigDict(title="regionpose scene file")
+
+    camera: CameraItem
+    image: Annotated[FileName | None, Field(description="the photo; needed unless there are frames")] = None
+    frames: Annotated[
+        list[FrameItem], Field(description="several photos and clouds with one pose, in place of image, cloud, regions")
+    ] = Field(default_factory=list)
     prior: PriorItem = PriorItem()
     solver: SolverItem = SolverItem()
+
+
+EXPOSURE_KEYS = frozenset({*_Exposure.model_fields, "image"})
+"""Keys of a frame, which a scene without frames holds itself."""

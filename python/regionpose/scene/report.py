@@ -62,6 +62,8 @@ def report_html(report: Report) -> str:
         region_rows=rows,
         sigma_rows=_sigmas(result),
         alternative_rows=_alternatives(result["alternatives"]),
+        matching=[_matching(held) for held in result["matching"] or ()],
+        frame_rows=_frames(result["frames"]),
         settings=_settings(result),
     )
 
@@ -104,6 +106,35 @@ def _region(region: Mapping[str, Any], compared: bool) -> list[str]:
         "" if region["cloud_points"] is None else f"{region['cloud_points']:,}",
         region["known_by"],
         "" if region["samples_on_their_side"] is None else _percent(region["samples_on_their_side"]),
+    ]
+
+
+def _matching(held: Mapping[str, Any]) -> str:
+    """Which unpaired regions were found to be which."""
+    left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
+    where = f" in {held['frame']}" if "frame" in held else ""
+    words = f"Pairs that were found{where}: {_pairs(held['pairs']) or 'none'}."
+    words += f" Without a partner: {', '.join(left)}." if left else ""
+    return words + "".join(f" Another assignment: {_pairs(other)}." for other in held["alternatives"])
+
+
+def _pairs(pairs: Sequence[Sequence[str]]) -> str:
+    return ", ".join(f"{image} is {world}" for image, world in pairs)
+
+
+def _frames(frames: Sequence[Mapping[str, Any]] | None) -> list[list[str]]:
+    """How each of several frames fits."""
+    return [[frame["name"], _percent(frame["overlap_error"]), *_frame(frame)] for frame in frames or ()]
+
+
+def _frame(frame: Mapping[str, Any]) -> list[str]:
+    other = frame["without_it"]
+    return [
+        _fixed(frame["residual_px"], 2),
+        _fixed(other["residual_px"], 2),
+        _fixed(other["expected_px"], 2),
+        _fixed(other["turned_deg"], 3),
+        _fixed(_scaled(other["moved_m"], 1000.0), 1),
     ]
 
 

@@ -15,8 +15,9 @@ import numpy as np
 from regionpose.estimation.warning import PoseWarning
 from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
-from regionpose.scene.estimate import SceneEstimate, SceneSides
-from regionpose.scene.loading import Scene
+from regionpose.scene.estimate import SceneEstimate
+from regionpose.scene.exposure import SceneSides
+from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
 from regionpose.scene.sides import WorldSide
 
@@ -35,9 +36,9 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
     estimate = run.estimate
     values = {
         "format": FORMAT,
-        "scene": str(run.sides.scene.path),
-        "camera": camera_values(run.sides.camera),
-        "image": run.sides.scene.model.image,
+        "scene": str(run.scene.path),
+        "camera": camera_values(run.camera),
+        "image": run.scene.model.image,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
@@ -55,7 +56,9 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "scene_refinement": refinement_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
-        "regions": region_values(run),
+        "regions": [values for view in run.views for values in region_values(view)],
+        "matching": matching_values(run),
+        "frames": frame_values(run),
         "alternatives": [
             {
                 "camera_from_world": pose_values(other.pose),
@@ -64,13 +67,13 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
             }
             for other in estimate.alternatives
         ],
-        "warnings": [warning_values(warning, run.sides.names) for warning in estimate.warnings],
+        "warnings": [warning_values(warning, run.names) for warning in estimate.warnings],
         "converged": estimate.converged,
         "termination": estimate.termination,
         "evaluations": estimate.evaluations,
-        "solver": run.sides.scene.model.solver.model_dump(),
+        "solver": run.scene.model.solver.model_dump(),
         "exports": exports(estimate.pose),
-        "inputs": input_values(run.sides.scene),
+        "inputs": input_values(run.scene),
         "versions": versions(),
         "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
     }
@@ -102,13 +105,18 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
     witness = run.witness
     if witness is None:
         return None
-    alignment = witness.alignment
+    alone = {}
+    if len(witness.told) == 1:
+        alignment = witness.told[0]
+        alone = {
+            "z": alignment.z,
+            "share_of_turned_poses_worse": alignment.share_worse,
+            "turn_deg": np.degrees(alignment.turn),
+        }
     return {
-        "depth_steps": len(alignment.places),
-        "z": alignment.z,
-        "share_of_turned_poses_worse": alignment.share_worse,
-        "log_odds": alignment.log_odds,
-        "turn_deg": np.degrees(alignment.turn),
+        "depth_steps": sum(len(alignment.places) for alignment in witness.told),
+        **alone,
+        "log_odds": witness.log_odds,
         "confidence_before": witness.confidence_before,
         "place_before": witness.place + 1,
         "answers": witness.answers,
@@ -132,7 +140,7 @@ def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:
     """Where the scanner stood, meters, and who says so; None where that isn't known."""
-    scanner = run.sides.sensor_origin
+    scanner = run.scanner
     return None if scanner is None else {"place_in_world_m": scanner.place, "said_by": scanner.source}
 
 
@@ -140,7 +148,7 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     """The place that the camera was taken to be near, to what standard deviation (meters), and who says so; None where
     nothing was.
     """
-    prior, item = run.prior, run.sides.scene.model.prior
+    prior, item = run.prior, run.scene.model.prior
     if prior.camera_near is None:
         return None
     by = "sensor_origin" if item.camera_near is None else "prior.camera_near"
@@ -152,16 +160,57 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
     samples that are seen on their side of its contour, and its sizes.
     """
     errors, before, fits = run.estimate.region_overlap_errors, run.errors_before, run.sample_fits
+    found = {} if run.sides.matching is None else dict(run.sides.matching.pairs)
     given = run.local_initial is not None
     return [
         {
-            "name": size.pop("name"),
+            "name": name,
+            **({"world_region": found[size["name"]]} if size["name"] in found else {}),
             "overlap_error": float(error),
             **({"overlap_error_before": float(first)} if given else {}),
             "samples_on_their_side": None if fit is None else fit.share,
-            **size,
+            **{key: value for key, value in size.items() if key != "name"},
         }
-        for size, error, first, fit in zip(region_sizes(run.sides), errors, before, fits, strict=True)
+        for name, size, error, first, fit in zip(run.names, region_sizes(run.sides), errors, before, fits, strict=True)
+    ]
+
+
+def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
+    """Of each frame with unpaired regions, which were found to be which; None where there are none."""
+    matched = [(sides.scene.name, sides.matching) for sides in run.frames if sides.matching is not None]
+    return [
+        {
+            **({"frame": name} if name else {}),
+            "pairs": matching.pairs,
+            "unmatched_image_regions": matching.unmatched_image,
+            "unmatched_world_regions": matching.unmatched_world,
+            "alternatives": matching.alternatives,
+        }
+        for name, matching in matched
+    ] or None
+
+
+def frame_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
+    """How each of several frames fits, and how far the pose of the others is from that of all; None of one photo."""
+    if not run.fits:
+        return None
+    return [
+        {
+            "name": fit.name,
+            "image": view.sides.scene.image,
+            "cloud": view.sides.scene.model.cloud,
+            "overlap_error": fit.overlap_error,
+            "residual_px": fit.residual_px,
+            "without_it": {
+                "residual_px": other.residual_px,
+                "expected_px": other.expected_px,
+                "turned_deg": other.rotation_deg,
+                "moved_m": other.shift_m,
+                "disagrees": other.is_outlier,
+            },
+            "scene_agreement": agreement_values(view),
+        }
+        for fit, other, view in zip(run.fits, run.influence, run.views, strict=True)
     ]
 
 
@@ -197,18 +246,26 @@ def named_files(scene: Scene) -> dict[str, str]:
     model = scene.model
     camera = model.camera.file if isinstance(model.camera, CameraFile) else model.camera
     files = {"camera": camera} if isinstance(camera, str) else {}
-    files["image"] = model.image
-    if model.cloud is not None:
-        files["cloud"] = model.cloud
-    for region in model.regions:
+    for frame in scene.frames:
+        files |= _frame_files(frame, f" of {frame.name}" if frame.name else "")
+    return files
+
+
+def _frame_files(scene: Scene, tail: str) -> dict[str, str]:
+    """Those of one photo and its cloud, by their role."""
+    files = {f"image{tail}": scene.image}
+    if scene.model.cloud is not None:
+        files[f"cloud{tail}"] = scene.model.cloud
+    for region in named_regions(scene):
+        whose = f"of {region.name}{tail}"
         if isinstance(region.image, ImageMask):
-            files[f"mask of {region.name}"] = region.image.mask
+            files[f"mask {whose}"] = region.image.mask
             if region.image.unknown is not None:
-                files[f"unknown pixels of {region.name}"] = region.image.unknown
+                files[f"unknown pixels {whose}"] = region.image.unknown
         if isinstance(region.world, WorldPoints) and isinstance(region.world.points, str):
-            files[f"points of {region.name}"] = region.world.points
+            files[f"points {whose}"] = region.world.points
         if isinstance(region.world, WorldMesh):
-            files[f"mesh of {region.name}"] = region.world.mesh
+            files[f"mesh {whose}"] = region.world.mesh
     return files
 
 

@@ -11,13 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.calibration import load_camera
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.reading import read_pixels
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
-from regionpose.scene.models import CameraFile, InlineFisheye, InlineOcam, InlinePinhole, InlineUnified
+from regionpose.scene.models import (
+    CameraFile,
+    InlineEquirectangular,
+    InlineFisheye,
+    InlineOcam,
+    InlinePinhole,
+    InlineUnified,
+)
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -28,6 +35,7 @@ MODELS: dict[type, Callable[..., Camera]] = {
     InlineFisheye: FisheyeCamera,
     InlineUnified: UnifiedCamera,
     InlineOcam: OcamCamera,
+    InlineEquirectangular: EquirectangularCamera,
 }
 
 
@@ -45,7 +53,7 @@ def scene_camera(scene: Scene) -> Camera:
 
 def scene_image(scene: Scene) -> Picture:
     """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
-    return named(scene, ("image",), lambda: read_picture(scene.file(scene.model.image)))
+    return named(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
 
 
 def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -18,9 +20,20 @@ from regionpose.regions.image import ImageRegion
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
-from regionpose.scene.loading import Scene
-from regionpose.scene.models import ImageMask, ImageSeed, WorldMesh, WorldPoints, WorldPolygonSide, WorldSeed
+from regionpose.scene.loading import Scene, named_regions
+from regionpose.scene.models import (
+    ImageMask,
+    ImageSeed,
+    ImageSide,
+    InlineEquirectangular,
+    WorldMesh,
+    WorldPoints,
+    WorldPolygonSide,
+    WorldSeed,
+)
+from regionpose.scene.models import WorldSide as WorldItem
 from regionpose.scene.sensors import Picture, SensorOrigin, named
+from regionpose.segmentation.segmenters import Segmenter, segmented
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -74,34 +87,37 @@ def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
     """The local origin (3,), meters: the cloud's, or near the first far polygon, else zero."""
     if cloud is not None:
         return cloud.origin
-    for item in scene.model.regions:
+    for item in named_regions(scene):
         if isinstance(item.world, WorldPolygonSide):
             first = np.concatenate([np.atleast_2d(ring) for ring in item.world.polygon])[0]
             return np.where(np.abs(first) > FAR, np.round(first / ORIGIN_STEP) * ORIGIN_STEP, 0.0)
     return np.zeros(3)
 
 
-def image_side(scene: Scene, index: int, image: Picture) -> ImageRegion:
-    """The image side of region `index`; SceneError that names its line when it gives no region."""
-    place: Place = ("regions", index, "image")
-    item = scene.model.regions[index].image
+def image_side(scene: Scene, place: Place, item: ImageSide, image: Picture) -> ImageRegion:
+    """The region of an image side that stands at `place`; SceneError that names its line when it gives no region."""
     if isinstance(item, ImageSeed):
-        return named(scene, (*place, "seed"), lambda: _grown(image, item))
+        return named(scene, (*place, "seed"), lambda: _grown(image, item, scene.segmenter))
     if isinstance(item, ImageMask):
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
     drawn = named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
-    return named(scene, (*place, "polygon"), lambda: _within(drawn, image))
+    return named(scene, (*place, "polygon"), lambda: _within(scene, drawn, image))
 
 
-def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
+def is_panorama(scene: Scene) -> bool:
+    """Whether the left side of the scene's photo continues its right side."""
+    return isinstance(scene.model.camera, InlineEquirectangular)
+
+
+def _within(scene: Scene, drawn: ImageRegion, image: Picture) -> ImageRegion:
     """The region of a polygon that stays in the image; ValueError where it was drawn on a larger one."""
     vertices = np.concatenate(drawn.rings) + 0.5
     size = np.array([image.shape[1], image.shape[0]])
-    beyond = np.maximum(-vertices, vertices - size).max(axis=1)
-    if beyond.max() <= OUTSIDE_MARGIN:
+    beyond = np.maximum(-vertices, vertices - size)
+    if beyond[:, 1].max() <= OUTSIDE_MARGIN and (is_panorama(scene) or beyond[:, 0].max() <= OUTSIDE_MARGIN):
         return drawn
-    x, y = vertices[np.argmax(beyond)] - 0.5
+    x, y = vertices[np.argmax(beyond.max(axis=1))] - 0.5
     larger = float((vertices / size).max())
     cure = "a polygon cut at the photo's border"
     if larger > 1.0:
@@ -109,30 +125,53 @@ def _within(drawn: ImageRegion, image: Picture) -> ImageRegion:
     raise ValueError(f"found [{x:g}, {y:g}] outside the photo of {size[0]} x {size[1]} pixels; needed {cure}")
 
 
-def world_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
-    """The world side of region `index` about the origin; SceneError that names its line when it gives no region."""
+def world_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
+    """The world side that stands at `place`, about the origin; SceneError that names its line where it gives none."""
+    return _remarked(lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan), scan.origin))
+
+
+def plane_sides(scene: Scene, scan: Scan) -> dict[str, WorldSide]:
+    """The world sides of all planes that the scene's cloud holds, the largest first, by names that count them.
+
+    SceneError where it holds none.
+    """
+    from regionpose.segmentation.planes import find_planes
+
+    assert scan.cloud is not None
+    points = scan.cloud.local_points
+    found = named(scene, ("world_regions",), lambda: find_planes(points))
+    sides = [side for indices in found for side in _plane_side(points, indices, scan)]
+    if not sides:
+        raise scene.error(("world_regions",), "found no plane in the cloud; needed regions written out")
+    return {f"plane {number}": side for number, side in enumerate(sides, start=1)}
+
+
+def _plane_side(points: Array, indices: Indices, scan: Scan) -> list[WorldSide]:
+    """The side of a plane's points; none where they are too few across to have an outline."""
+    whole = WorldPoints.model_construct(points=[])
+    try:
+        return [_remarked(lambda: _scanned(points, indices, whole, scan))]
+    except ValueError:
+        return []
+
+
+def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
+    """The side that is made, with what its outline was warned of."""
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always", SparseSamplingWarning)
-        side = _sided(scene, index, _unremarked_side(scene, index, scan), scan.origin)
+        side = made()
     return replace(side, remarks=tuple(str(warning.message) for warning in raised))
 
 
-def _sided(scene: Scene, index: int, side: WorldSide, origin: Array) -> WorldSide:
+def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
     """The side whose region knows the viewpoint that the scene gives it, if any."""
-    given = scene.model.regions[index].world.seen_from
-    if given is None:
+    if item.seen_from is None:
         return side
-    viewpoint = np.asarray(given) - origin
-    return named(
-        scene,
-        ("regions", index, "world", "seen_from"),
-        lambda: replace(side, region=side.region.seen_from(viewpoint)),
-    )
+    viewpoint = np.asarray(item.seen_from) - origin
+    return named(scene, (*place, "seen_from"), lambda: replace(side, region=side.region.seen_from(viewpoint)))
 
 
-def _unremarked_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
-    item = scene.model.regions[index].world
-    place: Place = ("regions", index, "world")
+def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
     if isinstance(item, WorldPolygonSide):
         return named(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
     if isinstance(item, WorldMesh):
@@ -142,13 +181,15 @@ def _unremarked_side(scene: Scene, index: int, scan: Scan) -> WorldSide:
     return named(scene, (*place, "points"), lambda: _points(scene, item, scan))
 
 
-def _grown(image: Picture, item: ImageSeed) -> ImageRegion:
+def _grown(image: Picture, item: ImageSeed, segmenter: Segmenter | None) -> ImageRegion:
     from regionpose.segmentation.image import grow_image_region
 
     x, y = item.seed
     height, width = image.shape[:2]
     if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
         raise ValueError(f"found [{x:g}, {y:g}] outside the image; needed a pixel of its {width} x {height}")
+    if segmenter is not None and item.tolerance is None:
+        return ImageRegion.from_mask(segmented(segmenter, image, [item.seed], [1])[0])
     return ImageRegion.from_mask(grow_image_region(image, (x, y), tolerance=item.tolerance, coverage=True))
 
 
@@ -156,8 +197,12 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     from regionpose.segmentation.masks import coverage_from_file, mask_from_file, region_from_file
 
     path, size = scene.file(item.mask), (image.shape[0], image.shape[1])
+    panorama = is_panorama(scene)
+    from_mask = partial(ImageRegion.from_mask, panorama=panorama)
     if item.coverage:
-        return named(scene, (*place, "mask"), lambda: ImageRegion.from_mask(coverage_from_file(path, size)))
+        return named(scene, (*place, "mask"), lambda: from_mask(coverage_from_file(path, size)))
+    if panorama and item.unknown is None:
+        return named(scene, (*place, "mask"), lambda: from_mask(mask_from_file(path, item.label, image=item.image)))
     whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
     if item.unknown is None:
         return whole
@@ -165,7 +210,7 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     return named(
         scene,
         (*place, "unknown"),
-        lambda: ImageRegion.from_mask(
+        lambda: from_mask(
             mask_from_file(path, item.label, image=item.image),
             unknown=mask_from_file(unknown, item.unknown_label, image=item.image),
         ),

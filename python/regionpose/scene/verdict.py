@@ -10,6 +10,9 @@ import numpy as np
 from regionpose.scene.estimate import SceneEstimate
 
 ADVICE = {
+    "ambiguous-matching": "Pair the regions yourself (regions with both sides), or add one whose shape is its own.",
+    "outlier-frame": "Look at this frame's overlay: a pair is wrong, or photo and cloud were not taken at one time.",
+    "unconfirmed-matching": "Add regions on either side, or pair the regions yourself.",
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
     " its deviations, seen_from of a region's world side.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
@@ -33,10 +36,12 @@ TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
 DOUBTS = {
     "not-converged",
     "ambiguous",
+    "ambiguous-matching",
     "initial-contradicted",
     "place-contradicted",
     "scene-disagrees",
     "side-contradicted",
+    "unconfirmed-matching",
     "up-contradicted",
 }
 """Warnings after which the pose may be another one altogether."""
@@ -66,9 +71,7 @@ def verdict(run: SceneEstimate) -> Verdict:
     """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
-    remarks = tuple(
-        (warning.message_for(run.sides.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings
-    )
+    remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
     fit = _fit(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
     sigma = f"{turn:.3f} deg and {shift:.1f} mm"
@@ -85,7 +88,7 @@ def _fit(run: SceneEstimate) -> str:
     """How the projected regions fit the observed ones: by their samples where all have such, else by their areas."""
     fits = [fit for fit in run.sample_fits if fit is not None]
     told = sum(fit.count for fit in fits)
-    if len(fits) < len(run.sides.names) or not told:
+    if len(fits) < len(run.names) or not told:
         share = 100.0 * run.estimate.overlap_error
         return f"The projected regions differ from the observed ones by {share:.2f} % of their area"
     wrong = sum(len(fit.beyond) + len(fit.within) for fit in fits)

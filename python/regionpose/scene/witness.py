@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,16 +29,30 @@ OF_CONFIDENCE = {"ambiguous", "low-confidence"}
 
 @dataclass(frozen=True, eq=False)
 class SceneWitness:
-    """How photo and cloud agree at the pose, `alignment`, and what that led to.
+    """How photo and cloud agree at the pose, and what that led to.
 
-    `confidence_before`: of the pose, by the regions alone. `place`: where the regions alone had put the pose among
-    `answers` answers.
+    `alignments`: frame by frame, None of a frame without a cloud. `confidence_before`: of the pose, by the regions
+    alone. `place`: where the regions alone had put the pose among `answers` answers.
     """
 
-    alignment: Alignment
+    alignments: tuple[Alignment | None, ...]
     confidence_before: float
     place: int
     answers: int
+
+    @property
+    def told(self) -> tuple[Alignment, ...]:
+        """Those of the frames with a cloud."""
+        return tuple(alignment for alignment in self.alignments if alignment is not None)
+
+    @property
+    def log_odds(self) -> float:
+        """Logarithm of the odds for the pose that all frames make: each saw the scene by itself."""
+        return _log_odds(self.alignments)
+
+    def of_frame(self, index: int) -> SceneWitness:
+        """What one frame said."""
+        return replace(self, alignments=(self.alignments[index],))
 
 
 class Witnessed(NamedTuple):
@@ -49,20 +63,20 @@ class Witnessed(NamedTuple):
 
 
 def witnessed(
-    estimate: PoseEstimate, align: Callable[[Pose], Alignment], settle: Callable[[Pose], PoseEstimate]
+    estimate: PoseEstimate, align: Callable[[Pose], Sequence[Alignment | None]], settle: Callable[[Pose], PoseEstimate]
 ) -> Witnessed:
     """The estimate with the answer first that photo and cloud agree with, and the confidences that follow.
 
-    `align`: how well they agree at a pose; `settle`: the estimate that has the answer nearest to a pose first. The
-    evidence decides between answers and may lower the probability that one of them is right; it never raises that,
-    since photo and cloud may agree at a pose that is some degrees off (docs/math.md, eq. 18.5).
+    `align`: how well they agree at a pose, frame by frame; `settle`: the estimate that has the answer nearest to a pose
+    first. The evidence decides between answers and may lower the probability that one of them is right; it never raises
+    that, since photo and cloud may agree at a pose that is some degrees off (docs/math.md, eq. 18.5).
     """
     alignments, confidences = _heard(estimate, align)
     place = int(np.argmax(confidences))
     if place:
         estimate = settle(estimate.alternatives[place - 1].pose)
         alignments, confidences = _heard(estimate, align)
-    witness = SceneWitness(alignments[0], estimate.confidence, place, len(alignments))
+    witness = SceneWitness(tuple(alignments[0]), estimate.confidence, place, len(alignments))
     others = tuple(
         replace(other, confidence=float(confidence))
         for other, confidence in zip(estimate.alternatives, confidences[1:], strict=True)
@@ -71,21 +85,27 @@ def witnessed(
     return Witnessed(replace(judged, warnings=_warnings(judged, witness)), witness)
 
 
-def _heard(estimate: PoseEstimate, align: Callable[[Pose], Alignment]) -> tuple[list[Alignment], Array]:
+def _heard(
+    estimate: PoseEstimate, align: Callable[[Pose], Sequence[Alignment | None]]
+) -> tuple[list[Sequence[Alignment | None]], Array]:
     """How well photo and cloud agree at each answer, and the answers' confidences (n,) after that."""
     answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
     before = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
     alignments = [align(pose) for pose in answers]
-    after = weighed(before, [alignment.log_odds for alignment in alignments])
+    after = weighed(before, [_log_odds(frames) for frames in alignments])
     total, most = float(after.sum()), float(np.sum(before))
     return alignments, after * (most / total) if total > most else after
+
+
+def _log_odds(alignments: Sequence[Alignment | None]) -> float:
+    return sum(alignment.log_odds for alignment in alignments if alignment is not None)
 
 
 def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarning, ...]:
     """The warnings of an estimate, its confidence being that after the rest of the scene was heard."""
     sure = estimate.confidence >= SURE
     kept = [warning for warning in estimate.warnings if not (sure and warning.code in OF_CONFIDENCE)]
-    if witness.alignment.log_odds < -AGAINST:
+    if witness.log_odds < -AGAINST:
         kept.append(_disagreement(witness))
     elif not sure and not kept:
         text = f"the confidence is {100.0 * estimate.confidence:.1f} %"
@@ -94,12 +114,14 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarnin
 
 
 def _disagreement(witness: SceneWitness) -> PoseWarning:
-    alignment = witness.alignment
-    share, steps, before = float(np.mean(alignment.agrees)), len(alignment.places), witness.confidence_before
+    told = [alignment for alignment in witness.told if len(alignment.turned)]
+    agrees = np.concatenate([alignment.agrees for alignment in told])
+    share, steps, before = float(np.mean(agrees)), len(agrees), witness.confidence_before
+    z = sum(alignment.lead for alignment in told) / float(np.hypot.reduce([one.deviation for one in told]))
     text = (
         f"away from the regions photo and cloud do not agree: {100.0 * share:.0f} % of {steps} depth steps of the cloud"
-        f" lie on edges of the photo, {alignment.z:.1f} standard deviations above turned poses; the confidence falls"
+        f" lie on edges of the photo, {z:.1f} standard deviations above turned poses; the confidence falls"
         f" from {100.0 * before:.1f} %"
     )
-    values = {"share": share, "steps": steps, "z": alignment.z, "confidence_before": before}
+    values = {"share": share, "steps": steps, "z": z, "confidence_before": before}
     return PoseWarning("scene-disagrees", text, values=values)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from regionpose.arrays import row_array
 from regionpose.segmentation.narrow_parts import without_narrow_parts
-from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Progress, grown, nearest_points, start_patch
+from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Patch, Progress, grown, nearest_points, start_patch
 
 SEED_CROWD = 96
 """A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.
@@ -58,8 +58,7 @@ def grow_plane(
     check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg, min_width_m=min_width_m)
     start = _seed_position(cloud, seed)
     nearest = nearest_points(cloud, start)
-    _check_reach(cloud, start, nearest[0])
-    patch = start_patch(cloud, start, nearest, distance_m, radius_m)
+    patch = _started(cloud, start, nearest, distance_m, radius_m)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
     return members if min_width_m is None else members[without_narrow_parts(cloud[members], start, min_width_m)]
 
@@ -102,12 +101,23 @@ def check_positive(**values: float | None) -> None:
             raise ValueError(f"{name} is {value}; needed a positive number")
 
 
-def _check_reach(cloud: Array, seed: Array, nearest: np.intp) -> None:
-    """ValueError where a seed lies farther from its nearest point than many others do."""
+def _started(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
+    """The plane around the seed; ValueError for a seed away from all points, or on no plane."""
+    try:
+        patch = start_patch(cloud, seed, nearest, distance, radius)
+    except ValueError:
+        _check_reach(cloud, seed, nearest[0], 0.0)
+        raise
+    _check_reach(cloud, seed, nearest[0], patch.cell)
+    return patch
+
+
+def _check_reach(cloud: Array, seed: Array, nearest: np.intp, gap: float) -> None:
+    """ValueError where a seed lies farther from its nearest point than many others do, and than gaps are wide."""
     point = cloud[nearest]
     squares = np.sort(np.sum((cloud[nearest_points(cloud, point)] - point) ** 2, axis=1))
     reach, around = float(np.linalg.norm(seed - point)), float(np.sqrt(squares[: SEED_CROWD + 1][-1]))
-    if reach > around:
+    if reach > max(around, gap):
         raise ValueError(
             f"seed {seed.tolist()} is {reach:.3g} m from the nearest point {point.round(4).tolist()}, which has"
             f" {SEED_CROWD} others within {around:.3g} m; needed a seed on a surface of the cloud"

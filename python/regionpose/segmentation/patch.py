@@ -27,6 +27,17 @@ SEED_NEIGHBORS = (24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536)
 """Neighbors that show the plane at the seed: more where the nearest all lie on one scan line, in steps fine enough for
 one to end near the edge of a small face."""
 
+WIDER = (2, 4, 8, 16, 32, 64)
+"""How many times as many neighbors are looked at after that, thinned to as many as before: scans laid over one another
+hold that many times the points of one, closer to each other than their noise. A face widens by `sqrt(2)` from one to
+the next, as above."""
+
+WIDER_THICKNESS = 0.05
+"""Thickness over width of such a neighborhood at the most: those of half a street around faces of 300 points have
+0.07 and more in KITTI's frames; a board of 1 m with 1 cm noise has 0.04."""
+
+MOST_NEIGHBORS = SEED_NEIGHBORS[-1] * WIDER[-1]
+
 SEED_WIDTH = 0.25
 """Least width of the seed's neighborhood over its length; a single scan line shows no plane."""
 
@@ -38,7 +49,7 @@ SEED_SHARE = 0.6
 """Least share of the neighbors on the plane; a seed near an edge has a good part of them beyond it."""
 
 SAME_NOISE = 1.3
-"""Ratio of the noise in a neighborhood and the next smaller up to which they show the same plane."""
+"""Ratio of the noise in a neighborhood and in the next smaller within it up to which they show the same plane."""
 
 NOISE_TELLING = 192
 """Neighbors up to which the smaller neighborhood's noise tells nothing: few points on two scan lines lie on a plane
@@ -107,7 +118,7 @@ def nearest_points(cloud: Array, position: Array) -> Indices:
     """Indices of the points nearest to a position, the nearest first, as many as a start may need."""
     offsets = cloud - position
     squares = np.einsum("ij,ij->i", offsets, offsets)
-    count = min(SEED_NEIGHBORS[-1], int(np.isfinite(squares).sum()))
+    count = min(MOST_NEIGHBORS, int(np.isfinite(squares).sum()))
     nearest = np.argpartition(squares, count - 1)[:count]
     ordered: Indices = nearest[np.argsort(squares[nearest])]
     return ordered
@@ -127,11 +138,48 @@ def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | N
         chosen = patch or chosen
         if size >= len(nearest):
             break
+    if chosen is None or size < SEED_NEIGHBORS[-1] or patch is None:
+        chosen = _wider_patch(cloud, nearest, chosen)
     if chosen is None:
         raise ValueError(
             f"{len(nearest)} points around seed {seed.tolist()} lie on no plane; needed a seed on a flat surface"
         )
     return _sized(cloud, chosen, distance, radius)
+
+
+def _wider_patch(cloud: Array, nearest: Indices, narrower: Patch | None) -> Patch | None:
+    """The plane of the first wider neighborhood, thinned evenly, that shows one and what the narrower one could not.
+
+    The narrower one where there is none. In scans that lie over one another, few points are as thick as wide, or show a
+    plane of beams that is thin across the surface.
+    """
+    count = SEED_NEIGHBORS[-1]
+    for step in WIDER:
+        if step * count > len(nearest):
+            break
+        patch = _neighborhood_patch(cloud, nearest[: step * count : step])
+        if patch is not None and patch.sigma <= WIDER_THICKNESS * _width(cloud, patch):
+            hidden = narrower is None or _is_hidden(cloud, narrower, patch)
+            return patch if hidden else narrower
+    return narrower
+
+
+def _is_hidden(cloud: Array, narrower: Patch, wider: Patch) -> bool:
+    """Whether the points of a narrower neighborhood lie within the noise of a wider one, and too close to show it."""
+    heights = (cloud[narrower.members] - wider.origin) @ wider.axes[2]
+    lies_within = float(np.sqrt(np.mean(heights**2))) <= SAME_NOISE * wider.sigma
+    return lies_within and wider.sigma > SEED_THICKNESS * _width(cloud, narrower)
+
+
+def _width(cloud: Array, patch: Patch) -> float:
+    """Standard deviation of a patch's points across its longest direction, meters."""
+    points = cloud[patch.members]
+    return float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(points)))
+
+
+def _rounding(points: Array) -> float:
+    """What rounding puts points off their plane by, meters."""
+    return float(np.finfo(float).eps * np.abs(points).max() * ROUNDING)
 
 
 def _neighborhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
@@ -147,8 +195,8 @@ def _neighborhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
     if spread[1] < SEED_WIDTH * spread[0] or spread[2] > SEED_THICKNESS * spread[1]:
         return None
     sigma = float(np.std((near[inliers] - origin) @ axes[2]))
-    least = np.finfo(float).eps * np.abs(near).max() * ROUNDING
-    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > SEED_SIGMAS * sigma + least:
+    least = SEED_SIGMAS * sigma + _rounding(near)
+    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > least:
         return None
     return Patch(origin, axes, nearest[inliers], sigma, 0.0, 0.0)
 

@@ -38,10 +38,6 @@ LEAST_THINNED = 24
 SEED_LOT = 128
 """Seeds looked at together, of which the flattest grow first."""
 
-BARREN_LOTS = 3
-"""Lots in a row without a patch that end the search; a plane that holds 1 % of what is left is missed with odds of
-2 %."""
-
 SCALES = (32, 96, 384)
 """Neighbors of a seed among which its flatness is judged; the first may all lie on one scan line."""
 
@@ -51,8 +47,9 @@ FLAT = 0.1
 LEAST_NOISE_SHARE = 0.02
 """Least noise of the sensor over the distance between neighbors, for clouds without noise."""
 
-ROUGHNESS = 4.0
-"""Noise of a patch over that of the sensor at the most: range noise grows with distance and slant by two to three."""
+ROUGHNESS = 10.0
+"""Noise of a patch over that of the flattest surfaces at the most: a beam's noise counts along the beam, so that a road
+met at 6 degrees shows a tenth of what a wall shows that is met frontally."""
 
 MOST_THICKNESS = 0.15
 """Thickness of a patch over its width at the most; a face that is narrower than 24 standard deviations of the noise
@@ -83,7 +80,7 @@ def find_planes(
 ) -> list[Indices]:
     """Index arrays, ascending, of the planar patches of a cloud, the largest first; no point is in two.
 
-    A patch is thinner than 0.15 of its width, has noise of at most four times the sensor's, which is taken from the
+    A patch is thinner than 0.15 of its width, has noise of at most ten times that of the
     flattest neighborhoods, and has within three times its members' distance at most a quarter as many points before and
     behind it as members. A cloud of more than 150 000 points is thinned to one point a voxel, on which patches grow;
     then each is filled with the points around it. Random choices are seeded: the same cloud gives the same patches.
@@ -134,14 +131,13 @@ class Search:
     def patches(self, progress: Progress | None) -> list[Patch]:
         """All patches, in the order in which they are found."""
         found: list[Patch] = []
-        count, barren = len(self.left), 0
-        while self.untried.any() and barren < BARREN_LOTS:
+        count = len(self.left)
+        while self.untried.any():
             lot = self._patches_of_lot()
-            barren = 0 if lot else barren + 1
             found += [patch._replace(members=self.left[patch.members]) for patch in lot]
             self._shrink()
             if progress is not None:
-                progress(1.0 - len(self.left) / count)
+                progress(1.0 - float(self.untried.sum()) / count)
         if progress is not None:
             progress(1.0)
         return found
@@ -164,7 +160,7 @@ class Search:
         flat = np.argsort(thickness, kind="stable")
         flat = flat[(thickness[flat] <= SEED_THICKNESS) & (sigma[flat] <= ROUGHNESS * self.noise)]
         found = [patch for row in flat if self.untried[lot[row]] and (patch := self._patch(near[row])) is not None]
-        self.untried[lot] = False
+        self.untried[near[:, :LEAST_THINNED]] = False
         return found
 
     def _patch(self, near: Indices) -> Patch | None:

@@ -1,0 +1,81 @@
+"""Masks that one click proposes on the labeled faces of real photos, against the faces as they were drawn.
+
+The scenes are folders with image.png and regions.json below --data. The click is the pixel deepest inside the drawn
+face; of the masks that `regionpose pick` proposes there the best one counts. A line each, then the share of faces with
+an overlap (IoU) of 0.9, and the median. A drawn face holds its windows and what stands before it, and the inner
+rectangle of a checkerboard has no edge of its own: no mask that follows the photo reaches 0.9 there.
+
+    python benchmarks/click_masks.py [--data ../shared/data] [--only natural kitti]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from image_segmentation import FAILED_IOU, deepest
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from regionpose.pick.proposals import mask_choices
+
+Mask = NDArray[np.bool_]
+DEFAULT_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+class Face(NamedTuple):
+    """A drawn face of a photo (h, w, 3), by its scene's and its own name."""
+
+    scene: str
+    name: str
+    image: NDArray[np.uint8]
+    mask: Mask
+
+
+def faces(data: Path, kinds: list[str] | None) -> Iterator[Face]:
+    """The drawn faces of the scenes of some kinds, of all without a choice."""
+    for path in sorted(data.glob("*/*/regions.json")):
+        if kinds and path.parent.parent.name not in kinds:
+            continue
+        image = np.asarray(Image.open(path.parent / "image.png").convert("RGB"))
+        held = json.loads(path.read_text(encoding="utf-8"))
+        for region in held["regions"] if isinstance(held, dict) else held:
+            canvas = Image.new("L", image.shape[1::-1])
+            ImageDraw.Draw(canvas).polygon([tuple(vertex) for vertex in region["image_polygon"]], fill=1)
+            scene = "/".join(path.parts[-3:-1])
+            yield Face(scene, region["name"], image, np.asarray(canvas) > 0)
+
+
+def overlaps(face: Face) -> list[float]:
+    """The IoU of each mask that a click proposes; none where nothing grows."""
+    try:
+        choices = mask_choices(face.image, deepest(face.mask))
+    except ValueError:
+        return []
+    masks = [choices.at(index).chosen.levels > 127 for index in range(len(choices.makers))]
+    return [float((mask & face.mask).sum() / (mask | face.mask).sum()) for mask in masks]
+
+
+def main() -> None:
+    """Print the overlaps of all faces and their summary."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--only", nargs="+", help="kinds of scenes, the folders below --data")
+    options = parser.parse_args()
+    best = []
+    for face in faces(options.data, options.only):
+        found = overlaps(face)
+        best.append(max(found, default=0.0))
+        print(f"{face.scene:28} {face.name:28} " + " ".join(f"{value:.2f}" for value in found), flush=True)
+    if not best:
+        print(f"no scenes below {options.data}")
+        return
+    share = 100.0 * float(np.mean(np.array(best) >= FAILED_IOU))
+    print(f"{len(best)} faces: {share:.0f} % reach an IoU of {FAILED_IOU}; median {np.median(best):.2f}")
+
+
+if __name__ == "__main__":
+    main()

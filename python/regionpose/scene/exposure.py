@@ -1,0 +1,204 @@
+"""What one photo and one cloud of a scene show: sensors, and both sides of its regions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
+from regionpose.estimation.matching import RegionMatches, match_regions
+from regionpose.estimation.sides import overlap_errors
+from regionpose.estimation.warning import PoseWarning
+from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.sanity import check_camera, check_regions, check_unit
+from regionpose.scene.document import Place
+from regionpose.scene.known import scene_prior, scene_solver
+from regionpose.scene.loading import Scene, named_regions
+from regionpose.scene.models import ImageSide
+from regionpose.scene.sensors import (
+    Picture,
+    SensorOrigin,
+    fitted_camera,
+    scene_camera,
+    scene_cloud,
+    scene_image,
+    sensor_origin,
+)
+from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin, world_side
+from regionpose.scene.stages import Stages
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Unpaired:
+    """Regions in the image and in the world of which it isn't known which is which, and their names."""
+
+    image_names: tuple[str, ...] = ()
+    image_regions: tuple[ImageRegion, ...] = ()
+    world_names: tuple[str, ...] = ()
+    world_sides: tuple[WorldSide, ...] = ()
+
+    @property
+    def can_match(self) -> bool:
+        """Whether there are some on either side."""
+        return bool(self.image_regions and self.world_sides)
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Which image region was found to be which world region, by their names.
+
+    `alternatives`: other pairs that explain the image about as well, best first.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    unmatched_image: tuple[str, ...]
+    unmatched_world: tuple[str, ...]
+    alternatives: tuple[tuple[tuple[str, str], ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSides:
+    """What a scene's files hold: sensors and both sides of each region, in the scene's order, and their names.
+
+    `cloud.local_points` and the world sides are about `origin` (3,), meters; `sensor_origin`, where the
+    scanner stood, isn't. `unpaired`: regions of one side. `matching`: which of these are which, None where they were
+    not matched. `warnings`: what speaks against them before any pose is known.
+    """
+
+    scene: Scene
+    camera: Camera
+    image: Picture
+    cloud: Cloud | None
+    origin: Array
+    sensor_origin: SensorOrigin | None
+    names: tuple[str, ...]
+    image_regions: tuple[ImageRegion, ...]
+    world_sides: tuple[WorldSide, ...]
+    unpaired: Unpaired = Unpaired()
+    matching: Matching | None = None
+    warnings: tuple[PoseWarning, ...] = ()
+
+    def overlap_errors(self, pose: Pose) -> tuple[float, Array]:
+        """The overlap error of all regions and of each (k,) at a pose in the cloud's world; as of the solver's."""
+        regions = [side.region for side in self.world_sides]
+        return overlap_errors(self.camera, self.image_regions, regions, pose.about(self.origin))
+
+
+def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | None = None) -> SceneSides:
+    """The sensors and regions of a scene of one photo; SceneError that names the line for a file that cannot be used.
+
+    `origin`: the local origin, that of the cloud where it is None.
+    """
+    stages = stages or Stages()
+    if scene.model.frames:
+        raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
+    with stages.stage("read files"):
+        image = scene_image(scene)
+        camera = fitted_camera(scene, scene_camera(scene), image)
+        cloud = scene_cloud(scene)
+    if cloud is not None and origin is not None:
+        cloud = cloud.about(origin)
+    center = scene_origin(scene, cloud) if origin is None else origin
+    scanner = sensor_origin(scene, cloud)
+    with stages.stage("image regions"):
+        images = [image_side(scene, (*one.place, "image"), one.image, image) for one in _imaged(scene)]
+    with stages.stage("world regions"):
+        scan, paired = Scan.of(cloud, center, scanner), scene.model.regions
+        sides = [world_side(scene, ("regions", k, "world"), one.world, scan) for k, one in enumerate(paired)]
+        world_names, worlds = _unpaired_worlds(scene, scan)
+    names, count = tuple(one.name for one in _imaged(scene)), len(paired)
+    unpaired = Unpaired(names[count:], tuple(images[count:]), world_names, worlds)
+    regions = (names[:count], tuple(images[:count]), tuple(sides), unpaired)
+    with stages.stage("checks"):
+        return checked(SceneSides(scene, camera, image, cloud, center, scanner, *regions))
+
+
+class Imaged(NamedTuple):
+    """A region of the photo: its place in the scene, its name, and its side there as written."""
+
+    place: Place
+    name: str
+    image: ImageSide
+
+
+def _imaged(scene: Scene) -> list[Imaged]:
+    """The regions with a side in the photo, those with both sides first."""
+    return [Imaged(one.place, one.name, one.image) for one in named_regions(scene) if one.image is not None]
+
+
+def _unpaired_worlds(scene: Scene, scan: Scan) -> tuple[tuple[str, ...], tuple[WorldSide, ...]]:
+    """Names and sides of the world regions without an image region."""
+    written = scene.model.world_regions
+    if isinstance(written, list):
+        sides = [world_side(scene, ("world_regions", k, "world"), one.world, scan) for k, one in enumerate(written)]
+        return tuple(one.name for one in written), tuple(sides)
+    planes = plane_sides(scene, scan)
+    return tuple(planes), tuple(planes.values())
+
+
+def checked(sides: SceneSides) -> SceneSides:
+    """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
+    size = (sides.image.shape[1], sides.image.shape[0])
+    sparse = (
+        PoseWarning("sparse-sampling", "{0}: {remark}", (index,), {"remark": remark})
+        for index, side in enumerate(sides.world_sides)
+        for remark in side.remarks
+    )
+    regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
+    unit = () if sides.cloud is None else check_unit(sides.cloud)
+    return replace(sides, warnings=(*check_camera(sides.camera, size), *unit, *regions, *sparse))
+
+
+def matched(sides: SceneSides) -> SceneSides:
+    """The sides with the pairs that were found among the regions of one side; the same where there are none to match.
+
+    The pairs that the scene gives are kept, and say where the others are looked for. ValueError for regions that the
+    core refuses; PoseError where no image region looks like any world region.
+    """
+    unpaired, known = sides.unpaired, len(sides.names)
+    if not unpaired.can_match:
+        return sides
+    images = (*sides.image_regions, *unpaired.image_regions)
+    worlds = (*sides.world_sides, *unpaired.world_sides)
+    found = match_regions(
+        sides.camera,
+        images,
+        [side.region for side in worlds],
+        known=[(index, index) for index in range(known)],
+        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
+        solver=scene_solver(sides.scene),
+    )
+    matching = _matching(sides, found)
+    paired = replace(
+        sides,
+        names=(*sides.names, *(image for image, _ in matching.pairs)),
+        image_regions=tuple(images[i] for i, _ in found.pairs),
+        world_sides=tuple(worlds[j] for _, j in found.pairs),
+        matching=matching,
+    )
+    with_warnings = checked(paired)
+    return replace(with_warnings, warnings=(*with_warnings.warnings, *found.warnings))
+
+
+def _matching(sides: SceneSides, found: RegionMatches) -> Matching:
+    """What was found by the regions' names, without the pairs that the scene gives."""
+    known = len(sides.names)
+    images = (*sides.names, *sides.unpaired.image_names)
+    worlds = (*sides.names, *sides.unpaired.world_names)
+
+    def named_pairs(pairs: tuple[tuple[int, int], ...]) -> tuple[tuple[str, str], ...]:
+        return tuple((images[i], worlds[j]) for i, j in pairs if i >= known)
+
+    return Matching(
+        named_pairs(found.pairs),
+        tuple(images[i] for i in found.unmatched_image),
+        tuple(worlds[j] for j in found.unmatched_world),
+        tuple(named_pairs(pairs) for pairs in found.alternatives),
+    )

@@ -1,0 +1,153 @@
+"""Equirectangular panoramas: rays and pixels, the seam, and poses across it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from regionpose import EquirectangularCamera, Frame, ImageRegion, Pose, WorldRegion, estimate_pose, estimate_rig
+from regionpose.pictures.overlays import overlay_regions, projected_lines
+from regionpose.scene import estimate_scene, load_scene
+from regionpose.yaml_text import to_yaml
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+CAMERA = EquirectangularCamera(2000, 1000)
+POSE = Pose(Rotation.from_euler("xyz", [5.0, 175.0, -4.0], degrees=True), np.array([0.2, -0.1, 0.3]))
+SHAPE = np.array([[0.0, 0.0], [1.4, 0.0], [1.4, 0.5], [0.6, 0.5], [0.6, 1.2], [0.0, 1.2]]) - [0.7, 0.6]
+
+
+def seam_ring() -> Array:
+    """A face of the world that the camera sees behind itself, across the seam."""
+    behind = np.column_stack([SHAPE, 0.1 * SHAPE[:, 0] - 3.0])
+    return POSE.inverse().transform(behind)
+
+
+def side_ring() -> Array:
+    beside = np.column_stack([np.full(6, 2.5), SHAPE[:, 1], 1.3 * SHAPE[:, 0]])
+    return POSE.inverse().transform(beside)
+
+
+def pixels_of(ring: Array) -> Array:
+    """The outline (n, 2) with its edges split finely, columns going on across the seam."""
+    shares = np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]
+    dense = np.concatenate([a + shares * (b - a) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)])
+    pixels = CAMERA.project(POSE.transform(dense))
+    pixels[:, 0] = np.unwrap(pixels[:, 0], period=CAMERA.width)
+    return pixels
+
+
+def turn_deg(pose: Pose) -> float:
+    return float(np.degrees((pose.rotation * POSE.rotation.inv()).magnitude()))
+
+
+def test_rays_and_pixels_are_inverse_all_around() -> None:
+    directions = Rotation.random(2000, random_state=1).apply([0.0, 0.0, 1.0])
+    pixels = CAMERA.project(directions)
+    assert (pixels >= -0.5).all() and (pixels <= [1999.5, 999.5]).all()
+    np.testing.assert_allclose(CAMERA.bearings(pixels), directions, atol=1e-12)
+
+
+def test_axes_are_where_they_belong() -> None:
+    axes = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    seen = CAMERA.project(axes)
+    np.testing.assert_allclose(seen[:, 0], [999.5, 1499.5, 999.5, 499.5], atol=1e-9)
+    np.testing.assert_allclose(seen[:, 1], [499.5, 499.5, 999.5, 499.5], atol=1e-9)
+    assert np.isnan(CAMERA.project([[0.0, 0.0, 0.0]])).all()
+
+
+def test_columns_repeat_and_rows_end() -> None:
+    here, there = CAMERA.bearings([[3.0, 200.0]]), CAMERA.bearings([[2003.0, 200.0]])
+    np.testing.assert_allclose(here, there, atol=1e-12)
+    assert np.isnan(CAMERA.bearings([[3.0, 1010.0]])).all()
+    np.testing.assert_allclose(CAMERA.project_near(here, 1990.0), [[2003.0, 200.0]], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [((100, 80), "height: found 80 for a width of 100; needed half the width"), ((0, 1), "width: found 0")],
+)
+def test_a_size_that_is_no_panorama_is_named(size: tuple[int, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        EquirectangularCamera(*size)
+
+
+def test_a_smaller_copy_is_resized() -> None:
+    assert CAMERA.resized(1000, 500) == EquirectangularCamera(1000, 500)
+
+
+def test_polygons_across_the_seam_give_the_pose() -> None:
+    images = [ImageRegion.from_polygon(pixels_of(ring)) for ring in (seam_ring(), side_ring())]
+    assert images[0].rings[0][:, 0].min() < 0.0 or images[0].rings[0][:, 0].max() > 2000.0
+    worlds = [WorldRegion.from_polygon(ring) for ring in (seam_ring(), side_ring())]
+    found = estimate_pose(CAMERA, images, worlds)
+    assert turn_deg(found.pose) < 0.02
+    assert np.linalg.norm(found.pose.camera_center - POSE.camera_center) < 1e-3
+
+
+def seam_mask() -> NDArray[np.bool_]:
+    picture = Image.new("L", (4000, 1000))
+    ring = pixels_of(seam_ring())
+    ring[:, 0] += 0.0 if ring[:, 0].min() >= 0.0 else 2000.0
+    ImageDraw.Draw(picture).polygon([tuple(vertex) for vertex in ring], fill=1)
+    whole = np.asarray(picture) > 0
+    return whole[:, :2000] | whole[:, 2000:]
+
+
+def test_a_mask_across_the_seam_is_one_region() -> None:
+    mask = seam_mask()
+    assert mask[:, 0].any() and mask[:, -1].any()
+    region = ImageRegion.from_mask(mask, panorama=True)
+    assert len(region.rings) == 1 and not np.concatenate(region.on_border(CAMERA)).any()
+    assert region.area == pytest.approx(mask.sum(), rel=0.01)
+    cut = ImageRegion.from_mask(mask)
+    assert len(cut.rings) == 2
+    worlds = [WorldRegion.from_polygon(ring) for ring in (seam_ring(), side_ring())]
+    found = estimate_pose(CAMERA, [region, ImageRegion.from_polygon(pixels_of(side_ring()))], worlds)
+    assert turn_deg(found.pose) < 0.2
+
+
+def test_a_mask_of_every_column_is_refused() -> None:
+    with pytest.raises(ValueError, match="mask covers every column of the panorama"):
+        ImageRegion.from_mask(np.ones((10, 20), dtype=np.bool_), panorama=True)
+
+
+def test_contours_across_the_seam_are_measured_in_pixels() -> None:
+    frames = [
+        Frame([ImageRegion.from_polygon(pixels_of(ring))], [WorldRegion.from_polygon(ring)], name)
+        for name, ring in (("seam", seam_ring()), ("side", side_ring()))
+    ]
+    rig = estimate_rig(CAMERA, frames)
+    assert max(fit.residual_px for fit in rig.frames) < 0.2
+
+
+def test_outlines_are_drawn_on_both_sides_of_the_seam() -> None:
+    lines = projected_lines(CAMERA, POSE, WorldRegion.from_polygon(seam_ring()))
+    assert all(np.abs(np.diff(line[:, 0])).max() < 100.0 for line in lines)
+    inside = [((line[:, 0] >= 0.0) & (line[:, 0] < 2000.0)) for line in lines]
+    seen = np.concatenate([line[within] for line, within in zip(lines, inside, strict=True)])
+    assert seen[:, 0].min() < 20.0 and seen[:, 0].max() > 1980.0
+    picture = np.full((1000, 2000, 3), 128, dtype=np.uint8)
+    drawn = overlay_regions(picture, CAMERA, POSE, [], [WorldRegion.from_polygon(seam_ring())], ["face"])
+    assert (drawn[:, :20] != 128).any() and (drawn[:, -20:] != 128).any()
+
+
+def test_a_scene_of_a_panorama(tmp_path: Path) -> None:
+    Image.fromarray(np.full((1000, 2000, 3), 128, dtype=np.uint8)).save(tmp_path / "image.png")
+    Image.fromarray(np.where(seam_mask(), 255, 0).astype(np.uint8)).save(tmp_path / "mask.png")
+    regions: list[dict[str, Any]] = [
+        {"name": "behind", "image": {"mask": "mask.png"}, "world": {"polygon": seam_ring().tolist()}},
+        {
+            "name": "beside",
+            "image": {"polygon": pixels_of(side_ring()).tolist()},
+            "world": {"polygon": side_ring().tolist()},
+        },
+    ]
+    camera = {"model": "equirectangular", "width": 2000, "height": 1000}
+    path = tmp_path / "scene.yaml"
+    path.write_text(to_yaml({"camera": camera, "image": "image.png", "regions": regions}), encoding="utf-8")
+    assert turn_deg(estimate_scene(load_scene(path)).estimate.pose) < 0.2
