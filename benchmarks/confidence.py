@@ -25,7 +25,7 @@ from regionpose.evaluation.measures import rotation_error
 from regionpose.evaluation.studies.conditions import Condition, Mistake, NoiseModel
 from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
-from regionpose.evaluation.studies.problems import Problem
+from regionpose.evaluation.studies.problems import StudyProblem
 from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.trust import WRONG_DEG
 from rich.progress import track
@@ -35,16 +35,7 @@ from scipy.special import erf, expit
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-FEATURES = (
-    "1",
-    "ln rotation sigma",
-    "whole",
-    "ln scatter",
-    "contradicted regions",
-    "several regions",
-    "log odds of the clean share",
-    "ln clean parts",
-)
+FEATURES = ("1", "ln rotation sigma", "whole", "ln scatter", "contradicted regions", "several regions")
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
 RIDGE = 1e-3
 """Keeps a weight finite that no problem speaks against."""
@@ -58,7 +49,7 @@ class Kind:
     model: NoiseModel | None = None
     mistake: Mistake | None = None
 
-    def draw(self, seed: int) -> Problem:
+    def draw(self, seed: int) -> StudyProblem:
         """The problem of a seed."""
         setup = benchmark_setups()[self.camera]
         if self.mistake is not None:

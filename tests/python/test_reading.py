@@ -136,7 +136,7 @@ CASES: list[Case] = [
     ("aa.yaml", b'camera: "\\ud800"', load_scene, SceneError, "needed YAML"),
     ("al.yaml", b"[" * 90_000, load_scene, SceneError, "found more than 100 levels; needed fewer"),
     ("ab.yaml", b"camera: {model: [pinhole]}\nimage: a\nregions: []", load_scene, SceneError, r"found model \["),
-    ("ac.yaml", b"prior: {up: [0, 0, " + b"9" * 400 + b"]}", load_scene, SceneError, "and 3 more"),
+    ("ac.yaml", b"prior: {up: [0, 0, " + b"9" * 400 + b"]}", load_scene, SceneError, "and 1 more"),
     ("ad.json", coco(category_id=[1]), masks_from_file, ValueError, ""),
     ("ae.json", LABELME.replace(b"8,", b"true,", 1), masks_from_file, ValueError, "imageHeight True"),
     ("af.json", LABELME.replace(b"8,", b"9" * 40 + b",", 1), masks_from_file, ValueError, "imageHeight 9999"),

@@ -3,25 +3,9 @@
 use proptest::prelude::*;
 use regionpose::verdict::confidence::Evidence;
 
-const GOOD: Evidence = Evidence {
-    rotation_sigma: 0.01,
-    whole: true,
-    scatter: 0.25,
-    contradicted: 0,
-    regions: 3,
-    clean_share: 0.95,
-    clean_parts: 300.0,
-};
+const GOOD: Evidence = Evidence { rotation_sigma: 0.01, whole: true, scatter: 0.25, contradicted: 0, regions: 3 };
 
-const BAD: Evidence = Evidence {
-    rotation_sigma: 8.0,
-    whole: false,
-    scatter: 10.0,
-    contradicted: 0,
-    regions: 1,
-    clean_share: 0.2,
-    clean_parts: 4.0,
-};
+const BAD: Evidence = Evidence { rotation_sigma: 8.0, whole: false, scatter: 10.0, contradicted: 0, regions: 1 };
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
@@ -49,9 +33,9 @@ proptest! {
     #[test]
     fn it_is_a_probability_that_falls_with_the_uncertainty(
         sigma in 1e-4..50.0_f64, factor in 1.0..20.0_f64, scatter in 0.25..20.0_f64, whole in proptest::bool::ANY,
-        contradicted in 0..4_usize, regions in 1..9_usize, clean_share in 0.0..=1.0_f64, clean_parts in 0.0..5000.0_f64,
+        contradicted in 0..4_usize, regions in 1..9_usize,
     ) {
-        let evidence = Evidence { rotation_sigma: sigma, whole, scatter, contradicted, regions, clean_share, clean_parts };
+        let evidence = Evidence { rotation_sigma: sigma, whole, scatter, contradicted, regions };
         let wider = Evidence { rotation_sigma: sigma * factor, ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());

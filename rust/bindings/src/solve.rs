@@ -210,7 +210,7 @@ impl Estimate {
         self.0.best.minimum.is_none().then_some(1.0 - clean)
     }
 
-    /// What the confidence is computed from, (8,).
+    /// What the confidence is computed from, (6,).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.evidence.features())

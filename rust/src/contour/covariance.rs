@@ -69,7 +69,7 @@ fn scatter(rows: &[Row], counts: &[usize], inverse: &Matrix6<f64>) -> Matrix6<f6
     let floor = (NOISE_FLOOR * NOISE_FLOOR - squares).max(0.0);
     let factor = correlation * held / (held - lines).max(1.0);
     let single = products(rows, |index, row| factor * pulls[index] * pulls[index] + floor * row.weight * row.weight);
-    let scatter = single + corners_scatter(rows, &sides);
+    let scatter = single + corners_scatter(rows, &sides) * straightness(rows, &rests, &sides);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
     let independent = products(rows, |_, row| row.weight * row.weight * (row.reading.distance.powi(2) + floor));
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
@@ -151,6 +151,16 @@ fn without_lines(rows: &[Row], sides: &[Side]) -> (Vec<f64>, f64) {
         numbers += ENDS;
     }
     (rests, numbers)
+}
+
+/// Share of the squared distances of all sides that the lines through them make up: all of it where nothing but corners is off.
+fn straightness(rows: &[Row], rests: &[f64], sides: &[Side]) -> f64 {
+    let (mut lines, mut others) = (0.0, 0.0);
+    for index in sides.iter().flat_map(|side| side.pieces.clone()) {
+        lines += rows[index].weight * (rows[index].reading.distance - rests[index]).powi(2);
+        others += rows[index].weight * rests[index].powi(2);
+    }
+    lines / f64::max(lines + others, f64::MIN_POSITIVE)
 }
 
 /// What corners add to the scatter of the gradient, each of which is off by an error of its own that the sides follow.

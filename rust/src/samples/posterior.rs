@@ -38,8 +38,6 @@ pub struct Posterior {
     pub blur: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
-    /// Number of samples near enough to the contours to tell anything.
-    pub telling: usize,
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.
@@ -181,11 +179,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let setting = self.go_back()?;
         let likeliest = self.state;
         let last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
-        let (wrong, telling) = (self.samples.wrong(&last), self.samples.telling.len());
+        let wrong = self.samples.wrong(&last);
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
         let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
-        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur: setting.blur, wrong, telling })
+        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur: setting.blur, wrong })
     }
 }
 

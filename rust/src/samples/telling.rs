@@ -394,13 +394,19 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
-    /// The belief once its mean is where it was linearized; `None` where a direction is left free.
+    /// The belief once its mean is where it was linearized; `None` where a direction is left free, or nobody waits any more.
     pub(super) fn settled(&mut self, mut state: State, setting: Setting, rounds: usize, whole: bool) -> Option<State> {
+        if effort::is_stopped() {
+            return None;
+        }
         let blur = setting.blur;
         let is_first = self.telling.is_empty();
         self.look(&state, setting);
         let (mut before, mut share) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
+            if effort::is_stopped() {
+                return None;
+            }
             if round > 0 && effort::is_spent() {
                 break;
             }

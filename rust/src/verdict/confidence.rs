@@ -10,12 +10,10 @@ use crate::verdict::outliers::{contradicted, contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 8] = [-3.244, -0.643, 3.176, -0.775, 0.967, 1.105, -0.386, 0.720];
+const WEIGHTS: [f64; 6] = [-0.827, -0.893, 2.292, -0.617, 1.051, 1.090];
 
-/// Bounds of the features, beyond which no problem was: rotation, degrees; share of clean pieces; clean pieces.
+/// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
-const SHARE: (f64, f64) = (1e-3, 1.0 - 1e-3);
-const PARTS: (f64, f64) = (0.1, 1e4);
 
 /// Rotation, degrees, within which a pose is right: a convention.
 const RIGHT: f64 = 5.0;
@@ -34,77 +32,53 @@ pub struct Evidence {
     pub contradicted: usize,
     /// Number of regions that belong to the pose.
     pub regions: usize,
-    /// Share of the clean pieces, mean over the regions.
-    pub clean_share: f64,
-    /// Clean pieces of the contours that vary independently.
-    pub clean_parts: f64,
 }
 
 impl Evidence {
     /// The evidence of contours at a pose, and of the pose's covariance; `whole` where the pose is that of the moments.
     pub fn new(fit: &ContourFit, covariance: &Matrix6<f64>, whole: bool) -> Self {
-        let clean_share = mean(&fit.clean_shares());
         Self {
             rotation_sigma: weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned()).0.to_degrees(),
             whole,
             scatter: fit.mixture.sigma,
             contradicted: count(&contradicted(fit)),
             regions: count(&log_odds(fit).iter().map(|&odds| odds >= 0.0).collect::<Vec<_>>()),
-            clean_share,
-            clean_parts: clean_share * fit.independent(),
         }
     }
 
-    /// The same with the regions' samples in place of their contours: the blur as scatter, right labels as clean, wrong ones as
-    /// contradictions, samples that are near enough to the contour to tell anything as pieces.
+    /// The same with the regions' samples in place of their contours: the blur as scatter, and wrong labels as contradictions.
     pub fn with_samples(self, posterior: &Posterior, sampled: &[SampledRegion], fit: &ContourFit) -> Self {
-        let (mut shares, mut contradicted) = (fit.clean_shares(), contradicted(fit));
+        let mut contradicted = contradicted(fit);
         let mut belong: Vec<bool> = log_odds(fit).iter().map(|&odds| odds >= 0.0).collect();
         for (region, &wrong) in sampled.iter().zip(&posterior.wrong) {
-            shares[region.index()] = 1.0 - wrong;
             contradicted[region.index()] = contradicts(wrong);
             belong[region.index()] = !contradicts(wrong);
         }
-        let (contradicted, regions, clean_share) = (count(&contradicted), count(&belong), mean(&shares));
-        let clean_parts = clean_share * posterior.telling as f64;
-        let (whole, scatter) = (contradicted == 0, posterior.blur);
-        Self { whole, scatter, contradicted, regions, clean_share, clean_parts, ..self }
+        let (contradicted, regions) = (count(&contradicted), count(&belong));
+        Self { whole: contradicted == 0, scatter: posterior.blur, contradicted, regions, ..self }
     }
 
     /// What the logarithm of the odds that the pose is no other place is a weighted sum of: 1, the logarithm of the rotation's
-    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, whether several belong,
-    /// the logarithm of odds of the clean share, and the logarithm of the clean parts.
-    pub fn features(&self) -> [f64; 8] {
+    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, and whether several belong.
+    pub fn features(&self) -> [f64; 6] {
         let indicator = |holds: bool| f64::from(u8::from(holds));
-        let share = within(self.clean_share, SHARE);
-        [
-            1.0,
-            within(self.rotation_sigma, ROTATION).ln(),
-            indicator(self.whole),
-            self.scatter.ln(),
-            self.contradicted as f64,
-            indicator(self.regions > 1),
-            (share / (1.0 - share)).ln(),
-            within(self.clean_parts, PARTS).ln(),
-        ]
+        let (whole, several) = (indicator(self.whole), indicator(self.regions > 1));
+        [1.0, self.bounded_sigma().ln(), whole, self.scatter.ln(), self.contradicted as f64, several]
+    }
+
+    fn bounded_sigma(&self) -> f64 {
+        let (least, most) = ROTATION;
+        // The comparison's order makes a deviation that is not known the largest.
+        self.rotation_sigma.min(most).max(least)
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
     /// noise leaves it so near.
     pub fn probability(&self) -> f64 {
         let odds: f64 = self.features().iter().zip(WEIGHTS).map(|(feature, weight)| feature * weight).sum();
-        let near = 2.0 * cumulative(RIGHT / within(self.rotation_sigma, ROTATION)) - 1.0;
+        let near = 2.0 * cumulative(RIGHT / self.bounded_sigma()) - 1.0;
         near / (1.0 + (-odds).exp())
     }
-}
-
-fn within(value: f64, (least, most): (f64, f64)) -> f64 {
-    // The comparison's order makes a value that is not known the largest.
-    value.min(most).max(least)
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 fn count(indicators: &[bool]) -> usize {
