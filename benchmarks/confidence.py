@@ -5,7 +5,7 @@ that fits alike, is within 5 deg of the truth to what the fit shows (docs/math.m
 rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
 ones than those of any table: they begin at a million.
 
-    python benchmarks/confidence.py [--scenes 150] [--workers 2] [--keep FILE]
+    python benchmarks/confidence.py [--scenes 80] [--workers 2] [--keep FILE]
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def print_bins(probability: Array, found: Array) -> None:
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=150, help="problems of each camera and kind")
+    parser.add_argument("--scenes", type=int, default=80, help="problems of each camera and kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, help="write features, confidences and outcomes to this .npz file")
     options = parser.parse_args()
