@@ -33,7 +33,7 @@ def given(seed, planes=3):
     images = [rp.ImageRegion.from_polygon(each) for each in rings]
     return scene.camera, images, [rp.WorldRegion.from_polygon(each) for each in scene.regions]
 
-def sampled(count=20_000):
+def sampled(count=6_000):
     # One place in ten is said to be on the wrong side: rounds of beliefs go on for a minute.
     scene, noise, worlds = perspective_scene(1, 3), np.random.default_rng(1), []
     for rings in scene.regions:
