@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from commands import run as run_command
 from regionpose import PoseError, match_regions
 from regionpose.demo.scene import folder as demo_folder
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
+from regionpose.yaml_text import plain_value, to_yaml, yaml_node
 from scene_files import CAMERA, PLATES, POSE, scene_values, write_scene
 
 SIDES = {"image": "image_regions", "world": "world_regions"}
@@ -194,16 +194,16 @@ def test_an_error_in_a_frame_names_its_place(tmp_path: Path) -> None:
 
 
 def test_the_demo_needs_no_pairs(tmp_path: Path) -> None:
-    scene = yaml.safe_load((demo_folder() / "scene.yaml").read_text(encoding="utf-8"))
+    scene = plain_value(yaml_node((demo_folder() / "scene.yaml").read_text(encoding="utf-8")))
     for key in ("camera", "image", "cloud"):
         scene[key] = str(demo_folder() / scene[key])
     paired = tmp_path / "paired.yaml"
-    paired.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    paired.write_text(to_yaml(scene), encoding="utf-8")
     regions = scene.pop("regions")
     scene["image_regions"] = [{"name": one["name"], "image": one["image"]} for one in regions]
     scene["world_regions"] = [{"name": f"{one['name']} there", "world": one["world"]} for one in reversed(regions)]
     path = tmp_path / "scene.yaml"
-    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+    path.write_text(to_yaml(scene), encoding="utf-8")
     found, known = estimate_scene(load_scene(path)), estimate_scene(load_scene(paired))
     held = found.sides.matching
     assert held is not None and len(held.pairs) >= len(regions) - 1
