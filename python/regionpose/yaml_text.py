@@ -7,7 +7,14 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionEndEvent,
+    CollectionStartEvent,
+    MappingStartEvent,
+    NodeEvent,
+    ScalarEvent,
+)
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 __all__ = ["MappingNode", "Node", "ScalarNode", "SequenceNode", "YamlTextError", "line_of", "plain_value"]
@@ -18,6 +25,9 @@ MOST_LEVELS = 100
 
 LINE_WIDTH = 120
 """Columns at which to_yaml lines are broken; a convention."""
+
+_SEQUENCE = -1
+"""In place of a count: a sequence has no keys."""
 
 
 class YamlTextError(ValueError):
@@ -50,7 +60,7 @@ def plain_value(node: Node | None) -> Any:
         raise _described(error) from error
 
 
-def line_of(node: Node | AliasEvent) -> int:
+def line_of(node: Node | NodeEvent) -> int:
     """The line at which a node begins, from 1."""
     return int(node.start_mark.line) + 1
 
@@ -76,13 +86,26 @@ def _check(text: str, aliases: bool) -> None:
     """Pass a text that may be composed: the parser goes on without recursion, libyaml's composer would run out of the
     process's stack.
     """
-    depth = 0
+    children: list[int] = []
     for event in _parser().parse(text):
-        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
-        if isinstance(event, AliasEvent) and not aliases:
-            raise YamlTextError("found an alias (*); needed the value itself", line_of(event))
-        if depth > MOST_LEVELS:
-            raise YamlTextError(f"found more than {MOST_LEVELS} levels; needed fewer", line_of(event))
+        if isinstance(event, CollectionEndEvent):
+            children.pop()
+        elif isinstance(event, NodeEvent):
+            _check_node(event, children, aliases)
+            if isinstance(event, CollectionStartEvent):
+                children.append(0 if isinstance(event, MappingStartEvent) else _SEQUENCE)
+
+
+def _check_node(event: NodeEvent, children: list[int], aliases: bool) -> None:
+    """Pass one node inside the open collections; `children` counts keys and values of each, and goes on by one."""
+    if isinstance(event, AliasEvent) and not aliases:
+        raise YamlTextError("found an alias (*); needed the value itself", line_of(event))
+    if isinstance(event, CollectionStartEvent) and len(children) == MOST_LEVELS:
+        raise YamlTextError(f"found more than {MOST_LEVELS} levels; needed fewer", line_of(event))
+    if children and children[-1] != _SEQUENCE:
+        if children[-1] % 2 == 0 and not isinstance(event, ScalarEvent):
+            raise YamlTextError("found a key that is a list, a mapping or an alias; needed a text", line_of(event))
+        children[-1] += 1
 
 
 def _described(error: Exception) -> YamlTextError:

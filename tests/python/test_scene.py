@@ -60,6 +60,7 @@ BAD = {
     "a key twice": ("image: image.png", "image: image.png\nimage: b.png", ":3: image: found the key twice"),
     "a seed without a cloud": ("cloud: cloud.ply\n", "", ":7: regions[0].world: found no cloud"),
     "no YAML": ("regions:", "regions: [", ":5: "),
+    "a list as a key": ("image: image.png", "? [[image]]\n: image.png", ":2: found a key that is a list"),
     "an alias": ("image: image.png", "image: *other", ":2: found an alias"),
     "an unknown solver": (
         "image: image.png",
