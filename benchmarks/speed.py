@@ -5,6 +5,7 @@ on one thread; OpenCV sees the 300 vertices with their exact correspondences. Ea
 alternate between all rows and their references:
 
     batch      `estimate_poses` on exact outlines
+    noisy      the batch, each image vertex off by 0.5 px (one standard deviation along either axis)
     single     one `estimate_pose` a scene, by scipy's least squares
     bitten     the batch, a notch of 5 % of its area cut out of each image outline
     masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand
@@ -44,6 +45,9 @@ REGIONS = 3
 
 BITE = 0.05
 """Share of an outline's area that a notch takes."""
+
+VERTEX_NOISE = 0.5
+"""Standard deviation of an image vertex along either axis, pixels: that of a careful click."""
 
 MASK_ERRORS = 0.2
 """Share of a mask's area that errors along its boundary change."""
@@ -111,6 +115,12 @@ def bitten(ring: Array) -> Array:
     raise ValueError(f"a notch of {BITE:.0%} cuts the outline apart wherever it is")
 
 
+def noisy(ring: Array) -> Array:
+    """The ring with noise on its vertices."""
+    random = np.random.default_rng(int(np.ptp(ring) * 1e6))
+    return ring + random.normal(scale=VERTEX_NOISE, size=ring.shape)
+
+
 def masked(seeds: Sequence[int]) -> list[Problem]:
     """Problems on masks with errors, as the studies draw them."""
     condition = Condition(planes=REGIONS, noise=MASK_ERRORS)
@@ -153,7 +163,7 @@ def contours(masks: Sequence[NDArray[Any]]) -> Row:
     return Row(lambda: [cv2.findContours(mask, *kind) for mask in pixels], len(pixels), "")
 
 
-ROWS = ("batch", "single", "bitten", "masks", "from_mask")
+ROWS = ("batch", "noisy", "single", "bitten", "masks", "from_mask")
 
 
 def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row], dict[str, Row]]:
@@ -162,6 +172,7 @@ def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row],
     masks = whole_masks(seeds) if "from_mask" in names else []
     make: dict[str, Callable[[], Row]] = {
         "batch": lambda: batch([scene.problem() for scene in scenes]),
+        "noisy": lambda: batch([scene.problem(noisy) for scene in scenes]),
         "single": lambda: single([scene.problem() for scene in scenes]),
         "bitten": lambda: batch([scene.problem(bitten) for scene in scenes]),
         "masks": lambda: batch(masked(seeds)),

@@ -109,6 +109,23 @@ fn normal_equations_are_sums_over_the_rows() {
 }
 
 #[test]
+fn pieces_that_are_followed_along_the_boundary_find_their_nearest_edges() {
+    for seed in 0..20 {
+        let scene = Scene::random(&mut Random::new(seed), layout(3));
+        let problem = problem(&scene, &scene.observed);
+        let pose = problem.centered(&scene.pose.moved(&Random::new(seed).tangent(3e-4, 1e-3)));
+        for contour in problem.contours() {
+            let (mut known, mut followed) = (Vec::new(), Vec::new());
+            contour.read(&pose, 1, &mut known).unwrap();
+            contour.for_each_row(&pose, 1, None, 2.0, |reading, _, _| followed.push(reading)).unwrap();
+            let off = known.iter().zip(&followed).map(|(known, followed)| (known.misfit - followed.misfit).abs());
+            // On the plane another edge may be nearest where two are about as near.
+            assert!(off.filter(|&off| off > 0.05).count() <= known.len() / 100, "seed {seed}");
+        }
+    }
+}
+
+#[test]
 fn a_pose_that_shows_nothing_has_no_readings() {
     let scene = Scene::random(&mut Random::new(9), layout(1));
     let behind = Pose::new(scene.pose.rotation, scene.pose.translation - Vector3::z() * 20.0);

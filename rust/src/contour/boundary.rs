@@ -27,8 +27,9 @@ pub(super) struct Boundary {
     groups: Vec<[Lanes; 3]>,
     /// The vertices of each ring, by number.
     pub(super) rings: Vec<Range<usize>>,
-    /// The vertex after each.
+    /// The vertex after each, and that before.
     next: Vec<u32>,
+    previous: Vec<u32>,
 }
 
 impl Boundary {
@@ -44,13 +45,25 @@ impl Boundary {
         });
         let rings: Vec<Range<usize>> = ends.collect();
         let following = |ring: &Range<usize>| (ring.start + 1..ring.end).chain([ring.start]).map(|k| k as u32);
-        let next = rings.iter().flat_map(following).collect();
-        Self { groups: vertices.chunks(LANES).map(group).collect(), next, rings }
+        let preceding =
+            |ring: &Range<usize>| [ring.end - 1].into_iter().chain(ring.start..ring.end - 1).map(|k| k as u32);
+        let (next, previous) = (rings.iter().flat_map(following).collect(), rings.iter().flat_map(preceding).collect());
+        Self { groups: vertices.chunks(LANES).map(group).collect(), next, previous, rings }
     }
 
     /// The number of vertices, and of edges.
     pub(super) fn count(&self) -> usize {
         self.next.len()
+    }
+
+    /// The edge that begins where one ends.
+    pub(super) fn after(&self, edge: usize) -> usize {
+        self.next[edge] as usize
+    }
+
+    /// The edge that ends where one begins.
+    pub(super) fn before(&self, edge: usize) -> usize {
+        self.previous[edge] as usize
     }
 
     /// How far each vertex lies before the plane of a chart at a pose, `rotation` being `chart_from_camera`.

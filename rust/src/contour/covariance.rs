@@ -1,16 +1,16 @@
 //! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.9 to 11.13).
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use nalgebra::{Matrix2, Matrix6, Matrix6x3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix2, Matrix6, Vector2};
 
 use super::correlation::correlation;
 use super::fit::ContourFit;
 use super::readings::{Contour, Reading};
 use crate::equations::information::{Information, free, honest};
-use crate::equations::normal_equations::{NormalEquations, WeightedRow};
+use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
+use crate::lanes::{Lanes, NullaryFnOnce, vectorized};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
@@ -30,7 +30,6 @@ const STUDENT: f64 = 2.0;
 /// A piece of a contour as the covariance needs it.
 struct Row {
     reading: Reading,
-    derivative: Vector6<f64>,
     /// Weight of its distance.
     weight: f64,
     /// Derivative of the distance times its weight.
@@ -38,6 +37,18 @@ struct Row {
     region: usize,
     /// The corners between which the straight run of the contour lies that it is on.
     run: Option<[usize; 2]>,
+}
+
+/// Pieces of all contours.
+struct Rows<'a> {
+    contours: &'a [Contour],
+    /// One in so many.
+    step: usize,
+    all: Vec<Row>,
+    /// Derivatives of the distances by the left increment along the axes of each one's chart.
+    derivatives: Vec<[Lanes; 2]>,
+    /// Number of each contour's.
+    counts: Vec<usize>,
 }
 
 /// Neighboring pieces on one straight run of the contour: what moves its ends moves all.
@@ -52,26 +63,29 @@ struct Side {
 /// Covariance of the left increment `[omega (rad), tau (meters)]` of a pose on the contours; infinite where a direction is
 /// left free.
 pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
-    let Some((rows, counts)) = rows_of(contours, fit) else { return free() };
-    let steepness = (sum(&rows, |row| row.slope) / sum(&rows, |row| row.weight)).max(LEAST_SLOPE);
-    let information = products(&rows, |_, row| row.weight * steepness);
+    let Some(rows) = Rows::at(contours, fit) else { return free() };
+    let steepness = (rows.sum(|row| row.slope) / rows.sum(|row| row.weight)).max(LEAST_SLOPE);
+    let [information] = rows.products(|_, row| [row.weight * steepness]);
     let Some(information) = Information::holding(&information) else { return free() };
-    honest(&information.covariance_with(&scatter(&rows, &counts, &information.covariance())))
+    honest(&information.covariance_with(&scatter(&rows, &information.covariance())))
 }
 
 /// Scatter of the gradient: of pieces that vary by themselves, and of sides whose ends are off; `inverse` that of the information.
-fn scatter(rows: &[Row], counts: &[usize], inverse: &Matrix6<f64>) -> Matrix6<f64> {
-    let (sides, held) = (sides(rows), sum(rows, |row| row.weight));
-    let (rests, lines) = without_lines(rows, &sides);
-    let pulls: Vec<f64> = rows.iter().zip(&rests).map(|(row, rest)| row.weight * rest).collect();
-    let correlation = correlation(&pulls, counts);
-    let squares = pulls.iter().zip(&rests).map(|(pull, rest)| pull * rest).sum::<f64>() / held;
+fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
+    let (sides, held) = (sides(&rows.all), rows.sum(|row| row.weight));
+    let (rests, lines) = without_lines(&rows.all, &sides);
+    let pulls: Vec<f64> = rows.all.iter().zip(&rests).map(|(row, rest)| row.weight * rest).collect();
+    let correlation = correlation(&pulls, &rows.counts);
+    let squares = rows.times() * pulls.iter().zip(&rests).map(|(pull, rest)| pull * rest).sum::<f64>() / held;
     let floor = (NOISE_FLOOR * NOISE_FLOOR - squares).max(0.0);
     let factor = correlation * held / (held - lines).max(1.0);
-    let single = products(rows, |index, row| factor * pulls[index] * pulls[index] + floor * row.weight * row.weight);
-    let scatter = single + corners_scatter(rows, &sides) * straightness(rows, &rests, &sides);
+    let [single, independent] = rows.products(|index, row| {
+        let square = row.weight * row.weight;
+        let single = factor * pulls[index] * pulls[index] + floor * square;
+        [single, square * (row.reading.distance * row.reading.distance + floor)]
+    });
+    let scatter = single + corners_scatter(rows, &sides) * straightness(&rows.all, &rests, &sides);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
-    let independent = products(rows, |_, row| row.weight * row.weight * (row.reading.distance.powi(2) + floor));
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
     let parameters = PARAMETERS as f64;
@@ -79,33 +93,52 @@ fn scatter(rows: &[Row], counts: &[usize], inverse: &Matrix6<f64>) -> Matrix6<f6
     scatter * (measurements / (measurements - parameters - STUDENT))
 }
 
-fn rows_of(contours: &[Contour], fit: &ContourFit) -> Option<(Vec<Row>, Vec<usize>)> {
-    let (mut rows, mut counts) = (Vec::new(), Vec::new());
-    let mixture = &fit.mixture;
-    let ratio = (mixture.sigma / mixture.wide).powi(2);
-    for (region, contour) in contours.iter().enumerate() {
-        let mut read = Vec::new();
-        contour.read_rows(&fit.pose, &mut read)?;
-        counts.push(read.len());
-        let odds = mixture.odds(region);
-        rows.extend(read.into_iter().zip(contour.runs()).map(|((reading, derivative), run)| {
-            let (clean, weight) = (odds.clean_probability(&reading), odds.weight(&reading));
-            // The weight falls as the piece's chance to be clean does.
-            let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.distance / mixture.sigma).powi(2);
-            Row { reading, derivative, weight, slope: weight - fall, region, run }
-        }));
+impl<'a> Rows<'a> {
+    fn at(contours: &'a [Contour], fit: &ContourFit) -> Option<Self> {
+        // Where a few pieces lie within the floor, that is the noise, and all of them say no more.
+        let step = if fit.root_mean_square() < NOISE_FLOOR { fit.step() } else { 1 };
+        let counts: Vec<usize> = contours.iter().map(|contour| contour.count(step)).collect();
+        let count = counts.iter().sum();
+        let (mut all, mut derivatives) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mixture = &fit.mixture;
+        let ratio = (mixture.sigma / mixture.wide).powi(2);
+        for ((region, known), contour) in fit.regions().zip(contours) {
+            let odds = mixture.odds(region);
+            let known = (fit.step() == step).then_some(known);
+            contour.for_each_row(&fit.pose, step, known, fit.astray(), |reading, derivative, run| {
+                let (clean, weight) = odds.clean_and_weight(&reading);
+                // The weight falls as the piece's chance to be clean does.
+                let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.distance / mixture.sigma).powi(2);
+                all.push(Row { reading, weight, slope: weight - fall, region, run });
+                derivatives.push(in_lanes(&derivative));
+            })?;
+        }
+        Some(Self { contours, step, all, derivatives, counts })
     }
-    Some((rows, counts))
-}
 
-fn sum(rows: &[Row], value: impl Fn(&Row) -> f64) -> f64 {
-    rows.iter().map(value).sum()
-}
+    fn sum(&self, value: impl Fn(&Row) -> f64) -> f64 {
+        self.times() * self.all.iter().map(value).sum::<f64>()
+    }
 
-/// Sum of the products of the derivatives, each times a factor.
-fn products(rows: &[Row], factor: impl Fn(usize, &Row) -> f64) -> Matrix6<f64> {
-    let weighted = |(index, row): (usize, &Row)| WeightedRow::new(&row.derivative, 0.0, factor(index, row));
-    NormalEquations::weighted(&rows.iter().enumerate().map(weighted).collect::<Vec<_>>()).information
+    /// How many pieces each of them stands for.
+    fn times(&self) -> f64 {
+        self.step as f64
+    }
+
+    /// Sums of the products of the derivatives by the camera's axes, for each of the weights that a piece is given.
+    fn products<const N: usize>(&self, weights: impl Fn(usize, &Row) -> [f64; N]) -> [Matrix6<f64>; N] {
+        let weights: Vec<[f64; N]> = self.all.iter().enumerate().map(|(index, row)| weights(index, row)).collect();
+        let (mut sums, mut first) = ([Matrix6::zeros(); N], 0);
+        for (contour, &count) in self.contours.iter().zip(&self.counts) {
+            let pieces = first..first + count;
+            let products = outer_products(&self.derivatives[pieces.clone()], &weights[pieces]);
+            sums.iter_mut()
+                .zip(products)
+                .for_each(|(sum, product)| *sum += turned(&product, contour.axes()) * self.times());
+            first += count;
+        }
+        sums
+    }
 }
 
 /// The sides that hold more than one piece.
@@ -168,22 +201,59 @@ fn straightness(rows: &[Row], rests: &[f64], sides: &[Side]) -> f64 {
 /// A mask's edge along the pixels' grid lies anywhere within a pixel, as the corners of a polygon do within a click's
 /// error: the deviation of the contour's points, not that of the pieces, over which a staircase averages out. The
 /// steps of a stair take turns, so that a side counts as much as it makes up of the edge that it lies on.
-fn corners_scatter(rows: &[Row], sides: &[Side]) -> Matrix6<f64> {
-    let squares = sum(rows, |row| (row.reading.distance.powi(2) + row.reading.spread) * row.weight.powi(2));
-    let variance = squares / sum(rows, |row| row.weight.powi(2)) / OF_ENDS;
-    let mut pulls: BTreeMap<(usize, usize), Matrix6x3<f64>> = BTreeMap::new();
-    for side in sides {
-        let mut ends = [Matrix6x3::zeros(); 2];
-        for (row, shares) in rows[side.pieces.clone()].iter().zip(side.ends()) {
-            // A distance's derivative by the place stands across the side, as seen.
-            let across: Vector3<f64> = row.derivative.fixed_rows::<3>(3).normalize();
-            ends.iter_mut().zip(shares.iter()).for_each(|(end, share)| {
-                end.ger(row.weight * share * side.share.sqrt(), &row.derivative, &across, 1.0);
-            });
-        }
-        for (corner, end) in side.corners.into_iter().zip(ends) {
-            *pulls.entry((side.region, corner)).or_default() += end;
-        }
+fn corners_scatter(rows: &Rows<'_>, sides: &[Side]) -> Matrix6<f64> {
+    let squares = rows.sum(|row| (row.reading.distance.powi(2) + row.reading.spread) * row.weight.powi(2));
+    let variance = squares / rows.sum(|row| row.weight.powi(2)) / OF_ENDS;
+    let mut scatter = Matrix6::zeros();
+    for sides in sides.chunk_by(|a, b| a.region == b.region) {
+        let pulls = vectorized(Pulls(rows, sides));
+        let columns = pulls.as_flattened();
+        let [products] = outer_products(columns, &vec![[variance]; columns.len()]);
+        scatter += turned(&products, rows.contours[sides[0].region].axes());
     }
-    pulls.values().map(|pull| pull * pull.transpose() * variance).sum()
+    scatter
+}
+
+/// The gradient by where a corner is, along each axis of its region's chart.
+type Pull = [[Lanes; 2]; 3];
+
+/// How the errors of a region's corners pull the sides between them, by the corners' numbers.
+struct Pulls<'a>(&'a Rows<'a>, &'a [Side]);
+
+impl NullaryFnOnce for Pulls<'_> {
+    type Output = Vec<Pull>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<Pull> {
+        let last = self.1.iter().flat_map(|side| side.corners).max().unwrap_or(0);
+        let mut pulls = vec![Pull::default(); last + 1];
+        for side in self.1 {
+            let (share, each) = (self.0.times() * side.share.sqrt(), 1.0 / side.pieces.len() as f64);
+            // Of both ends together, and of the second.
+            let mut ends = [Pull::default(); 2];
+            for (number, index) in side.pieces.clone().enumerate() {
+                let [first, second] = self.0.derivatives[index];
+                // A distance's derivative by the place stands across the side, as seen.
+                let across = [first.0[3], second.0[0], second.0[1]];
+                let [x, y, z] = across;
+                let factor = self.0.all[index].weight * share / (x * x + y * y + z * z).sqrt();
+                let along = Lanes::splat((number as f64 + 0.5) * each);
+                for column in 0..across.len() {
+                    let entry = Lanes::splat(factor * across[column]);
+                    let pull = [first * entry, second * entry];
+                    for half in 0..pull.len() {
+                        ends[0][column][half] += pull[half];
+                        ends[1][column][half] += pull[half] * along;
+                    }
+                }
+            }
+            for (column, (both, end)) in ends[0].into_iter().zip(ends[1]).enumerate() {
+                for half in 0..both.len() {
+                    pulls[side.corners[0]][column][half] += both[half] - end[half];
+                    pulls[side.corners[1]][column][half] += end[half];
+                }
+            }
+        }
+        pulls
+    }
 }

@@ -102,6 +102,23 @@ impl ContourFit {
         split(&self.readings, &self.counts).enumerate()
     }
 
+    /// One piece in so many was read.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+
+    /// Root of the mean square of the distances of the contours' points, pixels.
+    pub fn root_mean_square(&self) -> f64 {
+        let square = |reading: &Reading| reading.distance * reading.distance + reading.spread;
+        let squares: f64 = self.readings.iter().map(square).sum();
+        (squares / self.readings.len().max(1) as f64).sqrt()
+    }
+
+    /// The distance beyond which a piece is astray, pixels.
+    pub fn astray(&self) -> f64 {
+        ASTRAY * self.mixture.sigma
+    }
+
     fn of_each<T>(&self, value: impl Fn(usize, &Reading) -> T) -> Vec<T> {
         let value = &value;
         self.regions()
@@ -120,7 +137,7 @@ impl ContourFit {
 
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     pub fn is_clean(&self) -> bool {
-        let limit = ASTRAY * self.mixture.sigma;
+        let limit = self.astray();
         let astray = self.readings.iter().filter(|reading| reading.misfit > limit).count();
         self.mixture.sigma < CLEAN_SIGMA && (astray as f64) < FEW_ASTRAY * self.readings.len() as f64
     }

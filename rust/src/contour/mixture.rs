@@ -91,8 +91,13 @@ impl Odds {
 
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
     pub fn weight(&self, reading: &Reading) -> f64 {
+        self.clean_and_weight(reading).1
+    }
+
+    /// Both.
+    pub fn clean_and_weight(&self, reading: &Reading) -> (f64, f64) {
         let clean = self.clean_probability(reading);
-        clean + (1.0 - clean) * self.least
+        (clean, clean + (1.0 - clean) * self.least)
     }
 }
 

@@ -124,19 +124,23 @@ struct Sums {
     first: Vector2<f64>,
     /// Of the squares of x, the products and the squares of y.
     second: Vector3<f64>,
-    runs: Option<[[usize; 2]; 2]>,
+    /// Those of the first stretch and of the last.
+    runs: [[usize; 2]; 2],
     left_out: bool,
 }
 
 impl Sums {
     /// Adds a straight stretch of a run by its length, middle and direction.
     fn add(&mut self, length: f64, middle: &Vector2<f64>, along: &Vector2<f64>, run: [usize; 2]) {
+        if self.length == 0.0 {
+            self.runs[0] = run;
+        }
         self.length += length;
         self.first += middle * length;
         let about_middle = length * length / 12.0;
         let product = |a: usize, b: usize| length * (middle[a] * middle[b] + about_middle * along[a] * along[b]);
         self.second = self.second.zip_map(&[product(0, 0), product(0, 1), product(1, 1)].into(), |sum, new| sum + new);
-        self.runs = Some([self.runs.map_or(run, |runs| runs[0]), run]);
+        self.runs[1] = run;
     }
 
     /// `None` where it was marked to be left out.
@@ -148,7 +152,7 @@ impl Sums {
         let [xx, xy, yy] = (self.second / self.length).into();
         let cross = xy - mean.x * mean.y;
         let spread = Matrix2::new(xx - mean.x * mean.x, cross, cross, yy - mean.y * mean.y);
-        Some(Piece { mean, spread, run: self.runs.filter(|[first, last]| first == last).map(|[run, _]| run) })
+        Some(Piece { mean, spread, run: (self.runs[0] == self.runs[1]).then_some(self.runs[0]) })
     }
 }
 

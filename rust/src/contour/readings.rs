@@ -113,6 +113,11 @@ impl Contour {
         self.boundary.count() + EDGES_OF_PIECE * pieces::count(&self.outline, self.size)
     }
 
+    /// The chart's axes: `chart_from_camera`.
+    pub fn axes(&self) -> &Rotation3<f64> {
+        &self.rotation
+    }
+
     /// Side, in pixels, of a square of the region's area.
     pub fn size(&self) -> f64 {
         self.size
@@ -121,11 +126,6 @@ impl Contour {
     /// Number of pieces of which every `step`-th is read.
     pub fn count(&self, step: usize) -> usize {
         self.pieces(step).len()
-    }
-
-    /// The corners between which the straight run of the contour lies that each piece wholly is on.
-    pub fn runs(&self) -> impl Iterator<Item = Option<[usize; 2]>> + '_ {
-        self.pieces(1).map(|piece| piece.run)
     }
 
     /// Every `step`-th piece.
@@ -148,19 +148,35 @@ impl Contour {
         Some(())
     }
 
-    /// The same with the derivatives of each distance by the left increment.
-    pub fn read_rows(&self, pose: &Pose, into: &mut Vec<(Reading, Vector6<f64>)>) -> Option<()> {
+    /// Gives the reading of every `step`-th piece, the derivative of its distance by the left increment along the chart's axes and the run
+    /// that it is on to `found`; `None` where the region is out of view.
+    ///
+    /// `known` are their readings at the pose where there are any. Elsewhere a piece is read against the edge to which
+    /// the boundary leads on from that of the piece before, where that lies within `reach`, pixels: it does where a contour is
+    /// clean.
+    pub fn for_each_row(
+        &self,
+        pose: &Pose,
+        step: usize,
+        known: Option<&[Reading]>,
+        reach: f64,
+        mut found: impl FnMut(Reading, Vector6<f64>, Option<[usize; 2]>),
+    ) -> Option<()> {
         let view = self.view(pose)?;
-        self.count_work(&view, 1);
-        let back = self.rotation.inverse();
-        into.extend(self.pieces(1).map(|piece| {
-            let index = self.nearest(&view, &piece.mean);
+        self.count_work(&view, step);
+        let mut before = None;
+        for (number, piece) in self.pieces(step).enumerate() {
+            let index = match known {
+                Some(readings) => readings[number].edge as usize,
+                None => before
+                    .and_then(|edge| self.followed(&view, &piece.mean, edge, reach))
+                    .unwrap_or_else(|| self.nearest(&view, &piece.mean)),
+            };
+            before = Some(index);
             let edge = view.edge(index);
             let (reading, foot) = self.reading(&edge, index, piece);
-            let row = self.derivative(&edge, &foot);
-            let [turning, moving] = [0, 3].map(|first| back * row.fixed_rows::<3>(first));
-            (reading, Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z))
-        }));
+            found(reading, self.derivative(&edge, &foot), piece.run);
+        }
         Some(())
     }
 
@@ -226,6 +242,24 @@ impl Contour {
             return field.nearest_edge(&place);
         }
         view.edges().nearest(point)
+    }
+
+    /// The edge nearer to a point than the edges before and after it, from an edge on; `None` where that is not within `reach`,
+    /// pixels.
+    fn followed(&self, view: &View<'_>, point: &Vector2<f64>, from: usize, reach: f64) -> Option<usize> {
+        let square = |index: usize| view.edge(index).offset(point).1.norm_squared();
+        let mut best = (square(from), from);
+        for _ in 0..EDGES_OF_PIECE {
+            let beside =
+                [self.boundary.before(best.1), self.boundary.after(best.1)].map(|index| (square(index), index));
+            let [before, after] = beside;
+            let nearer = if after.0 < before.0 { after } else { before };
+            if nearer.0 >= best.0 {
+                return (self.pixels * best.0.sqrt() <= reach).then_some(best.1);
+            }
+            best = nearer;
+        }
+        None
     }
 
     /// What a piece shows against an edge, and the place on the edge that it is nearest to.

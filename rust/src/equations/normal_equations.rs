@@ -4,7 +4,7 @@ use std::ops::AddAssign;
 
 use nalgebra::{Matrix6, Rotation3, Vector6};
 
-use crate::geometry::pose::Tangent;
+use crate::geometry::pose::{PARAMETERS, Tangent};
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Entries of an equation with derivatives: its residual, its derivatives by the left increment, and a zero that makes
@@ -33,9 +33,48 @@ pub(crate) struct WeightedRow {
 
 impl WeightedRow {
     pub(crate) fn new(derivative: &Vector6<f64>, residual: f64, weight: f64) -> Self {
-        let &[[a, b, c, d, e, f]] = &derivative.data.0;
-        Self { derivative: [Lanes([a, b, c, d]), Lanes([e, f, 0.0, 0.0])], residual, weight }
+        Self { derivative: in_lanes(derivative), residual, weight }
     }
+}
+
+/// The entries of a row or column by the left increment, as two lane groups.
+pub(crate) fn in_lanes(entries: &Vector6<f64>) -> [Lanes; 2] {
+    let &[[a, b, c, d, e, f]] = &entries.data.0;
+    [Lanes([a, b, c, d]), Lanes([e, f, 0.0, 0.0])]
+}
+
+/// Sums of the products `J J^T` of columns, each times `N` weights.
+struct Outer<'a, const N: usize>(&'a [[Lanes; 2]], &'a [[f64; N]]);
+
+impl<const N: usize> NullaryFnOnce for Outer<'_, N> {
+    type Output = [[[Lanes; 2]; PARAMETERS]; N];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut sums = [[[Lanes::ZERO; 2]; PARAMETERS]; N];
+        for (&entries, weights) in self.0.iter().zip(self.1) {
+            for (sums, &weight) in sums.iter_mut().zip(weights) {
+                let weighted = entries.map(|entries| entries * Lanes::splat(weight));
+                for (column, sums) in sums.iter_mut().enumerate() {
+                    let entry = Lanes::splat(entries[column / LANES].0[column % LANES]);
+                    sums[0] += weighted[0] * entry;
+                    sums[1] += weighted[1] * entry;
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// Sums of the products `J J^T` of columns, for each of the `N` weights that a column has.
+pub(crate) fn outer_products<const N: usize>(columns: &[[Lanes; 2]], weights: &[[f64; N]]) -> [Matrix6<f64>; N] {
+    vectorized(Outer(columns, weights)).map(matrix)
+}
+
+/// The matrix of these columns.
+fn matrix(columns: [[Lanes; 2]; PARAMETERS]) -> Matrix6<f64> {
+    let columns = columns.map(numbers);
+    Matrix6::from_fn(|entry, column| columns[column][entry])
 }
 
 /// Sums over rows of the products of their entries.
@@ -96,31 +135,30 @@ impl NormalEquations {
     /// Those of weighted rows.
     pub(crate) fn weighted(rows: &[WeightedRow]) -> Self {
         let (information, gradient, cost) = vectorized(WeightedSums(rows));
-        let columns = information.map(numbers);
         let gradient = numbers(gradient);
-        Self {
-            information: Matrix6::from_fn(|entry, column| columns[column][entry]),
-            gradient: Tangent::from_fn(|entry, _| gradient[entry]),
-            cost,
-        }
+        Self { information: matrix(information), gradient: Tangent::from_fn(|entry, _| gradient[entry]), cost }
     }
 
     /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera`
     /// (`docs/math.md`, eq. 6.7).
     pub fn turned(self, rotation: &Rotation3<f64>) -> Self {
-        let turn = rotation.matrix();
-        let mut information = Matrix6::zeros();
         let mut gradient = Tangent::zeros();
         for a in [0, 3] {
-            let part = turn.tr_mul(&self.gradient.fixed_rows::<3>(a));
+            let part = rotation.matrix().tr_mul(&self.gradient.fixed_rows::<3>(a));
             gradient.fixed_rows_mut::<3>(a).copy_from(&part);
-            for b in [0, 3] {
-                let block = turn.tr_mul(&(self.information.fixed_view::<3, 3>(a, b) * turn));
-                information.fixed_view_mut::<3, 3>(a, b).copy_from(&block);
-            }
         }
-        Self { information, gradient, cost: self.cost }
+        Self { information: turned(&self.information, rotation), gradient, cost: self.cost }
     }
+}
+
+/// A sum of products by an increment along a chart's axes, turned to the camera's.
+pub(crate) fn turned(products: &Matrix6<f64>, rotation: &Rotation3<f64>) -> Matrix6<f64> {
+    let (turn, mut result) = (rotation.matrix(), Matrix6::zeros());
+    for (a, b) in [(0, 0), (0, 3), (3, 0), (3, 3)] {
+        let block = turn.tr_mul(&(products.fixed_view::<3, 3>(a, b) * turn));
+        result.fixed_view_mut::<3, 3>(a, b).copy_from(&block);
+    }
+    result
 }
 
 impl AddAssign for NormalEquations {

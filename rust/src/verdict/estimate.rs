@@ -1,5 +1,7 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and the warnings.
 
+use std::cell::OnceCell;
+
 use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
@@ -90,7 +92,8 @@ struct Place {
     minimum: Option<Minimum>,
     fit: ContourFit,
     posterior: Option<Posterior>,
-    covariance: Matrix6<f64>,
+    /// Covariance of the left increment, once it is asked for.
+    covariance: OnceCell<Matrix6<f64>>,
     /// What counts against it: how much worse than the best it fits, and the prior, in variances.
     against: f64,
 }
@@ -158,7 +161,7 @@ impl Search {
         let place = |posterior: Posterior| {
             let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
             let (pose, covariance) = (self.problem.uncentered(&posterior.pose), honest(&posterior.covariance));
-            Some(Place { pose, minimum: None, fit, posterior: Some(posterior), covariance, against: 0.0 })
+            Some(Place { posterior: Some(posterior), covariance: covariance.into(), ..Place::new(pose, None, fit) })
         };
         let led: Vec<Place> = posteriors.into_iter().filter_map(place).collect();
         // Samples that hold nothing leave the outlines' answers.
@@ -174,24 +177,13 @@ impl Search {
             let pose = problem.centered(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            let covariance = covariance(contours, &fit);
-            Some(Place { pose: minimum.pose, minimum: Some(minimum), fit, posterior: None, covariance, against: 0.0 })
+            Some(Place::new(minimum.pose, Some(minimum), fit))
         });
         let led = match &self.answers {
             Answers::Contours(fits) => fits.as_slice(),
             Answers::Moments(_) => &[],
         };
-        let led = led.iter().map(|fit| {
-            let covariance = covariance(contours, fit);
-            Place {
-                pose: problem.uncentered(&fit.pose),
-                minimum: None,
-                fit: fit.clone(),
-                posterior: None,
-                covariance,
-                against: 0.0,
-            }
-        });
+        let led = led.iter().map(|fit| Place::new(problem.uncentered(&fit.pose), None, fit.clone()));
         let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
         distinct(scored, usize::MAX, SAME_PLACE, |place| &place.fit.pose).into_iter().map(|(_, place)| place).collect()
     }
@@ -207,7 +199,8 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
         let worse = first.outdoes(place, problem);
         let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
         // The evidence of samples holds the prior already.
-        let unlikely = if place.posterior.is_some() { 0.0 } else { prior.penalty(&place.pose, &place.covariance) };
+        let weighed = place.posterior.is_none() && prior.most() > 0.0;
+        let unlikely = if weighed { prior.penalty(&place.pose, place.covariance(problem)) } else { 0.0 };
         (if worse <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
     let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
@@ -229,6 +222,16 @@ fn order(pose: &Pose) -> [i64; 3] {
 }
 
 impl Place {
+    /// A place against which nothing counts yet.
+    fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
+        Self { pose, minimum, fit, posterior: None, covariance: OnceCell::new(), against: 0.0 }
+    }
+
+    /// That of the samples, or else of the contours.
+    fn covariance(&self, problem: &Problem) -> &Matrix6<f64> {
+        self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit))
+    }
+
     /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
     fn outdoes(&self, other: &Self, problem: &Problem) -> f64 {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
@@ -246,7 +249,7 @@ impl Place {
 
     /// What the fit shows of the pose.
     fn evidence(&self, problem: &Problem) -> Evidence {
-        let evidence = Evidence::new(&self.fit, &self.covariance, self.minimum.is_some());
+        let evidence = Evidence::new(&self.fit, self.covariance(problem), self.minimum.is_some());
         match &self.posterior {
             Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
             None => evidence,
@@ -265,7 +268,8 @@ impl Place {
 }
 
 fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
-    let Place { pose, minimum, fit, posterior, covariance, .. } = place;
+    let covariance = *place.covariance(problem);
+    let Place { pose, minimum, fit, posterior, .. } = place;
     let (overlap_error, region_overlap_errors) = overlap_errors(problem, &pose);
     Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence }
 }

@@ -25,7 +25,15 @@ pub fn distances(problem: &Problem, pose: &Pose) -> Vec<f64> {
 pub fn rows(problem: &Problem, pose: &Pose) -> Vec<(Reading, Tangent)> {
     let mut rows = Vec::new();
     for contour in problem.contours() {
-        contour.read_rows(&problem.centered(pose), &mut rows).unwrap();
+        let (pose, mut known) = (problem.centered(pose), Vec::new());
+        contour.read(&pose, 1, &mut known).unwrap();
+        let back = contour.axes().inverse();
+        let turned = |derivative: Tangent| {
+            let [turning, moving] = [0, 3].map(|first| back * derivative.fixed_rows::<3>(first));
+            Tangent::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
+        };
+        let push = |reading, derivative, _| rows.push((reading, turned(derivative)));
+        contour.for_each_row(&pose, 1, Some(&known), 0.0, push).unwrap();
     }
     rows
 }
