@@ -21,7 +21,7 @@ FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
 POINT_KEYS = ("points", "xyz", "vertices", "pts")
-COLOR_KEYS = ("colors", "colors", "rgb")
+COLOR_KEYS = ("colors", "colours", "rgb")
 TRIANGLE_KEYS = ("triangles", "faces")
 ORIGIN_KEY = "origin"
 
