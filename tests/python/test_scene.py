@@ -61,6 +61,12 @@ BAD = {
     "a seed without a cloud": ("cloud: cloud.ply\n", "", ":7: regions[0].world: found no cloud"),
     "no YAML": ("regions:", "regions: [", ":5: "),
     "a list as a key": ("image: image.png", "? [[image]]\n: image.png", ":2: found a key that is a list"),
+    "a word that is not of its tag": (
+        "image: image.png",
+        "image: !!bool maybe",
+        ": found a value that isn't of its tag (!!): 'maybe'",
+    ),
+    "a tag of nothing": ("image: image.png", 'image: !!int ""', ": found a value that isn't of its tag"),
     "an alias": ("image: image.png", "image: *other", ":2: found an alias"),
     "an unknown solver": (
         "image: image.png",
