@@ -117,14 +117,25 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     result = scene_result(run)
     assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
     assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
+    assert result["image"] is None
     json.dumps(result, allow_nan=False)
+
+
+def test_the_result_names_the_files_of_every_frame(tmp_path: Path) -> None:
+    values = framed()
+    values["frames"][1]["image"] = "second.png"
+    path = write_scene(tmp_path, values)
+    (tmp_path / "second.png").write_bytes((tmp_path / "image.png").read_bytes())
+    inputs = {entry["path"]: entry["roles"] for entry in scene_result(estimate_scene(load_scene(path)))["inputs"]}
+    assert inputs == {"scene.yaml": ["scene"], "image.png": ["image of one"], "second.png": ["image of two"]}
 
 
 def test_a_single_frame_is_a_scene(tmp_path: Path) -> None:
     values = scene_values()
     frame = {"name": "only", "image": values.pop("image"), "regions": values.pop("regions")}
     run = estimate_scene(load_scene(write_scene(tmp_path, values | {"frames": [frame]})))
-    assert is_right(run) and scene_result(run)["frames"] is None
+    result = scene_result(run)
+    assert is_right(run) and result["frames"] is None and result["image"] == frame["image"]
 
 
 def test_frames_of_map_coordinates_share_an_origin(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "format": FORMAT,
         "scene": str(run.scene.path),
         "camera": camera_values(run.camera),
-        "image": run.scene.model.image,
+        "image": run.sides.scene.image if len(run.frames) == 1 else None,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
