@@ -90,6 +90,7 @@ def region_from_file(
     *,
     image: str | int | None = None,
     size: tuple[int, int] | None = None,
+    panorama: bool = False,
 ) -> ImageRegion:
     """One image region of a file, with exact vertices as by `regions_from_file`.
 
@@ -103,6 +104,8 @@ def region_from_file(
         As of `masks_from_file`.
     size : tuple of 2 int, optional
         Height and width of the image that the file must belong to.
+    panorama : bool
+        As of `ImageRegion.from_mask`; several polygons of one region are then its mask, which joins them at the seam.
 
     Raises
     ------
@@ -113,7 +116,7 @@ def region_from_file(
     if size is not None and item.size != tuple(size):
         found, needed = (f"{width} x {height}" for height, width in (item.size, size))
         raise ValueError(f"{path}: found masks of {found} pixels; needed {needed}, as the image")
-    return _region_of(item, path)
+    return _region_of(item, path, panorama)
 
 
 def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
@@ -216,10 +219,10 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
     return matching[0]
 
 
-def _region_of(item: MaskItem, path: str | Path) -> ImageRegion:
+def _region_of(item: MaskItem, path: str | Path, panorama: bool = False) -> ImageRegion:
     try:
-        if not item.polygons:
-            return ImageRegion.from_mask(item.mask())
+        if not item.polygons or (panorama and len(item.polygons) > 1):
+            return ImageRegion.from_mask(item.mask(), panorama=panorama)
         if len(item.polygons) == 1:
             return ImageRegion.from_polygon(item.polygons[0])
         return ImageRegion(tuple(_core.plane_rings(_union_rings(item.polygons), polygon=False)))
