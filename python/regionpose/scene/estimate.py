@@ -36,9 +36,10 @@ Value = TypeVar("Value")
 class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
-    `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all their regions, frame after
-    frame. `seconds` per stage. `witness`, `refinement`: what the rest of the scene said, None where it wasn't asked.
-    `fits`, `influence`: how each of several frames fits, and what the others say without it.
+    `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
+    their regions, frame after frame. `seconds` per stage. `witness`, `refinement`: what the rest of the scene said,
+    None where it wasn't asked. `fits`, `influence`: how each of several frames fits, and what the others say without
+    it.
     """
 
     scene: Scene
