@@ -26,7 +26,7 @@ class EquirectangularCamera(Camera):
     Raises
     ------
     ValueError
-        For a size that is no whole number above 0, or a height above half the width.
+        For a size that is no whole number from 1 on, or a height above half the width.
 
     Examples
     --------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -153,7 +153,7 @@ def masks_from_segmenter(
     """
     given = _stacked(_arrays_of(masks))
     held = kind or _guessed_kind(given)
-    if held not in {"mask", "probability", "logit"}:
+    if held not in ("mask", "probability", "logit"):
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
     with np.errstate(over="ignore"):
         shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if held == "logit" else given.astype(np.float32)
@@ -176,14 +176,24 @@ def _arrays_of(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[
 def _array_of(entry: object, item: str) -> NDArray[np.generic]:
     """An entry of a list of masks: an array, or a dictionary with an array or COCO's run lengths."""
     if not isinstance(entry, Mapping):
-        return np.asarray(entry)
+        return _rows_of(entry, item)
     if "segmentation" not in entry:
         raise ValueError(f"{item} has no 'segmentation'; needed one in each, or arrays only")
     held = entry["segmentation"]
     if not isinstance(held, Mapping):
-        return np.asarray(held)
-    height, width = held.get("size", (None, None))
+        return _rows_of(held, item)
+    try:
+        height, width = held.get("size", (None, None))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{item} has the size {held['size']!r}; needed (h, w)") from error
     return run_length_mask(held, size_of({"h": height, "w": width}, "h", "w", item), item)
+
+
+def _rows_of(values: Any, item: str) -> NDArray[np.generic]:
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{item} has rows of unequal length; needed (h, w)") from error
 
 
 def _stacked(given: NDArray[np.generic]) -> NDArray[np.generic]:
