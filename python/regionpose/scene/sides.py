@@ -288,7 +288,7 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
         other = read_cloud(path)
         return _placed(other.local_points + (other.origin - scan.origin), item, scan)
     values = read_array(path)
-    if values.ndim == 2 and values.dtype.kind in "biuf":
+    if values.ndim == 2 and values.shape[1] == 3 and values.dtype.kind in "iuf":
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
 
