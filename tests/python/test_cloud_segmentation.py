@@ -229,6 +229,7 @@ def test_ray_meets_the_surface_in_front() -> None:
         ([1.0, 2.0], {}, "needed an index or 3 finite"),
         ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
         ([500.0, 0.0, 0.0], {}, "490 m from the nearest point"),
+        ([0.0, 0.0, 1e300], {}, r"seed \[0.0, 0.0, 1e\+300\] is so far from all .* points"),
         (0, {"distance_m": 0.0}, "distance_m is 0.0"),
         (0, {"radius_m": -1.0}, "radius_m is -1.0"),
         (0, {"angle_deg": np.nan}, "angle_deg is nan"),

@@ -103,6 +103,9 @@ def check_positive(**values: float | None) -> None:
 
 def _started(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
     """The plane around the seed; ValueError for a seed away from all points, or on no plane."""
+    if not len(nearest):
+        found = f"seed {seed.tolist()} is so far from all {len(cloud)} points that no number holds it"
+        raise ValueError(f"{found}; needed a seed on a surface of the cloud")
     try:
         patch = start_patch(cloud, seed, nearest, distance, radius)
     except ValueError:
