@@ -86,6 +86,12 @@ def test_a_size_that_is_no_panorama_is_named(size: tuple[int, int], message: str
         EquirectangularCamera(*size)
 
 
+def test_an_image_half_a_pixel_higher_than_the_poles_is_seen_to_its_border() -> None:
+    for width in range(3, 2000, 2):
+        camera = EquirectangularCamera(width, (width + 1) // 2)
+        assert np.isfinite(camera.bearings([[0.0, -0.5], [0.0, camera.height - 0.5]])).all(), width
+
+
 def test_a_smaller_copy_is_resized() -> None:
     assert CAMERA.resized(1000, 500) == EquirectangularCamera(1000, 500)
 
