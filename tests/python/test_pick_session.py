@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -229,10 +230,12 @@ def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) ->
     desk = Desk(session)
     try:
         for pixel, _ in clicks:
-            desk.edit(lambda held, pixel=pixel: (held.select(None), held.click_photo(pixel)))
+            desk.edit(lambda held: held.select(None))
+            desk.edit(partial(Session.click_photo, pixel=pixel))
         assert desk.outcome.state == "empty" and session.basis == []
         for _, place in reversed(clicks):
-            desk.edit(lambda held, place=place: (held.select(None), held.click_cloud(place)))
+            desk.edit(lambda held: held.select(None))
+            desk.edit(partial(Session.click_cloud, place=place))
         assert not session.pairs and len(session.basis) == 6
         assert settled(desk, "ready"), desk.outcome
         run = desk.outcome.run
@@ -240,7 +243,7 @@ def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) ->
         assert truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))["rotation_deg"] < 0.3
         assert sorted(desk.outcome.errors) == [picked.key for picked in session.regions[:3]]
         for picked in session.regions[3:]:
-            desk.edit(lambda held, key=picked.key: held.remove(key))
+            desk.edit(partial(Session.remove, key=picked.key))
         assert desk.outcome.run is None
     finally:
         desk.close()
