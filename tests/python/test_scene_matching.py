@@ -69,8 +69,15 @@ def test_pairs_that_are_known_stay_and_lead_to_the_rest(tmp_path: Path) -> None:
 def test_known_pairs_are_checked_by_index() -> None:
     image = ImageRegion.from_polygon(CAMERA.project(POSE.transform(PLATES["floor"])))
     world = WorldRegion.from_polygon(PLATES["floor"])
-    with pytest.raises(ValueError, match=r"known names the world regions \[1\]; needed different indices from 0 to 0"):
-        match_regions(CAMERA, [image], [world], known=[(0, 1)])
+    for known, message in (
+        ([(0, 1)], r"known names the world regions \[1\]; needed different indices from 0 to 0"),
+        ([(0,)], r"known has shape \(1, 1\); needed \(n, 2\)"),
+        ([0], r"known has shape \(1,\)"),
+        ([(0.5, 0)], r"known has type float64; needed indices \(n, 2\)"),
+        (None, "known has type object"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            match_regions(CAMERA, [image], [world], known=known)  # type: ignore[arg-type]
     assert match_regions(CAMERA, [image], [world], known=[(0, 0)]).pairs == ((0, 0),)
 
 
