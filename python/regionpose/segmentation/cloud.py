@@ -140,7 +140,7 @@ def _seed_position(cloud: Array, seed: ArrayLike | int) -> Array:
     try:
         given = np.asarray(seed)
     except ValueError as error:
-        raise ValueError(f"seed is {seed}; needed an index or 3 finite coordinates") from error
+        raise ValueError(f"seed is {seed!r}; needed an index or 3 finite coordinates") from error
     if given.ndim == 0 and given.dtype.kind in "iu":
         index = int(given)
         if not 0 <= index < len(cloud):
