@@ -160,7 +160,26 @@ class Session:
     @property
     def can_estimate(self) -> bool:
         """Whether there is a pair, or regions of either side to be matched."""
-        return bool(self.pairs) or self._unpaired().can_match
+        return bool(self.pairs) or self._can_match
+
+    @property
+    def basis(self) -> list[tuple[int, object, object]]:
+        """What the estimate is made of: key and sides of the pairs, and of all regions where some can be matched."""
+        return [
+            (picked.key, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
+            for picked in (self.regions if self._can_match else self.pairs)
+        ]
+
+    @property
+    def _can_match(self) -> bool:
+        """Whether there are regions of either side alone; planes are not looked for to tell."""
+        in_photo = any(picked.world is None for picked in self.regions)
+        return in_photo and (self._asks_planes or any(picked.image is None for picked in self.regions))
+
+    @property
+    def _asks_planes(self) -> bool:
+        """Whether the photo's own regions are to be matched with all planes of the cloud."""
+        return self.base.get("world_regions") == PLANES and all(picked.image is not None for picked in self.regions)
 
     @property
     def can_undo(self) -> bool:
@@ -329,7 +348,7 @@ class Session:
         """The regions of one side, which the estimate matches where there are some of either."""
         images = [picked for picked in self.regions if picked.world is None]
         worlds = {picked.name: _chosen(picked.world).side for picked in self.regions if picked.image is None}
-        if images and not worlds and self.base.get("world_regions") == PLANES:
+        if images and self._asks_planes:
             if not self._planes:
                 self._planes.update(plane_sides(scene_of(self.path, self.values()), self.scan))
             worlds = self._planes
