@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -22,6 +21,7 @@ from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
+from regionpose.scene.paths import relative
 from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.segmentation.segmenters import Segmenter
@@ -91,7 +91,7 @@ class Session:
         """A session without regions, to be saved at `path`; errors as of reading a scene's files."""
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
-        base = {key: _relative(file, folder) for key, file in files.items()}
+        base = {key: relative(file, folder) for key, file in files.items()}
         return cls._with_sensors(path, {**base, **extra})
 
     @classmethod
@@ -389,7 +389,3 @@ def _flattened(written: dict[str, Any]) -> dict[str, Any]:
 
 def _write_mask(levels: Levels, path: Path) -> None:
     Image.fromarray(levels).save(path, format="PNG")
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), folder)).as_posix()
