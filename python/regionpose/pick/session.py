@@ -39,8 +39,13 @@ STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
 
 @dataclass(frozen=True)
 class Sketch:
-    """What undo brings back: the list of regions and which of them is worked on."""
+    """What undo brings back: the list of regions, which of them is worked on, and what all of them rest on.
 
+    `base`: what the scene file says beside regions. `scan`: the cloud, and where its scanner stood.
+    """
+
+    base: dict[str, Any]
+    scan: Scan
     regions: tuple[Picked, ...] = ()
     selected: int | None = None
 
@@ -55,12 +60,12 @@ class Sketch:
         """The sketch with this region in the place of the one of its key, or at the end."""
         held = any(picked.key == region.key for picked in self.regions)
         kept = tuple(region if picked.key == region.key else picked for picked in self.regions)
-        return Sketch(kept if held else (*kept, region), region.key)
+        return replace(self, regions=kept if held else (*kept, region), selected=region.key)
 
     def without(self, *keys: int) -> Sketch:
         """The sketch without some regions."""
         kept = tuple(picked for picked in self.regions if picked.key not in keys)
-        return Sketch(kept, None if self.selected in keys else self.selected)
+        return replace(self, regions=kept, selected=None if self.selected in keys else self.selected)
 
 
 @dataclass(eq=False)
@@ -73,18 +78,20 @@ class Session:
     """
 
     path: Path
-    base: dict[str, Any]
     camera: Camera
     image: Picture
     cloud: Cloud
-    scan: Scan
+    sketch: Sketch
     segmenter: Segmenter | None = None
-    sketch: Sketch = field(default_factory=Sketch)
     _past: list[Sketch] = field(default_factory=list)
     _future: list[Sketch] = field(default_factory=list)
-    _saved: Sketch = field(default_factory=Sketch)
+    _saved: Sketch = field(init=False)
     _next: int = 0
     _planes: dict[str, WorldSide] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What there is at first needs no saving."""
+        self._saved = self.sketch
 
     @classmethod
     def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
@@ -120,7 +127,7 @@ class Session:
         if cloud is None:
             raise SceneError(f"{path}: found no cloud; needed one to pick in")
         scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
-        return cls(path, base, camera, image, cloud, scan)
+        return cls(path, camera, image, cloud, Sketch(base, scan))
 
     def _read(self, written: dict[str, Any]) -> None:
         """Add a region that the scene file holds."""
@@ -146,6 +153,49 @@ class Session:
 
     def _scene(self, regions: list[dict[str, Any]]) -> Scene:
         return scene_of(self.path, {**self.base, "regions": regions})
+
+    @property
+    def base(self) -> dict[str, Any]:
+        """What the scene file says beside regions."""
+        return self.sketch.base
+
+    @property
+    def scan(self) -> Scan:
+        """The cloud, and where its scanner stood."""
+        return self.sketch.scan
+
+    @property
+    def asks_for_scanner(self) -> bool:
+        """Whether neither the scene nor the cloud's file says where the scanner stood, or that there were several."""
+        return self.scan.scanner is None and "sensor_origin" not in self.base
+
+    @property
+    def scanner(self) -> Array | None:
+        """Where the scanner stood (3,), in the cloud's world; None where that isn't known, or there were several."""
+        return None if self.scan.scanner is None else self.scan.scanner + self.scan.origin
+
+    def set_scanner(self, place: Sequence[float] | None) -> None:
+        """Say where the scanner stood (3,), in the cloud's world; None for scans of several places merged.
+
+        What the regions are known by follows. ValueError where one of them can't be made then.
+        """
+        if place is not None and not (len(place) == 3 and np.isfinite(place).all()):
+            raise ValueError("the scanner's place: needed three numbers, meters")
+        base = {**self.base, "sensor_origin": None if place is None else [float(value) for value in place]}
+        before, local = self.sketch, None if place is None else np.asarray(place, dtype=np.float64) - self.scan.origin
+        self.sketch = replace(before, base=base, scan=self.scan._replace(scanner=local))
+        try:
+            moved = replace(self.sketch, regions=tuple(self._again(picked) for picked in before.regions))
+        finally:
+            self.sketch = before
+        self._change(moved)
+
+    def _again(self, picked: Picked) -> Picked:
+        """The region with its side in the cloud made again, the one that is taken."""
+        if picked.world is None:
+            return picked
+        part = picked.world.chosen
+        return replace(picked, world=only(self._world_part(part.written, part.label)))
 
     @property
     def regions(self) -> tuple[Picked, ...]:
@@ -175,7 +225,7 @@ class Session:
     @property
     def is_changed(self) -> bool:
         """Whether there is something to save."""
-        return self.sketch.regions != self._saved.regions
+        return (self.sketch.regions, self.base) != (self._saved.regions, self._saved.base)
 
     def select(self, key: int | None) -> None:
         """Work on a region, or on none, so that the next click begins a new one."""
@@ -286,20 +336,25 @@ class Session:
         self.edit_polygon(key, corners, [])
 
     def _change(self, sketch: Sketch) -> None:
-        self._past = [*self._past[-MOST_UNDO + 1 :], self.sketch]
-        self._future, self.sketch = [], sketch
+        self._past, self._future = [*self._past[-MOST_UNDO + 1 :], self.sketch], []
+        self._take(sketch)
 
     def undo(self) -> None:
         """Take the last step back; nothing where there is none."""
         if self._past:
             self._future.append(self.sketch)
-            self.sketch = self._past.pop()
+            self._take(self._past.pop())
 
     def redo(self) -> None:
         """Take a step again that was taken back; nothing where there is none."""
         if self._future:
             self._past.append(self.sketch)
-            self.sketch = self._future.pop()
+            self._take(self._future.pop())
+
+    def _take(self, sketch: Sketch) -> None:
+        if sketch.scan is not self.scan:
+            self._planes = {}  # They rest on the scanner's place, too.
+        self.sketch = sketch
 
     def values(self) -> dict[str, Any]:
         """The scene file as plain values."""
