@@ -24,11 +24,15 @@ RUST_TOOLS = ("cargo", "rustc")
 def main() -> None:
     """Check the kinds that are named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kinds", nargs="*", choices=KINDS, default=[], help="what is built and tried; all by default")
+    # With choices, argparse refuses that none is named.
+    parser.add_argument("kinds", nargs="*", metavar=f"{{{','.join(KINDS)}}}", help="what is tried; all by default")
     parser.add_argument("--dist", type=Path, help="a folder that holds the wheel and the sdist already")
     parser.add_argument("--jobs", type=int, default=2, help="processes of the tests")
     parser.add_argument("--tests", nargs="*", default=[], help="files of tests to run; all by default")
     given = parser.parse_args()
+    unknown = [kind for kind in given.kinds if kind not in KINDS]
+    if unknown:
+        parser.error(f"found {unknown[0]!r}; needed {', '.join(KINDS)}")
     with tempfile.TemporaryDirectory() as held:
         work = Path(held)
         kinds = given.kinds or KINDS

@@ -58,6 +58,8 @@ def plain_value(node: Node | None) -> Any:
         return None if node is None else YAML(typ="safe", pure=True).constructor.construct_document(node)
     except (YAMLError, ValueError, RecursionError) as error:
         raise _described(error) from error
+    except LookupError as error:
+        raise YamlTextError(f"found a value that isn't of its tag (!!): {error}") from error
 
 
 def line_of(node: Node | NodeEvent) -> int:

@@ -196,6 +196,10 @@ CAM0 = (SAMPLES / "kalibr_camchain.yaml").read_text().partition("cam1:")[0]
             "line 4: image_width: found a sequence; needed a single",
         ),
         (OPENCV + "image_width: 5\n", "image_width: found a second item of this name; needed one"),
+        (
+            f"a: &a [{'1, ' * 999}1]\n" + OPENCV.partition("---")[2].replace("data: [", f"data: [{'*a, ' * 999}", 1),
+            "more numbers than characters in the file; needed numbers written out",
+        ),
         (ROS.replace("plumb_bob", "magic"), "distortion_model: found 'magic'; needed one of plumb_bob, rational"),
         (ROS.replace("plumb_bob", "equidistant"), "distortion_coefficients: found 5 numbers; needed 4 numbers"),
         (MESSAGE.replace("binning_x: 0", "binning_x: 2"), "line 14: binning_x: found 2; needed at most 1"),

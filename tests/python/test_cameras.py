@@ -370,7 +370,11 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
             lambda: PinholeCamera(1, 1, 0, 0, width=640.5, height=480),  # type: ignore[arg-type]
             "width: found 640.5; needed a whole number",
         ),
-        (lambda: PinholeCamera(1, 1, 0, 0, width=640, height=0), "height: found 0; needed a whole number above 0"),
+        (lambda: PinholeCamera(1, 1, 0, 0, width=640, height=0), "height: found 0; needed a whole number from 1 to"),
+        (
+            lambda: PinholeCamera(1, 1, 0, 0, width=10**400, height=1),
+            "width: found 10000.*; needed a whole number from 1",
+        ),
         (lambda: PinholeCamera.from_matrix(((1, 0.5, 0), (0, 1, 0), (0, 0, 1))), "skew of 0.5"),
         (lambda: PinholeCamera.from_matrix(np.eye(4)), r"matrix has shape \(4, 4\)"),
         (lambda: FisheyeCamera(1, 1, 0, 0, distortion=(1, 2)), "distortion: found 2 coefficients; needed 4"),

@@ -229,7 +229,11 @@ def test_ray_meets_the_surface_in_front() -> None:
         ([1.0, 2.0], {}, "needed an index or 3 finite"),
         ([0.0, np.nan, 0.0], {}, "needed an index or 3 finite"),
         ([500.0, 0.0, 0.0], {}, "490 m from the nearest point"),
+        ([0.0, 0.0, 1e300], {}, r"seed \[0.0, 0.0, 1e\+300\] is so far from all .* points"),
+        ([[1.0, 2.0], 3.0], {}, "needed an index or 3 finite"),
         (0, {"distance_m": 0.0}, "distance_m is 0.0"),
+        (0, {"distance_m": "far"}, "distance_m is far; needed a positive number"),
+        (0, {"angle_deg": None}, "angle_deg is None"),
         (0, {"radius_m": -1.0}, "radius_m is -1.0"),
         (0, {"angle_deg": np.nan}, "angle_deg is nan"),
     ],
@@ -247,8 +251,9 @@ def test_bad_cloud_is_named() -> None:
         find_planes(np.full((5, 3), np.nan))
     with pytest.raises(ValueError, match="lie on no plane"):
         grow_plane(np.random.default_rng(0).random((500, 3)), (0.5, 0.5, 0.5))
-    with pytest.raises(ValueError, match="min_points is 2"):
-        find_planes(np.eye(3), min_points=2)
+    for least in (2, 50.5, "many"):
+        with pytest.raises(ValueError, match=f"min_points is {least}; needed a whole number of 3 or more"):
+            find_planes(np.eye(3), min_points=least)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="lies ahead"):
         nearest_to_ray(np.eye(3), np.zeros(3), [-1.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="direction is"):

@@ -283,6 +283,10 @@ def test_npz_with_names_or_one_table(tmp_path: Path) -> None:
     assert_same(cloud, POINTS + origin, COLORS, INTENSITY)
     np.testing.assert_array_equal(cloud.triangles, TRIANGLES)
     np.testing.assert_array_equal(cloud.fields["label"], np.arange(4))
+    for name in ("colours", "rgb"):
+        named: dict[str, Any] = {"points": POINTS, name: COLORS}
+        np.savez(tmp_path / "named.npz", **named)
+        assert_same(read_cloud(tmp_path / "named.npz"), POINTS, COLORS)
     np.savez(tmp_path / "b.npz", POINTS)
     assert_same(read_cloud(tmp_path / "b.npz"))
     np.savez(tmp_path / "c.npz", x=POINTS[:, 0], y=POINTS[:, 1], z=POINTS[:, 2])

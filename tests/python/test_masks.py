@@ -328,6 +328,7 @@ DAMAGED_LABELME: list[tuple[dict[str, object], str]] = [
     ({"imageHeight": WIDTH, "imageWidth": 20}, r"shape 0 has the point \(30, 5\); the image has 20 x 60"),
     ({"shapes": [{**SHAPE, "label": ""}]}, "shape 0 has the label ''"),
     ({"shapes": [SHAPE, {**SHAPE, "shape_type": "circle"}]}, "shape 1 .'door'. is a 'circle'; needed a polygon"),
+    ({"shapes": [{**SHAPE, "shape_type": ["polygon"]}]}, r"shape 0 .'door'. is a \['polygon'\]; needed a polygon"),
     ({"shapes": [{**SHAPE, "points": [[1, 2], [3, 4]]}]}, r"points of shape \(2, 2\); needed at least 3"),
     ({"shapes": [{**SHAPE, "points": [[1, 2], [3], [4, 5]]}]}, "aren't pairs of numbers"),
     ({"shapes": [{**SHAPE, "points": [[1, 2], [3, "x"], [4, 5]]}]}, "aren't pairs of numbers"),

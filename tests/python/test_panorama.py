@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose import EquirectangularCamera, Frame, ImageRegion, Pose, WorldRegion, estimate_pose, estimate_rig
+from regionpose import (
+    EquirectangularCamera,
+    Frame,
+    ImageRegion,
+    Pose,
+    WorldRegion,
+    estimate_pose,
+    estimate_rig,
+    region_from_file,
+)
 from regionpose.pictures.overlays import overlay_regions, projected_lines
-from regionpose.scene import estimate_scene, load_scene
+from regionpose.scene import SceneError, estimate_scene, load_scene
 from regionpose.yaml_text import to_yaml
 from scipy.spatial.transform import Rotation
 
@@ -76,6 +86,12 @@ def test_a_size_that_is_no_panorama_is_named(size: tuple[int, int], message: str
         EquirectangularCamera(*size)
 
 
+def test_an_image_half_a_pixel_higher_than_the_poles_is_seen_to_its_border() -> None:
+    for width in range(3, 2000, 2):
+        camera = EquirectangularCamera(width, (width + 1) // 2)
+        assert np.isfinite(camera.bearings([[0.0, -0.5], [0.0, camera.height - 0.5]])).all(), width
+
+
 def test_a_smaller_copy_is_resized() -> None:
     assert CAMERA.resized(1000, 500) == EquirectangularCamera(1000, 500)
 
@@ -136,18 +152,51 @@ def test_outlines_are_drawn_on_both_sides_of_the_seam() -> None:
     assert (drawn[:, :20] != 128).any() and (drawn[:, -20:] != 128).any()
 
 
-def test_a_scene_of_a_panorama(tmp_path: Path) -> None:
-    Image.fromarray(np.full((1000, 2000, 3), 128, dtype=np.uint8)).save(tmp_path / "image.png")
-    Image.fromarray(np.where(seam_mask(), 255, 0).astype(np.uint8)).save(tmp_path / "mask.png")
+def panorama_scene(folder: Path, mask: str = "mask.png", beside: Array | None = None) -> Path:
+    """A scene file of a face across the seam, by its mask, and one beside it, by a polygon."""
+    Image.fromarray(np.full((1000, 2000, 3), 128, dtype=np.uint8)).save(folder / "image.png")
+    Image.fromarray(np.where(seam_mask(), 255, 0).astype(np.uint8)).save(folder / "mask.png")
+    polygon = pixels_of(side_ring()) if beside is None else beside
     regions: list[dict[str, Any]] = [
-        {"name": "behind", "image": {"mask": "mask.png"}, "world": {"polygon": seam_ring().tolist()}},
-        {
-            "name": "beside",
-            "image": {"polygon": pixels_of(side_ring()).tolist()},
-            "world": {"polygon": side_ring().tolist()},
-        },
+        {"name": "behind", "image": {"mask": mask}, "world": {"polygon": seam_ring().tolist()}},
+        {"name": "beside", "image": {"polygon": polygon.tolist()}, "world": {"polygon": side_ring().tolist()}},
     ]
     camera = {"model": "equirectangular", "width": 2000, "height": 1000}
-    path = tmp_path / "scene.yaml"
+    path = folder / "scene.yaml"
     path.write_text(to_yaml({"camera": camera, "image": "image.png", "regions": regions}), encoding="utf-8")
-    assert turn_deg(estimate_scene(load_scene(path)).estimate.pose) < 0.2
+    return path
+
+
+def test_a_scene_of_a_panorama(tmp_path: Path) -> None:
+    assert turn_deg(estimate_scene(load_scene(panorama_scene(tmp_path))).estimate.pose) < 0.2
+
+
+def test_a_mask_of_another_size_is_refused(tmp_path: Path) -> None:
+    path = panorama_scene(tmp_path, "small.png")
+    Image.fromarray(np.where(seam_mask(), 255, 0).astype(np.uint8)).resize((1000, 500), Image.Resampling.NEAREST).save(
+        tmp_path / "small.png"
+    )
+    with pytest.raises(SceneError, match=r"image.mask: .*found masks of 1000 x 500 pixels; needed 2000 x 1000"):
+        estimate_scene(load_scene(path))
+
+
+def test_polygons_of_a_file_keep_their_vertices_and_join_at_the_seam(tmp_path: Path) -> None:
+    halves = [
+        [0.0, 400.0, 90.0, 400.0, 90.0, 500.0, 0.0, 500.0],
+        [1900.0, 400.0, 2000.0, 400.0, 2000.0, 500.0, 1900.0, 500.0],
+    ]
+    whole = [500.0, 400.0, 600.0, 400.0, 550.0, 490.0]
+    entries = [{"id": k, "image_id": 1, "segmentation": part} for k, part in enumerate((halves, [whole]), start=1)]
+    image = {"id": 1, "width": 2000, "height": 1000}
+    path = tmp_path / "coco.json"
+    path.write_text(json.dumps({"images": [image], "annotations": entries}), encoding="utf-8")
+    joined, single = (region_from_file(path, label, panorama=True) for label in (1, 2))
+    assert len(joined.rings) == 1 and joined.area == pytest.approx(19_000.0, rel=0.01)
+    np.testing.assert_allclose(single.area, 4500.0)
+    assert len(single.rings[0]) == 3
+
+
+def test_a_vertex_below_a_panorama_is_named_not_one_beyond_its_sides(tmp_path: Path) -> None:
+    ring = np.array([[-300.0, 400.0], [100.0, 400.0], [100.0, 1010.0]])
+    with pytest.raises(SceneError, match=r"found \[100, 1010\] outside the photo of 2000 x 1000"):
+        estimate_scene(load_scene(panorama_scene(tmp_path, beside=ring)))

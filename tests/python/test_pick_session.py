@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -218,6 +219,45 @@ def test_two_pages_edit_one_after_the_other_and_nothing_is_lost(session: Session
         desk.close()
 
 
+def settled(desk: Desk, state: str) -> bool:
+    """Whether the desk's outcome comes to a state within a minute."""
+    until = time.monotonic() + 60.0
+    while desk.outcome.state != state and time.monotonic() < until:
+        time.sleep(0.01)
+    return desk.outcome.state == state
+
+
+def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) -> None:
+    clicks = (DOOR, BOARD, CHALKBOARD)
+    desk = Desk(session)
+    try:
+        for pixel, _ in clicks:
+            desk.edit(lambda held: held.select(None))
+            desk.edit(partial(Session.click_photo, pixel=pixel))
+        assert desk.outcome.state == "empty" and session.basis == []
+        for _, place in reversed(clicks):
+            desk.edit(lambda held: held.select(None))
+            desk.edit(partial(Session.click_cloud, place=place))
+        assert not session.pairs and len(session.basis) == 6
+        assert settled(desk, "ready"), desk.outcome
+        run = desk.outcome.run
+        assert run is not None
+        assert truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))["rotation_deg"] < 0.3
+        assert sorted(desk.outcome.errors) == [picked.key for picked in session.regions[:3]]
+        for picked in session.regions[3:]:
+            desk.edit(partial(Session.remove, key=picked.key))
+        assert desk.outcome.run is None
+    finally:
+        desk.close()
+
+
+def test_planes_are_not_looked_for_to_tell_whether_they_can_be_matched(session: Session) -> None:
+    session.base["world_regions"] = "planes"
+    assert not session.can_estimate
+    session.click_photo(DOOR[0])
+    assert session.can_estimate and not session._planes
+
+
 def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,7 +267,7 @@ def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
         tried.append(len(tried))
         raise RuntimeError("broken")
 
-    monkeypatch.setattr(Session, "pairs", property(lambda held: (held,)))
+    monkeypatch.setattr(Session, "can_estimate", True)
     monkeypatch.setattr(Session, "estimate", broken)
     desk = Desk(session)
     try:

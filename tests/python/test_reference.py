@@ -11,6 +11,7 @@ import pytest
 import typer
 from regionpose.cli.app import app
 from regionpose.exporting import FORMATS
+from regionpose.scene.verdict import DOUBTS
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "docs" / "reference"
@@ -38,6 +39,15 @@ def test_every_warning_has_a_cause_and_a_cure() -> None:
     assert first_cells(REFERENCE / "warnings.md") == codes
     rows = re.findall(r"^\| `[a-z-]+` \|(.*)\|$", (REFERENCE / "warnings.md").read_text("utf-8"), re.MULTILINE)
     assert all(all(cell.strip() for cell in row.split("|")) for row in rows)
+
+
+def test_what_makes_a_pose_doubtful_is_said() -> None:
+    text = (REFERENCE / "warnings.md").read_text(encoding="utf-8")
+    said = re.search(r"A pose is \*\*doubtful\*\* with (.*?):", text, re.DOTALL)
+    assert said is not None and "any of the\nfour contradictions" in said[1]
+    contradictions = {code for code in DOUBTS if code.endswith("-contradicted")}
+    assert len(contradictions) == 4
+    assert set(re.findall(r"`([a-z-]+)`", said[1])) == DOUBTS - contradictions
 
 
 def test_every_command_is_listed() -> None:

@@ -61,6 +61,12 @@ BAD = {
     "a seed without a cloud": ("cloud: cloud.ply\n", "", ":7: regions[0].world: found no cloud"),
     "no YAML": ("regions:", "regions: [", ":5: "),
     "a list as a key": ("image: image.png", "? [[image]]\n: image.png", ":2: found a key that is a list"),
+    "a word that is not of its tag": (
+        "image: image.png",
+        "image: !!bool maybe",
+        ": found a value that isn't of its tag (!!): 'maybe'",
+    ),
+    "a tag of nothing": ("image: image.png", 'image: !!int ""', ": found a value that isn't of its tag"),
     "an alias": ("image: image.png", "image: *other", ":2: found an alias"),
     "an unknown solver": (
         "image: image.png",
@@ -206,6 +212,8 @@ def region_from_cloud(folder: Path, world: dict[str, Any]) -> rp.WorldRegion:
     np.save(folder / "mask.npy", labels == 4)
     np.save(folder / "indices.npy", np.arange(len(plate)))
     np.save(folder / "points.npy", plate)
+    np.save(folder / "column.npy", np.arange(9)[:, None])
+    np.save(folder / "pairs.npy", plate[:9, :2])
     values = {**scene_values(), "cloud": "cloud.xyz"}
     values["regions"][0]["world"] = world
     return scene_sides(load_scene(write_scene(folder, values))).world_sides[0].region
@@ -237,6 +245,8 @@ def test_a_plate_of_points_is_found_in_every_way(world: dict[str, Any], tmp_path
         ({"points": [0, 1, 99_999]}, "found 3 indices from 0 to 99999; needed at least 3 from 0 to 1699"),
         ({"points": "labels.npy", "label": 9}, "found no point of the label 9"),
         ({"points": "missing.npy"}, "no such file"),
+        ({"points": "column.npy"}, r"column.npy: found int64 of shape \(9, 1\); needed points \(n, 3\), or indices"),
+        ({"points": "pairs.npy"}, r"pairs.npy: found float64 of shape \(9, 2\); needed points \(n, 3\)"),
         ({"points": "cloud.xyz.npy"}, "no such file"),
         ({"seed": [0.5, 0.3, 0.0], "intensity_tolerance": 5}, "cloud without intensity"),
         ({"seed": [50.0, 30.0, 9.0]}, r"regions\[0\]\.world\.seed: "),

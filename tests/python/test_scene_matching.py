@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import run as run_command
+from PIL import Image, ImageDraw
 from regionpose import PoseError, match_regions
 from regionpose.demo.scene import folder as demo_folder
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
 from regionpose.yaml_text import plain_value, to_yaml, yaml_node
-from scene_files import CAMERA, PLATES, POSE, scene_values, write_scene
+from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 SIDES = {"image": "image_regions", "world": "world_regions"}
 
@@ -68,8 +69,15 @@ def test_pairs_that_are_known_stay_and_lead_to_the_rest(tmp_path: Path) -> None:
 def test_known_pairs_are_checked_by_index() -> None:
     image = ImageRegion.from_polygon(CAMERA.project(POSE.transform(PLATES["floor"])))
     world = WorldRegion.from_polygon(PLATES["floor"])
-    with pytest.raises(ValueError, match=r"known names the world regions \[1\]; needed different indices from 0 to 0"):
-        match_regions(CAMERA, [image], [world], known=[(0, 1)])
+    for known, message in (
+        ([(0, 1)], r"known names the world regions \[1\]; needed different indices from 0 to 0"),
+        ([(0,)], r"known has shape \(1, 1\); needed \(n, 2\)"),
+        ([0], r"known has shape \(1,\)"),
+        ([(0.5, 0)], r"known has type float64; needed indices \(n, 2\)"),
+        (None, "known has type object"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            match_regions(CAMERA, [image], [world], known=known)  # type: ignore[arg-type]
     assert match_regions(CAMERA, [image], [world], known=[(0, 0)]).pairs == ((0, 0),)
 
 
@@ -117,14 +125,25 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     result = scene_result(run)
     assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
     assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
+    assert result["image"] is None
     json.dumps(result, allow_nan=False)
+
+
+def test_the_result_names_the_files_of_every_frame(tmp_path: Path) -> None:
+    values = framed()
+    values["frames"][1]["image"] = "second.png"
+    path = write_scene(tmp_path, values)
+    (tmp_path / "second.png").write_bytes((tmp_path / "image.png").read_bytes())
+    inputs = {entry["path"]: entry["roles"] for entry in scene_result(estimate_scene(load_scene(path)))["inputs"]}
+    assert inputs == {"scene.yaml": ["scene"], "image.png": ["image of one"], "second.png": ["image of two"]}
 
 
 def test_a_single_frame_is_a_scene(tmp_path: Path) -> None:
     values = scene_values()
     frame = {"name": "only", "image": values.pop("image"), "regions": values.pop("regions")}
     run = estimate_scene(load_scene(write_scene(tmp_path, values | {"frames": [frame]})))
-    assert is_right(run) and scene_result(run)["frames"] is None
+    result = scene_result(run)
+    assert is_right(run) and result["frames"] is None and result["image"] == frame["image"]
 
 
 def test_frames_of_map_coordinates_share_an_origin(tmp_path: Path) -> None:
@@ -145,6 +164,44 @@ def test_the_command_writes_the_files_of_every_frame(tmp_path: Path, capsys: pyt
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"result.json", "report.html", "overlay_1.png", "overlay_2.png"}
     assert "<h2>Frames</h2>" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def loose_sides(folder: Path) -> dict[str, Any]:
+    """The scene on a cloud, with a pair, and one plate whose sides, a mask and a seed, are not paired."""
+    plates_cloud(folder)
+    plate = PLATES["wall"]
+    picture = Image.new("L", (WIDTH, HEIGHT))
+    ImageDraw.Draw(picture).polygon([tuple(pixel) for pixel in CAMERA.project(POSE.transform(plate))], fill=255)
+    picture.save(folder / "mask.png")
+    values = unpaired("wall", world_names=("b",)) | {"cloud": "cloud.npy"}
+    values["image_regions"][0]["image"] = {"mask": "mask.png"}
+    values["world_regions"][0]["world"] = {"seed": (0.6 * plate[0] + 0.2 * (plate[1] + plate[5])).tolist()}
+    return values
+
+
+def test_regions_of_one_side_are_segmented_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = loose_sides(tmp_path)
+    for count, scene in enumerate((values, {key: value for key, value in values.items() if key != "regions"})):
+        path, out = write_scene(tmp_path, scene), tmp_path / f"out{count}"
+        code, said, errors = run_command(capsys, "segment", path, "--out", out, "--json", "--quiet")
+        assert code == 0, errors
+        sizes = {region["name"]: region for region in json.loads(said)["regions"]}
+        assert sizes["wall"]["image_area_px"] > 0.0 and sizes["b"]["cloud_points"] > 1000
+        written = plain_value(yaml_node((out / "scene.yaml").read_text(encoding="utf-8")))
+        mask, points = written["image_regions"][0]["image"]["mask"], written["world_regions"][0]["world"]["points"]
+        assert {mask, points, "scene.yaml"} == {path.name for path in out.iterdir()}
+        assert len(np.load(out / points)) == sizes["b"]["cloud_points"]
+        assert run_command(capsys, "segment", path, "--out", tmp_path / f"again{count}", "--quiet")[0] == 0
+
+
+@pytest.mark.parametrize("values", [framed(), {**unpaired("floor", "wall"), "regions": []}], ids=["frames", "loose"])
+def test_info_knows_scenes_of_every_kind(
+    values: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_scene(tmp_path, {key: value for key, value in values.items() if value != []})
+    code, said, errors = run_command(capsys, "info", path, "--json")
+    assert code == 0, errors
+    assert json.loads(said)["kind"] == "scene file" and len(json.loads(said)["regions"]) >= 2
 
 
 def nested(frame: dict[str, Any]) -> dict[str, Any]:

@@ -66,7 +66,9 @@ def test_what_is_no_mask_of_the_image_is_an_error(found: Any, message: str) -> N
         segmented(lambda *_: found, IMAGE, [(25.0, 15.0)], [1])
 
 
-@pytest.mark.parametrize("name", ["numpy", "numpy:", "no_such_module:x", "numpy:no_such_name", "numpy:pi"])
+@pytest.mark.parametrize(
+    "name", ["numpy", "numpy:", "..numpy:pi", "no_such_module:x", "numpy:no_such_name", "numpy:pi"]
+)
 def test_a_name_that_leads_to_no_segmenter_is_an_error(name: str) -> None:
     with pytest.raises(ValueError, match="needed"):
         load_segmenter(name)

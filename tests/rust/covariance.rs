@@ -8,7 +8,7 @@ use regionpose::contour::fit::refined;
 use regionpose::{Integration, ObservedRegion, Pose, Problem, System};
 use support::contours::all_bitten;
 use support::random::Random;
-use support::scene::{FOCAL, Layout, Scene, SpaceRing, angle_piece, regular};
+use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece, regular};
 
 /// 90 % of chi-squared with 6 degrees of freedom lie below.
 const CHI_SQUARED_90: f64 = 10.645;
@@ -22,9 +22,9 @@ fn clicked(ring: &SpaceRing, sigma: f64, random: &mut Random) -> SpaceRing {
     ring.iter().map(|r| off(r, random)).collect()
 }
 
-/// The rest of the way to the truth, squared, in the covariance of a pose on contours whose corners are `sigma` pixels off.
-fn mahalanobis(random: &mut Random, sigma: f64) -> f64 {
-    let shapes = vec![vec![angle_piece(1.0)], vec![regular(5, 0.6)]];
+/// The rest of the way to the truth, squared, in the covariance of a pose on contours of shapes whose corners are `sigma` pixels
+/// off.
+fn mahalanobis(random: &mut Random, shapes: Vec<Vec<Ring>>, sigma: f64) -> f64 {
     let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let scene = Scene::of_shapes(random, shapes, layout);
     let disturbed = |region: &ObservedRegion, random: &mut Random| {
@@ -44,9 +44,24 @@ fn mahalanobis(random: &mut Random, sigma: f64) -> f64 {
 fn sides_whose_corners_are_off_are_not_taken_for_many_measurements() {
     let mut random = Random::new(11);
     for sigma in [0.2, 0.4, 1.0] {
-        let inside = (0..200).filter(|_| mahalanobis(&mut random, sigma) < CHI_SQUARED_90).count();
-        // Of twenty-two ends six parameters leave sixteen: the tail is longer than that of chi-squared.
-        assert!(inside > 130 && inside < 195, "{inside} of 200 true poses inside, corners {sigma} pixels off");
+        let shapes = || vec![vec![angle_piece(1.0)], vec![regular(5, 0.6)]];
+        let inside = (0..200).filter(|_| mahalanobis(&mut random, shapes(), sigma) < CHI_SQUARED_90).count();
+        // Of twenty-two ends six parameters leave sixteen: the tail is longer than that of chi-squared. Corners nearer than what is
+        // known of them beforehand are taken for a little farther off.
+        assert!(
+            inside > 130 && inside < if sigma < 0.29 { 198 } else { 195 },
+            "{inside} of 200 true poses inside, corners {sigma} pixels off"
+        );
+    }
+}
+
+#[test]
+fn what_little_is_left_of_four_corners_is_not_taken_for_their_error() {
+    let mut random = Random::new(12);
+    for sigma in [0.3, 0.5] {
+        let shape = || vec![vec![regular(4, 0.6)]];
+        let inside = (0..200).filter(|_| mahalanobis(&mut random, shape(), sigma) < CHI_SQUARED_90).count();
+        assert!(inside > 170, "{inside} of 200 true poses inside, corners {sigma} pixels off");
     }
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,22 +84,36 @@ def plaster(color: str, plinth: str, plinth_height: float) -> Texture:
     return shade
 
 
+class Bond(NamedTuple):
+    """Row and column (n,) of the stone at each point, and the distance from its edge, meters."""
+
+    row: Array
+    column: Array
+    edge: Array
+
+
+def running_bond(u: Array, v: Array, length: float, height: float) -> Bond:
+    """Stones in rows of which every other one is moved by half a stone; sizes in meters."""
+    row = np.floor(v / height)
+    along = u / length + 0.5 * np.mod(row, 2.0)
+    column = np.floor(along)
+    edge_u = np.minimum(along - column, column + 1.0 - along) * length
+    edge_v = np.minimum(v / height - row, row + 1.0 - v / height) * height
+    return Bond(row, column, np.minimum(edge_u, edge_v))
+
+
 def bricks(color: str, mortar: str, length: float = 0.25, height: float = 0.083, joint: float = 0.011) -> Texture:
     """Running-bond brickwork; sizes in meters."""
     base, bed = linear(color), linear(mortar)
 
     def shade(u: Array, v: Array) -> Array:
-        row = np.floor(v / height)
-        along = u / length + 0.5 * np.mod(row, 2.0)
-        column = np.floor(along)
-        edge_u = np.minimum(along - column, column + 1.0 - along) * length
-        edge_v = np.minimum(v / height - row, row + 1.0 - v / height) * height
+        row, column, edge = running_bond(u, v, length, height)
         tone = lattice_noise(column, row, 7)
         warm = lattice_noise(column, row, 8) - 0.5
         stain = layered_noise(0.8 * u, 0.8 * v, 23) - 0.5
         grain = layered_noise(40.0 * u, 40.0 * v, 29, layers=2) - 0.5
         brick = tinted(base * (1.0 + warm[:, None] * np.array([0.10, -0.12, -0.2])), 0.72 + 0.5 * tone + 0.3 * grain)
-        wall = mixed(brick, tinted(bed, 1.0 + 0.3 * grain), np.minimum(edge_u, edge_v) < 0.5 * joint)
+        wall = mixed(brick, tinted(bed, 1.0 + 0.3 * grain), edge < 0.5 * joint)
         return tinted(wall, (1.0 + 0.4 * stain) * (1.0 - 0.35 * np.exp(-np.maximum(v, 0.0) / 0.3)))
 
     return shade
@@ -125,17 +140,13 @@ def pavers(color: str, joint: str, size: float = 0.42, gap: float = 0.016) -> Te
     base, bed = linear(color), linear(joint)
 
     def shade(u: Array, v: Array) -> Array:
-        row = np.floor(v / size)
-        along = u / size + 0.5 * np.mod(row, 2.0)
-        column = np.floor(along)
-        edge_u = np.minimum(along - column, column + 1.0 - along) * size
-        edge_v = np.minimum(v / size - row, row + 1.0 - v / size) * size
+        row, column, edge = running_bond(u, v, size, size)
         tone = lattice_noise(column, row, 41)
         warm = (lattice_noise(column, row, 43) - 0.5)[:, None] * np.array([0.16, 0.04, -0.14])
         stain = layered_noise(0.7 * u, 0.7 * v, 47) - 0.5
         grain = layered_noise(22.0 * u, 22.0 * v, 53, layers=3) - 0.5
         slab = tinted(base * (1.0 + warm), 0.8 + 0.32 * tone + 0.35 * grain)
-        floor = mixed(slab, tinted(bed, 1.0 + grain), np.minimum(edge_u, edge_v) < 0.5 * gap)
+        floor = mixed(slab, tinted(bed, 1.0 + grain), edge < 0.5 * gap)
         return tinted(floor, 1.0 + 0.45 * stain)
 
     return shade

@@ -56,6 +56,9 @@ class YamlItem:
         for item in self._children():
             nested = isinstance(item.node, SequenceNode)
             values.extend([entry.number() for entry in item._children()] if nested else [item.number()])
+            # Aliases unfold a small file without end.
+            if len(values) > len(self.source.text):
+                raise self.error("more numbers than characters in the file", "numbers written out")
         return values
 
     def _children(self) -> list[YamlItem]:

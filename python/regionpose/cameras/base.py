@@ -19,6 +19,9 @@ Components = tuple[Array, ...]
 BLOCK_ROWS = 16384
 """Rows mapped at a time, so that the temporaries of a block stay in the processor's cache."""
 
+MOST_SIDE = 2**31 - 1
+"""Largest height or width of an image, pixels: what image formats can state."""
+
 LIMIT_SLACK = 1e-12
 """Relative slack of a projected point on the limit of a model: a few roundings of a bearing found there."""
 
@@ -194,15 +197,15 @@ def finite_numbers(name: str, values: Iterable[SupportsFloat]) -> tuple[float, .
 
 
 def image_length(name: str, value: int | None) -> int | None:
-    """An image width or height in pixels, None when unknown; ValueError unless a whole number above zero."""
+    """An image width or height in pixels, None when unknown; ValueError unless a whole number from 1 to `MOST_SIDE`."""
     if value is None:
         return None
     try:
         length = operator.index(value)
     except TypeError as error:
         raise ValueError(f"{name}: found {_brief(value)}; needed a whole number of pixels or None") from error
-    if length <= 0:
-        raise ValueError(f"{name}: found {length}; needed a whole number above 0")
+    if not 0 < length <= MOST_SIDE:
+        raise ValueError(f"{name}: found {_brief(length)}; needed a whole number from 1 to {MOST_SIDE}")
     return length
 
 

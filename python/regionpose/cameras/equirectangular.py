@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from regionpose.cameras.base import Array, Camera, Components, image_length
+from regionpose.cameras.base import LIMIT_SLACK, Array, Camera, Components, image_length
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class EquirectangularCamera(Camera):
     Raises
     ------
     ValueError
-        For a size that is no whole number above 0, or a height above half the width.
+        For a size that is no whole number from 1 on, or a height above half the width.
 
     Examples
     --------
@@ -78,7 +78,8 @@ class EquirectangularCamera(Camera):
         longitude = (u - 0.5 * (self.width - 1)) / self._pixels_per_rad
         latitude = (v - 0.5 * (self.height - 1)) / self._pixels_per_rad
         # Half a pixel of rounding beyond the poles, where the image ends, is still the pole.
-        latitude[np.abs(latitude) > 0.5 * math.pi * (1.0 + 1.0 / self.width)] = np.nan
+        limit = 0.5 * math.pi * (1.0 + 1.0 / self.width) * (1.0 + LIMIT_SLACK)
+        latitude[np.abs(latitude) > limit] = np.nan
         level = np.cos(latitude)
         return level * np.sin(longitude), np.sin(latitude), level * np.cos(longitude)
 

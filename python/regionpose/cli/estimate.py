@@ -34,8 +34,7 @@ def estimate(
     """Estimate the pose of a scene's camera.
 
     Writes result.json, report.html, overlay.png and, where the scene has a cloud, depth.png, edges.png and cloud.ply
-    (colored).
-    Where the scene gives an initial pose, overlay_before.png shows the regions projected with that.
+    (colored). Where the scene gives an initial pose, overlay_before.png shows the regions projected with that.
 
     \b
     Examples:

@@ -90,12 +90,19 @@ def _text_facts(path: Path, camera_name: str | None, camera_model: str | None, p
             held = None  # Calibrations of OpenCV are not quite YAML.
     if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
         return _result_facts(path)
-    if isinstance(held, dict) and "regions" in held and "image" in held:
+    if isinstance(held, dict) and _is_scene(held):
         return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path, progress))
     return _first_that_reads(readers)
+
+
+def _is_scene(held: dict[Any, Any]) -> bool:
+    """Whether a mapping holds more than one key of a scene file: calibrations share one with it at the most."""
+    from regionpose.scene.models import SceneModel
+
+    return len(held.keys() & SceneModel.model_fields.keys()) > 1
 
 
 def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +15,9 @@ from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, numbers_
 from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
+    from regionpose.regions.image import ImageRegion
     from regionpose.scene import Scene, SceneSides
+    from regionpose.scene.sides import WorldSide
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
 SCENE_FILE = "scene.yaml"
@@ -50,8 +52,7 @@ def segment(
     """Grow regions from seeds without estimating a pose.
 
     For a scene file, writes a folder with the mask and the cloud indices of each region and a scene.yaml that names
-    them, so
-    that masks can be mended by hand before `regionpose estimate`.
+    them, so that masks can be mended by hand before `regionpose estimate`.
 
     \b
     Examples:
@@ -150,16 +151,16 @@ def _segment_scene(
     if seed is not None:
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
     from regionpose.scene import Stages, scene_sides
-    from regionpose.scene.result import plain, region_sizes
+    from regionpose.scene.loading import named_regions
 
     scene = scene_with(path, segmenter)
-    names = [name(index, region.name) for index, region in enumerate(scene.model.regions) for name in NAMES]
+    names = [name(index, region.name) for index, region in enumerate(named_regions(scene)) for name in NAMES]
     names.append(SCENE_FILE)
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
         sides = scene_sides(scene, Stages(progress.begin))
         claim.write(_scene_writers(scene, sides, out))
     remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
-    return {"written": str(out), "regions": plain(region_sizes(sides)), "warnings": remarks}
+    return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}
 
 
 def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:
@@ -172,19 +173,31 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
 
     writers: dict[str, Any] = {}
     held: Any = moved(scene.document.value, scene.path.parent, out)
-    for index, region in enumerate(held["regions"]):
-        observed, world = sides.image_regions[index], sides.world_sides[index]
-        if observed.mask is not None:
+    for index, (region, observed, world) in enumerate(_with_sides(held, sides)):
+        if observed is not None and observed.mask is not None:
             picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
             region["image"] = _kept(region["image"], "unknown", "unknown_label")
             region["image"]["mask"] = _mask_name(index, region["name"])
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
-        if world.indices is not None:
+        if world is not None and world.indices is not None:
             region["world"] = _kept(region["world"], "seen_from", "radius_m", "extends")
             region["world"]["points"] = _points_name(index, region["name"])
             writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
     writers[SCENE_FILE] = text_writer(to_yaml(held))
     return writers
+
+
+def _with_sides(
+    held: dict[str, Any], sides: SceneSides
+) -> Iterator[tuple[dict[str, Any], ImageRegion | None, WorldSide | None]]:
+    """The regions that a scene's values write out, as `named_regions` orders them, and the sides that each has."""
+    loose, worlds = sides.unpaired, held.get("world_regions", [])
+    yield from zip(held.get("regions", []), sides.image_regions, sides.world_sides, strict=True)
+    for written, region in zip(held.get("image_regions", []), loose.image_regions, strict=True):
+        yield written, region, None
+    if isinstance(worlds, list):
+        for written, side in zip(worlds, loose.world_sides, strict=True):
+            yield written, None, side
 
 
 def _kept(side: dict[str, Any], *keys: str) -> dict[str, Any]:
@@ -208,6 +221,24 @@ NAMES = (_mask_name, _points_name)
 """Names of the files that may be written of a region."""
 
 
+def _sizes(sides: SceneSides) -> list[dict[str, Any]]:
+    """Sizes of the pairs, and of each region of one side."""
+    from regionpose.scene.result import plain, region_sizes, world_sizes
+
+    loose = sides.unpaired
+    images = zip(loose.image_names, loose.image_regions, strict=True)
+    worlds = zip(loose.world_names, loose.world_sides, strict=True)
+    sizes = [
+        *region_sizes(sides),
+        *({"name": name, "image_area_px": region.area} for name, region in images),
+        *({"name": name, **world_sizes(side)} for name, side in worlds),
+    ]
+    return [plain(size) for size in sizes]
+
+
 def _size(region: dict[str, Any]) -> str:
-    points = "" if region["cloud_points"] is None else f", {region['cloud_points']} points"
-    return f"{region['image_area_px']:.0f} px, {region['world_area_m2']:.3f} m2{points}, {region['known_by']}"
+    parts = [f"{region['image_area_px']:.0f} px"] if "image_area_px" in region else []
+    if "world_area_m2" in region:
+        points = [] if region["cloud_points"] is None else [f"{region['cloud_points']} points"]
+        parts += [f"{region['world_area_m2']:.3f} m2", *points, region["known_by"]]
+    return ", ".join(parts)

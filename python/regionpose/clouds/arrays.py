@@ -21,7 +21,7 @@ FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
 POINT_KEYS = ("points", "xyz", "vertices", "pts")
-COLOR_KEYS = ("colors", "colors", "rgb")
+COLOR_KEYS = ("colors", "colours", "rgb")
 TRIANGLE_KEYS = ("triangles", "faces")
 ORIGIN_KEY = "origin"
 
@@ -83,8 +83,8 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
         return next((arrays[key] for key in keys if key in arrays), None)
 
     origin = arrays.get(ORIGIN_KEY, np.zeros(3))
-    if origin.shape != (3,) or not np.isfinite(origin).all():
-        raise cloud_error(path, ORIGIN_KEY, f"shape {origin.shape}", "3 finite numbers")
+    if origin.shape != (3,) or origin.dtype.kind not in "iuf" or not np.isfinite(origin).all():
+        raise cloud_error(path, ORIGIN_KEY, f"{origin.dtype} of shape {origin.shape}", "3 finite numbers")
     colors = first(COLOR_KEYS)
     if colors is not None and (colors.ndim != 2 or colors.shape != points.shape):
         raise cloud_error(path, "colors", f"shape {colors.shape}", f"{points.shape}")

@@ -30,6 +30,10 @@ def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: Arra
         raise cloud_error(path, "columns", ", ".join(columns) or "none", f"x, y and z (missing: {', '.join(missing)})")
     color_names = next(([lower[n] for n in names] for names in COLOR_NAMES if set(names) <= set(lower)), [])
     intensity_name = next((lower[name] for name in INTENSITY_NAMES if name in lower), None)
+    count = columns[lower["x"]].shape
+    for name in (*(lower[name] for name in COORDINATES), *color_names):
+        if columns[name].ndim != 1 or columns[name].shape != count:
+            raise cloud_error(path, name, f"shape {columns[name].shape}", f"columns (n,) of one length, as x {count}")
     taken = {SKIPPED, *(lower[name] for name in COORDINATES), *color_names, intensity_name}
     return Cloud.from_points(
         _stacked([columns[lower[name]] for name in COORDINATES], np.dtype(np.float64)),

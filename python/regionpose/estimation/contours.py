@@ -200,13 +200,13 @@ def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:
     if camera.straight_lines:
         return ring
     step = np.roll(ring, -1, axis=0) - ring
-    ends = camera.project(pose.transform(ring))
-    ends = camera.project_near(pose.transform(ring), ends[0, 0])
+    column = camera.project(pose.transform(ring[:1]))[0, 0]
+    ends = camera.project_near(pose.transform(ring), column)
     chord = np.roll(ends, -1, axis=0) - ends
     length = np.maximum(np.hypot(*chord.T), np.finfo(float).tiny)
     sagitta = np.zeros(len(ring))
     for share in BEND_PROBES:
-        x, y = (camera.project_near(pose.transform(ring + share * step), ends[0, 0]) - ends).T
+        x, y = (camera.project_near(pose.transform(ring + share * step), column) - ends).T
         off_chord = np.abs(chord[:, 0] * y - chord[:, 1] * x) / length
         sagitta = np.fmax(sagitta, off_chord / (4.0 * share * (1.0 - share)))
     parts = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
+from regionpose.arrays import real_rows
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.batch import core_batch
@@ -328,12 +329,17 @@ def _from_known(sides: _Sides) -> tuple[list[_Consensus], float]:
 
 def _checked_pairs(known: Sequence[Pair], images: list[ImageRegion], worlds: list[WorldRegion]) -> Pairs:
     """The known pairs by image index; ValueError for an index that is none or that stands in two."""
+    if isinstance(known, Sequence) and not len(known):
+        return ()
+    pairs = real_rows(known, "known", 2)
+    if pairs.dtype.kind == "f":
+        raise ValueError(f"known has type {pairs.dtype}; needed indices (n, 2)")
     for side, count in enumerate((len(images), len(worlds))):
-        places = [pair[side] for pair in known]
+        places = pairs[:, side].tolist()
         if len({*places}) < len(places) or any(not 0 <= place < count for place in places):
             what = ("image", "world")[side]
             raise ValueError(f"known names the {what} regions {places}; needed different indices from 0 to {count - 1}")
-    return tuple(sorted((int(i), int(j)) for i, j in known))
+    return tuple(sorted((i, j) for i, j in pairs.tolist()))
 
 
 def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[float, _Consensus]]:

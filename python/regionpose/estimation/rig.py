@@ -275,10 +275,10 @@ class _Rig:
         Of two frames that disagree nothing tells which is wrong, so both are named.
         """
         warnings: list[PoseWarning] = []
-        while any(one.is_outlier for one in influence):
+        while disagreeing := [one for one in influence if one.is_outlier]:
             if len(frames) == 2:
-                return warnings + [_outlier_warning(one) for one in influence if one.is_outlier]
-            worst = max(influence, key=lambda one: one.residual_px / one.expected_px)
+                return warnings + [_outlier_warning(one) for one in disagreeing]
+            worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
             warnings.append(_outlier_warning(worst))
             frames = [frame for frame in frames if frame.name != worst.name]
             influence = self.influence(frames, worst.pose)

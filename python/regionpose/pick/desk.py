@@ -20,7 +20,8 @@ from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
 from regionpose.pick.range_view import RangeView, depth_and_intensity, grays
 from regionpose.pick.scanner import proposed_scanner
-from regionpose.pick.session import Session, Sketch
+from regionpose.pick.session import Session
+from regionpose.pick.sketch import Sketch
 from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
 from regionpose.pictures.colors import colored_cloud
 
@@ -109,15 +110,15 @@ class Desk:
     def edit(self, action: Callable[[Session], object]) -> None:
         """Change the session; errors as of the session, which is unchanged then."""
         with self._lock:
-            before = self.session.sketch
+            before, basis = self.session.sketch, self.session.basis
             action(self.session)
             if self.session.sketch is not before:
-                self._edited(before)
+                self._edited(before, is_solved=basis == self.session.basis)
 
-    def _edited(self, sketch: Sketch) -> None:
+    def _edited(self, sketch: Sketch, *, is_solved: bool) -> None:
         before, looked = sketch.regions, sketch.scan is not self.session.scan
-        # First of all: no page may show the pose of other pairs as that of these.
-        if looked or _pairs(before) != _pairs(self.session.regions):
+        # First of all: no page may show the pose of other regions as that of these.
+        if looked or not is_solved:
             self.outcome = replace(self.outcome, state="busy") if self.session.can_estimate else Outcome()
             self._wake.set()
         self.revision += 1
@@ -239,7 +240,7 @@ class Desk:
         return dark if cloud.colors is None else np.where(visible[:, None], cloud.colors, dark).astype(np.uint8)
 
     def _work(self) -> None:
-        """Estimate whenever the pairs have changed and no edit came for a moment."""
+        """Estimate whenever what it is made of has changed and no edit came for a moment."""
         while not self._ended:
             self._wake.wait()
             self._wake.clear()
@@ -263,7 +264,7 @@ class Desk:
             # The page would wait for ever for a worker that is gone.
             outcome = Outcome("failed", f"{type(error).__name__}: {error}")
         with self._lock:
-            if session.scan is self.session.scan and _pairs(session.regions) == _pairs(self.session.regions):
+            if session.scan is self.session.scan and session.basis == self.session.basis:
                 self.outcome = outcome
                 self.revision += 1
                 if self.coloring == "photo":
@@ -310,12 +311,6 @@ def _up(session: Session) -> Array | None:
 
 def _worlds(regions: tuple[Picked, ...]) -> list[tuple[int, object]]:
     return [(picked.key, picked.world and picked.world.chosen) for picked in regions if picked.world]
-
-
-def _pairs(regions: tuple[Picked, ...]) -> list[tuple[int, object, object]]:
-    return [
-        (picked.key, picked.image.chosen, picked.world.chosen) for picked in regions if picked.image and picked.world
-    ]
 
 
 def _photo_shape(picked: Picked, selected: int | None) -> dict[str, Any]:

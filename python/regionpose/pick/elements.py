@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from nicegui.element import Element
-
-Handler = Callable[[Any], Any]
 
 
 class PictureView(Element, component="picture_view.js"):

@@ -22,9 +22,9 @@ class ScannerDialog:
         self._button.tooltip("Where the scanner stood, in the cloud's frame").mark("scanner")
         with ui.dialog() as self._dialog, ui.card().style("max-width:520px;padding:20px 26px"):
             ui.html(SCANNER_QUESTION, sanitize=False)
-            with ui.row():
+            with ui.row().style("gap:16px"):
                 self._numbers = [ui.number(axis, suffix="m").props("dense").style("width:110px") for axis in "xyz"]
-            with ui.row():
+            with ui.row().style("gap:12px;margin-top:12px"):
                 ui.button("There", on_click=self._there).props("unelevated dense no-caps").mark("there")
                 ui.button("At several places", on_click=self._several).props("flat dense no-caps")
                 ui.button("I don't know", on_click=self._dialog.close).props("flat dense no-caps")

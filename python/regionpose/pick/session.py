@@ -18,6 +18,7 @@ from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
+from regionpose.pick.sketch import Sketch
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
@@ -35,37 +36,6 @@ NO_PAIR = "found no pair; needed a region with a side in the photo and one in th
 
 STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
 """A side in the photo, of a scene that is made to look at its region's other side."""
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """What undo brings back: the list of regions, which of them is worked on, and what all of them rest on.
-
-    `base`: what the scene file says beside regions. `scan`: the cloud, and where its scanner stood.
-    """
-
-    base: dict[str, Any]
-    scan: Scan
-    regions: tuple[Picked, ...] = ()
-    selected: int | None = None
-
-    def region(self, key: int) -> Picked:
-        """The region of a key; ValueError where it is gone, as after another page removed it."""
-        found = next((picked for picked in self.regions if picked.key == key), None)
-        if found is None:
-            raise ValueError("found no such region; it was removed in the meantime")
-        return found
-
-    def with_region(self, region: Picked) -> Sketch:
-        """The sketch with this region in the place of the one of its key, or at the end."""
-        held = any(picked.key == region.key for picked in self.regions)
-        kept = tuple(region if picked.key == region.key else picked for picked in self.regions)
-        return replace(self, regions=kept if held else (*kept, region), selected=region.key)
-
-    def without(self, *keys: int) -> Sketch:
-        """The sketch without some regions."""
-        kept = tuple(picked for picked in self.regions if picked.key not in keys)
-        return replace(self, regions=kept, selected=None if self.selected in keys else self.selected)
 
 
 @dataclass(eq=False)
@@ -210,7 +180,26 @@ class Session:
     @property
     def can_estimate(self) -> bool:
         """Whether there is a pair, or regions of either side to be matched."""
-        return bool(self.pairs) or self._unpaired().can_match
+        return bool(self.pairs) or self._can_match
+
+    @property
+    def basis(self) -> list[tuple[int, object, object]]:
+        """What the estimate is made of: key and sides of the pairs, and of all regions where some can be matched."""
+        return [
+            (picked.key, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
+            for picked in (self.regions if self._can_match else self.pairs)
+        ]
+
+    @property
+    def _can_match(self) -> bool:
+        """Whether there are regions of either side alone; planes are not looked for to tell."""
+        in_photo = any(picked.world is None for picked in self.regions)
+        return in_photo and (self._asks_planes or any(picked.image is None for picked in self.regions))
+
+    @property
+    def _asks_planes(self) -> bool:
+        """Whether the photo's own regions are to be matched with all planes of the cloud."""
+        return self.base.get("world_regions") == PLANES and all(picked.image is not None for picked in self.regions)
 
     @property
     def can_undo(self) -> bool:
@@ -384,7 +373,7 @@ class Session:
         """The regions of one side, which the estimate matches where there are some of either."""
         images = [picked for picked in self.regions if picked.world is None]
         worlds = {picked.name: _chosen(picked.world).side for picked in self.regions if picked.image is None}
-        if images and not worlds and self.base.get("world_regions") == PLANES:
+        if images and self._asks_planes:
             if not self._planes:
                 self._planes.update(plane_sides(scene_of(self.path, self.values()), self.scan))
             worlds = self._planes

@@ -398,7 +398,7 @@ def _checked_limits(limits: tuple[float, float] | None, distances: NDArray[np.fl
         return (near, far) if far > 1.01 * near else (near / 1.1, near * 1.1)
     near, far = limits
     if not 0.0 < near < far < np.inf:
-        raise ValueError(f"limits are ({near}, {far}); needed 0 < nearest < farthest, in meters")
+        raise ValueError(f"limits_m is ({near}, {far}); needed 0 < nearest < farthest, in meters")
     return float(near), float(far)
 
 

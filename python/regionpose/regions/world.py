@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arrays import counter_clockwise, real_array, ring_list, signed_area
+from regionpose.arrays import counter_clockwise, real_array, ring_list, row_array, signed_area
 
 Array = NDArray[np.float64]
 
@@ -150,9 +150,9 @@ class WorldRegion:
         from regionpose.regions.outline import plane_samples
         from regionpose.regions.scan_samples import enclosed
 
-        beside = real_array(outside, "outside", "(m, 3)").astype(np.float64)
-        if beside.ndim != 2 or beside.shape[1] != 3 or len(beside) == 0:
-            raise ValueError(f"outside has shape {beside.shape}; needed (m, 3) with at least one place")
+        beside = row_array(outside, "outside", 3)
+        if not len(beside):
+            raise ValueError(f"outside has shape {beside.shape}; needed (n, 3) with at least one place")
         plane = plane_samples(inside)
         region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
         within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
@@ -194,7 +194,7 @@ class WorldRegion:
         from regionpose.regions.outline import flat_outline, plane_samples
         from regionpose.regions.scan_samples import scan_samples
 
-        cloud = _cloud_array(points)
+        cloud = row_array(points, "points", 3)
         numbers = _member_array(members, len(cloud))
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
@@ -313,13 +313,6 @@ def _start_outline(flat: Array) -> list[Array]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SparseSamplingWarning)
         return flat_outline(flat)
-
-
-def _cloud_array(points: ArrayLike) -> Array:
-    cloud = real_array(points, "points", "(n, 3)")
-    if cloud.ndim != 2 or cloud.shape[1] != 3:
-        raise ValueError(f"points has shape {cloud.shape}; needed (n, 3)")
-    return np.asarray(cloud, dtype=np.float64)
 
 
 def _member_array(members: ArrayLike, count: int) -> NDArray[np.intp]:

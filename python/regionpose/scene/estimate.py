@@ -36,9 +36,10 @@ Value = TypeVar("Value")
 class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
-    `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all their regions, frame after
-    frame. `seconds` per stage. `witness`, `refinement`: what the rest of the scene said, None where it wasn't asked.
-    `fits`, `influence`: how each of several frames fits, and what the others say without it.
+    `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
+    their regions, frame after frame. `seconds` per stage. `witness`, `refinement`: what the rest of the scene said,
+    None where it wasn't asked. `fits`, `influence`: how each of several frames fits, and what the others say without
+    it.
     """
 
     scene: Scene
@@ -157,20 +158,20 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     for index, frame in enumerate(scene.frames):
         with stages.within(frame_label(frame, index, len(scene.model.frames))):
             frames.append(scene_sides(frame, stages, origin=frames[0].origin if frames else None))
-    return estimate_frames(frames, stages)
+    return estimate_frames(scene, frames, stages)
 
 
 def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEstimate:
     """The pose of the camera that saw both sides of a scene's regions; errors as of `estimate_scene`."""
-    return estimate_frames([sides], stages)
+    return estimate_frames(sides.scene, [sides], stages)
 
 
-def estimate_frames(given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
-    """The one pose of the camera in all frames; errors as of `estimate_scene`."""
+def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
+    """The one pose of the camera in all frames of a scene; errors as of `estimate_scene`."""
     stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
-        run = _explained(lambda: _first_run(frames, stages.seconds), frames)
+        run = _explained(lambda: _first_run(scene, frames, stages.seconds), frames)
     return _heard(run, stages)
 
 
@@ -187,10 +188,9 @@ def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
         return _explained(lambda: matched(sides), [sides])
 
 
-def _first_run(frames: tuple[SceneSides, ...], seconds: dict[str, float]) -> SceneEstimate:
+def _first_run(scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, float]) -> SceneEstimate:
     """The run by the regions alone."""
     if len(frames) == 1:
-        scene = frames[0].scene
         return SceneEstimate(scene, frames, _estimate(frames), seconds)
     rig = estimate_rig(
         frames[0].camera,
@@ -199,7 +199,7 @@ def _first_run(frames: tuple[SceneSides, ...], seconds: dict[str, float]) -> Sce
         solver=scene_solver(frames[0].scene),
     )
     estimate = _in_world(replace(rig.estimate, warnings=rig.warnings), frames)
-    return SceneEstimate(frames[0].scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence)
+    return SceneEstimate(scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence)
 
 
 def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:

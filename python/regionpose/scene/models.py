@@ -89,9 +89,6 @@ class InlineEquirectangular(_Camera):
     height: int = Field(gt=0)
 
 
-InlineCamera = InlinePinhole | InlineFisheye | InlineUnified | InlineOcam | InlineEquirectangular
-
-
 def _camera_kind(value: object) -> str | None:
     if isinstance(value, str):
         return "<path>"

@@ -38,7 +38,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "format": FORMAT,
         "scene": str(run.scene.path),
         "camera": camera_values(run.camera),
-        "image": run.scene.model.image,
+        "image": run.sides.scene.image if len(run.frames) == 1 else None,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
@@ -290,16 +290,17 @@ def versions() -> dict[str, str]:
 
 def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
     """Each region's name, areas (pixels, square meters) and cloud points, and what its 3D side is known by."""
-    return [
-        {
-            "name": name,
-            "image_area_px": observed.area,
-            "world_area_m2": world.region.area,
-            "cloud_points": None if world.indices is None else len(world.indices),
-            "known_by": known_by(world),
-        }
-        for name, observed, world in zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
-    ]
+    pairs = zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
+    return [{"name": name, "image_area_px": observed.area, **world_sizes(world)} for name, observed, world in pairs]
+
+
+def world_sizes(side: WorldSide) -> dict[str, Any]:
+    """The area (square meters) and cloud points of a region's 3D side, and what it is known by."""
+    return {
+        "world_area_m2": side.region.area,
+        "cloud_points": None if side.indices is None else len(side.indices),
+        "known_by": known_by(side),
+    }
 
 
 def known_by(side: WorldSide) -> str:

@@ -114,11 +114,13 @@ def _within(scene: Scene, drawn: ImageRegion, image: Picture) -> ImageRegion:
     """The region of a polygon that stays in the image; ValueError where it was drawn on a larger one."""
     vertices = np.concatenate(drawn.rings) + 0.5
     size = np.array([image.shape[1], image.shape[0]])
-    beyond = np.maximum(-vertices, vertices - size)
-    if beyond[:, 1].max() <= OUTSIDE_MARGIN and (is_panorama(scene) or beyond[:, 0].max() <= OUTSIDE_MARGIN):
+    # The columns of a panorama go on beyond its sides.
+    limited = slice(1, 2) if is_panorama(scene) else slice(0, 2)
+    beyond = np.maximum(-vertices, vertices - size)[:, limited].max(axis=1)
+    if beyond.max() <= OUTSIDE_MARGIN:
         return drawn
-    x, y = vertices[np.argmax(beyond.max(axis=1))] - 0.5
-    larger = float((vertices / size).max())
+    x, y = vertices[np.argmax(beyond)] - 0.5
+    larger = float((vertices / size)[:, limited].max())
     cure = "a polygon cut at the photo's border"
     if larger > 1.0:
         cure += f", or, if it was drawn on a photo at least {larger:.3g} times as large, that photo"
@@ -201,9 +203,11 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     from_mask = partial(ImageRegion.from_mask, panorama=panorama)
     if item.coverage:
         return named(scene, (*place, "mask"), lambda: from_mask(coverage_from_file(path, size)))
-    if panorama and item.unknown is None:
-        return named(scene, (*place, "mask"), lambda: from_mask(mask_from_file(path, item.label, image=item.image)))
-    whole = named(scene, (*place, "mask"), lambda: region_from_file(path, item.label, image=item.image, size=size))
+    whole = named(
+        scene,
+        (*place, "mask"),
+        lambda: region_from_file(path, item.label, image=item.image, size=size, panorama=panorama),
+    )
     if item.unknown is None:
         return whole
     unknown = scene.file(item.unknown)
@@ -284,7 +288,7 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
         other = read_cloud(path)
         return _placed(other.local_points + (other.origin - scan.origin), item, scan)
     values = read_array(path)
-    if values.ndim == 2 and values.dtype.kind in "biuf":
+    if values.ndim == 2 and values.shape[1] == 3 and values.dtype.kind in "iuf":
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
 

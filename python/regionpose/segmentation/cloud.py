@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Real
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -55,7 +57,8 @@ def grow_plane(
         that is nowhere `min_width_m` wide.
     """
     cloud = checked_cloud(points)
-    check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg, min_width_m=min_width_m)
+    check_positive(angle_deg=angle_deg)
+    check_given(distance_m=distance_m, radius_m=radius_m, min_width_m=min_width_m)
     start = _seed_position(cloud, seed)
     nearest = nearest_points(cloud, start)
     patch = _started(cloud, start, nearest, distance_m, radius_m)
@@ -94,15 +97,23 @@ def checked_cloud(points: ArrayLike) -> Array:
     return cloud
 
 
-def check_positive(**values: float | None) -> None:
-    """Pass where each value that is given is positive and finite; ValueError that names the others."""
+def check_positive(**values: float) -> None:
+    """Pass where each value is a positive and finite number; ValueError that names the others."""
     for name, value in values.items():
-        if value is not None and not (np.isfinite(value) and value > 0.0):
+        if not (isinstance(value, Real) and np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} is {value}; needed a positive number")
+
+
+def check_given(**values: float | None) -> None:
+    """As `check_positive`, of those that are given."""
+    check_positive(**{name: value for name, value in values.items() if value is not None})
 
 
 def _started(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
     """The plane around the seed; ValueError for a seed away from all points, or on no plane."""
+    if not len(nearest):
+        found = f"seed {seed.tolist()} is so far from all {len(cloud)} points that no number holds it"
+        raise ValueError(f"{found}; needed a seed on a surface of the cloud")
     try:
         patch = start_patch(cloud, seed, nearest, distance, radius)
     except ValueError:
@@ -126,7 +137,10 @@ def _check_reach(cloud: Array, seed: Array, nearest: np.intp, gap: float) -> Non
 
 def _seed_position(cloud: Array, seed: ArrayLike | int) -> Array:
     """The seed's position (3,); an index stands for its point."""
-    given = np.asarray(seed)
+    try:
+        given = np.asarray(seed)
+    except ValueError as error:
+        raise ValueError(f"seed is {seed!r}; needed an index or 3 finite coordinates") from error
     if given.ndim == 0 and given.dtype.kind in "iu":
         index = int(given)
         if not 0 <= index < len(cloud):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.draw import polygon2mask
 
+from regionpose.cameras.base import MOST_SIDE
 from regionpose.reading import read_json, read_pixels, unfolding_error
 
 Array = NDArray[np.float64]
@@ -33,9 +34,6 @@ MOST_LABELS = 1000
 
 LONGEST_RUN_BITS = 65
 """Bits of a run's length in COCO's text, five a character."""
-
-MOST_SIDE = 2**31 - 1
-"""Largest height or width of an image, pixels: what image formats can state."""
 
 MOST_CHARACTERS = 60
 """Characters of a found value that a message quotes at most."""
@@ -122,7 +120,7 @@ def _json_items(path: Path, image: str | int | None) -> Iterator[MaskItem]:
         return _labelme_items(path, content)
     if isinstance(content, dict) and {"images", "annotations"} <= content.keys():
         return _coco_items(path, content, image)
-    found = sorted(content) if isinstance(content, dict) else type(content).__name__
+    found = _brief(sorted(content)) if isinstance(content, dict) else type(content).__name__
     raise ValueError(f"{path} holds {found}; needed 'shapes' (labelme) or 'images' and 'annotations' (COCO)")
 
 
@@ -132,9 +130,9 @@ def _labelme_items(path: Path, content: dict[str, object]) -> Iterator[MaskItem]
         item = f"{path}, shape {index}"
         name, kind = shape.get("label"), shape.get("shape_type", "polygon")
         if not isinstance(name, str) or not name:
-            raise ValueError(f"{item} has the label {name!r}; needed a name")
-        if kind not in {"polygon", "rectangle"}:
-            raise ValueError(f"{item} ({name!r}) is a {kind!r}; needed a polygon or a rectangle")
+            raise ValueError(f"{item} has the label {_brief(name)}; needed a name")
+        if kind not in ("polygon", "rectangle"):
+            raise ValueError(f"{item} ({name!r}) is a {_brief(kind)}; needed a polygon or a rectangle")
         points = _points(shape.get("points"), size, item, 2 if kind == "rectangle" else 3)
         if len(points) == 2:
             (left, top), (right, bottom) = points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -90,6 +90,7 @@ def region_from_file(
     *,
     image: str | int | None = None,
     size: tuple[int, int] | None = None,
+    panorama: bool = False,
 ) -> ImageRegion:
     """One image region of a file, with exact vertices as by `regions_from_file`.
 
@@ -103,6 +104,8 @@ def region_from_file(
         As of `masks_from_file`.
     size : tuple of 2 int, optional
         Height and width of the image that the file must belong to.
+    panorama : bool
+        As of `ImageRegion.from_mask`; several polygons of one region are then its mask, which joins them at the seam.
 
     Raises
     ------
@@ -113,7 +116,7 @@ def region_from_file(
     if size is not None and item.size != tuple(size):
         found, needed = (f"{width} x {height}" for height, width in (item.size, size))
         raise ValueError(f"{path}: found masks of {found} pixels; needed {needed}, as the image")
-    return _region_of(item, path)
+    return _region_of(item, path, panorama)
 
 
 def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
@@ -150,7 +153,7 @@ def masks_from_segmenter(
     """
     given = _stacked(_arrays_of(masks))
     held = kind or _guessed_kind(given)
-    if held not in {"mask", "probability", "logit"}:
+    if held not in ("mask", "probability", "logit"):
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
     with np.errstate(over="ignore"):
         shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if held == "logit" else given.astype(np.float32)
@@ -173,14 +176,24 @@ def _arrays_of(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[
 def _array_of(entry: object, item: str) -> NDArray[np.generic]:
     """An entry of a list of masks: an array, or a dictionary with an array or COCO's run lengths."""
     if not isinstance(entry, Mapping):
-        return np.asarray(entry)
+        return _rows_of(entry, item)
     if "segmentation" not in entry:
         raise ValueError(f"{item} has no 'segmentation'; needed one in each, or arrays only")
     held = entry["segmentation"]
     if not isinstance(held, Mapping):
-        return np.asarray(held)
-    height, width = held.get("size", (None, None))
+        return _rows_of(held, item)
+    try:
+        height, width = held.get("size", (None, None))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{item} has the size {held['size']!r}; needed (h, w)") from error
     return run_length_mask(held, size_of({"h": height, "w": width}, "h", "w", item), item)
+
+
+def _rows_of(values: Any, item: str) -> NDArray[np.generic]:
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{item} has rows of unequal length; needed (h, w)") from error
 
 
 def _stacked(given: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -216,10 +229,10 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
     return matching[0]
 
 
-def _region_of(item: MaskItem, path: str | Path) -> ImageRegion:
+def _region_of(item: MaskItem, path: str | Path, panorama: bool = False) -> ImageRegion:
     try:
-        if not item.polygons:
-            return ImageRegion.from_mask(item.mask())
+        if not item.polygons or (panorama and len(item.polygons) > 1):
+            return ImageRegion.from_mask(item.mask(), panorama=panorama)
         if len(item.polygons) == 1:
             return ImageRegion.from_polygon(item.polygons[0])
         return ImageRegion(tuple(_core.plane_rings(_union_rings(item.polygons), polygon=False)))

@@ -7,11 +7,13 @@ fail these tests.
 
 from __future__ import annotations
 
+from numbers import Integral
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from regionpose.segmentation.cloud import check_positive, checked_cloud
+from regionpose.segmentation.cloud import check_given, check_positive, checked_cloud
 from regionpose.segmentation.patch import (
     ANGLE_DEG,
     LEAST_IN_BLOCK,
@@ -104,9 +106,10 @@ def find_planes(
         For a cloud that isn't (n, 3) numbers with 3 finite points, or options out of range.
     """
     cloud = checked_cloud(points)
-    check_positive(distance_m=distance_m, radius_m=radius_m, angle_deg=angle_deg)
-    if min_points < 3:
-        raise ValueError(f"min_points is {min_points}; needed 3 or more")
+    check_positive(angle_deg=angle_deg)
+    check_given(distance_m=distance_m, radius_m=radius_m)
+    if not isinstance(min_points, Integral) or min_points < 3:
+        raise ValueError(f"min_points is {min_points}; needed a whole number of 3 or more")
     thinned = _thinned(cloud)
     search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
     patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(progress)]

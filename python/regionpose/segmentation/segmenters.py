@@ -53,7 +53,7 @@ def load_segmenter(name: str) -> Segmenter:
     Modules of the working folder are found, too. ValueError for a name that leads to none.
     """
     module_name, colon, attribute = name.partition(":")
-    if not (module_name and colon and attribute):
+    if not (module_name and colon and attribute) or module_name.startswith("."):
         raise ValueError(f"segmenter: found {name!r}; needed module:callable")
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())

@@ -7,10 +7,14 @@ use super::belief::{Belief, INCREMENT};
 use super::normal::{cumulative, density};
 use super::readings::Sight;
 use super::stretch::{Heard, KINDS, Outline, View};
+use crate::effort;
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
-const SWEEPS: usize = 6;
+pub(super) const SWEEPS: usize = 6;
+
+/// What a sweep counts as for each site, in edges that are looked at: 8 x 8 entries of each kind of stretch.
+pub(super) const EDGES_OF_SWEEP: usize = 64 * KINDS;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the
 /// last.
@@ -300,6 +304,7 @@ pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
     let mut all = sum(&heard) + *guard;
     let mut belief = all.belief()?.0;
     for _ in 0..SWEEPS {
+        count_sweep(sites.len())?;
         let before = belief.mean;
         for (outline, heard) in outlines.iter_mut().zip(&mut heard) {
             let rest = all - heard.message();
@@ -334,6 +339,7 @@ pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
     };
     let mut belief = (product(sites) + *guard).belief()?.0;
     for _ in 0..SWEEPS {
+        count_sweep(sites.len())?;
         let before = belief.mean;
         sites.iter_mut().for_each(|site| site.as_mut().update(0, &mut belief));
         belief = product(sites).belief()?.0;
@@ -344,6 +350,12 @@ pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
     let (belief, integral) = product(sites).belief()?;
     let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(0, &belief)).sum::<f64>();
     Some(Propagated { belief, views: Vec::new(), log_evidence })
+}
+
+/// Counts a sweep over so many sites; `None` where nobody waits for it any more.
+fn count_sweep(sites: usize) -> Option<()> {
+    effort::spend(EDGES_OF_SWEEP * sites);
+    (!effort::is_stopped()).then_some(())
 }
 
 /// Whether a mean has moved by next to nothing; `None` where a direction is left free.

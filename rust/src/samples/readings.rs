@@ -4,8 +4,8 @@
 use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::propagation::Edge;
+use super::propagation::{EDGES_OF_SWEEP, SWEEPS};
 use super::signed_field::SignedField;
-use super::telling::EDGES_OF_ROUND;
 use crate::effort;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -99,7 +99,7 @@ impl SampledRegion {
 
     /// What reading all samples and hearing them once counts as.
     pub fn work(&self) -> usize {
-        self.count() * (EDGES_OF_READING + EDGES_OF_ROUND)
+        self.count() * (EDGES_OF_READING + SWEEPS * EDGES_OF_SWEEP)
     }
 
     /// The sample of a number at a pose about the problem's origin.

@@ -45,10 +45,6 @@ const CLEARLY: f64 = 2.0;
 /// How much wider the belief of some samples is taken before all of them have told theirs.
 const WIDER: f64 = 3.0;
 
-/// What a round of propagation counts as for each sample, in edges that are looked at: 6 sweeps over 8 x 8 entries of two
-/// kinds.
-pub(super) const EDGES_OF_ROUND: usize = 6 * 64 * KINDS;
-
 /// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
 const REACH: f64 = 6.0;
 
@@ -386,7 +382,6 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// What the telling samples and all else that is known leave possible about a pose.
     fn propagate(&mut self, pose: &Pose, guard: &Gaussian) -> Option<Propagated> {
-        effort::spend(EDGES_OF_ROUND * self.telling.len());
         let known = anchor(&self.start, pose) + (self.others)(pose);
         match self.joined {
             true => propagated(&known, guard, &mut self.telling, &mut self.outlines),

@@ -10,7 +10,7 @@ use crate::verdict::outliers::{contradicted, contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 6] = [-0.963, -0.847, 2.059, -0.647, 0.639, 1.266];
+const WEIGHTS: [f64; 6] = [-0.880, -0.869, 2.214, -0.686, 0.600, 1.169];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);

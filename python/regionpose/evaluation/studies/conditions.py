@@ -7,7 +7,7 @@ import json
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from regionpose.evaluation.scenes import WorldFrame
@@ -181,9 +181,3 @@ def changed_grid(grid: Grid, axes: Grid, solver: Sequence[str] = ()) -> Grid:
         added = [solver_options(text) for text in solver]
         changed["solver"] = [solver_text({**options, **more}) for more in added for options in own]
     return changed
-
-
-def varying_fields(conditions: Sequence[Condition]) -> list[str]:
-    """Names of the fields in which the conditions differ."""
-    names = [field.name for field in fields(Condition)]
-    return [name for name in names if len({getattr(condition, name) for condition in conditions}) > 1]
