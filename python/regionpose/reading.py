@@ -28,6 +28,9 @@ MOST_RATIO = 100
 """Bytes to which each byte of a larger file may unfold. Photos, clouds and archives of numbers stay below 20, but empty
 masks and constant columns unfold a thousandfold."""
 
+IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+"""Endings of the names of pictures, in lower case."""
+
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
 

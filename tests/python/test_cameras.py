@@ -32,6 +32,7 @@ CAMERAS = [
     PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.3, 0.02, 0.01, -0.02, 0.1, 0.5, 0.1, 0.01)),
     PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.1, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)),
     PinholeCamera(500.0, 510.0, *CENTER, distortion=(0.1, 0.0, 0.001, 0.0, 0.0, -0.5, 0.0, 0.0)),
+    PinholeCamera(600.0, 600.0, *CENTER, distortion=(4.925, 158.936, -0.003, -0.001, -33.028, 4.847, 160.036, -34.213)),
     FisheyeCamera(250.0, 255.0, *CENTER),
     FisheyeCamera(300.0, 310.0, *CENTER, distortion=(0.05, -0.01, 0.002, -0.001)),
     FisheyeCamera(280.0, 281.0, *CENTER, distortion=(0.1, 0.02, 0.003, 0.001)),
@@ -221,6 +222,42 @@ def test_a_rational_distortion_ends_at_its_pole() -> None:
     far = camera.bearings([[1e6, 0.0]])
     assert far[0, 0] / far[0, 2] == pytest.approx(math.sqrt(2.0), rel=1e-5)
     assert np.isnan(camera.project([[1.5, 0.0, 1.0]])).all()
+
+
+def rounded(size: float) -> st.SearchStrategy[float]:
+    """Coefficients up to `size`, with the digits that calibration files have."""
+    return st.floats(-size, size).map(lambda value: round(value, 6))
+
+
+# Calibrations fit numerators and denominators that nearly cancel, with coefficients up to hundreds, and often with a
+# pole: beyond the image, or behind everything.
+denominators = st.one_of(
+    st.tuples(rounded(10.0), rounded(100.0), rounded(300.0)),
+    st.builds(
+        lambda pole, a, b: tuple(np.convolve((1.0, -1.0 / pole**2), (1.0, a, b))[1:].tolist()),
+        st.floats(0.5, 30.0),
+        st.floats(0.0, 30.0),
+        st.floats(0.0, 100.0),
+    ),
+)
+differences = st.tuples(rounded(0.3), rounded(1.0), rounded(2.0))
+
+
+@settings(max_examples=300, deadline=None)
+@given(d=denominators, n=differences, p=st.tuples(tangential, tangential), seed=st.integers(0, 2**32 - 1))
+def test_rational_distortions_give_back_every_direction_that_they_show(
+    d: tuple[float, ...], n: tuple[float, ...], p: tuple[float, float], seed: int
+) -> None:
+    """Also next to a pole, where pixels run away, and whatever the rounding of the denominator there."""
+    k1, k2, k3 = np.add(d, n)
+    camera = PinholeCamera(600.0, 600.0, *CENTER, distortion=(k1, k2, *p, k3, *d))
+    random = np.random.default_rng(seed)
+    shares = np.append(random.uniform(0.0, INSIDE, 100), 1.0 - 10.0 ** random.uniform(-5.0, -3.0, 20))
+    angles = np.arctan(shares * min(math.tan(camera.max_angle), 2.0))
+    rays = directions(angles, random.uniform(0.0, 2.0 * np.pi, 120))
+    pixels = camera.project(rays)
+    assert np.isfinite(pixels).all()
+    assert np.allclose(camera.bearings(pixels), rays, rtol=0.0, atol=1e-7)
 
 
 def test_the_angles_of_a_unified_camera_end_where_the_sphere_turns_away() -> None:

@@ -19,7 +19,7 @@ from regionpose.clouds import read_cloud
 from regionpose.demo.scene import folder as demo_folder
 from scene_files import POSE, scene_values, write_scene
 
-COMMANDS = ("estimate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
+COMMANDS = ("estimate", "calibrate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
 
 
 @pytest.fixture(scope="module")

@@ -43,13 +43,26 @@ SHOTS = os.environ.get("REGIONPOSE_SHOTS")
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[str]:
     """The address of a page on the demo's photo and cloud that saves to `tmp_path`."""
-    command = [sys.executable, "-m", "regionpose", "pick", "--demo", "--no-browser"]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+    yield from started(["--demo"], tmp_path)
+
+
+def started(words: list[str], place: Path) -> Iterator[str]:
+    """The address of a page of `regionpose pick` with these words, started in a folder."""
+    command = [sys.executable, "-m", "regionpose", "pick", *words, "--no-browser"]
+    with subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         found = re.search(r"http://\S+", process.stdout.readline())
         assert found is not None
         yield found.group()
         process.terminate()
+
+
+@pytest.fixture
+def unasked(tmp_path: Path) -> Iterator[str]:
+    """The address of a page on the demo's files, of which nobody has said where the scanner stood."""
+    files = folder()
+    paths = {"--image": "image.jpg", "--camera": "camera_info.yaml", "--cloud": "cloud.ply"}
+    yield from started([word for key, name in paths.items() for word in (key, str(files / name))], tmp_path)
 
 
 class Hand:
@@ -179,6 +192,32 @@ def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: 
     hand.wait_for_rows(1)
     hand.wait_for_points(1)
     hand.shot("7-solid")
+    assert odd == []
+
+
+def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str, browser: Any, tmp_path: Path) -> None:
+    page, odd = opened(browser, unasked)
+    hand = Hand(page)
+    page.wait_for_selector("text=Where did the scanner stand?", timeout=WAIT_MS)
+    assert [field.input_value() for field in page.locator(".q-dialog input").all()] == ["0", "0", "0"]
+    hand.shot("8-scanner")
+    page.get_by_role("button", name="There", exact=True).click()
+    page.wait_for_selector("text=Scanner: 0, 0, 0", timeout=WAIT_MS)
+    hand.wait("!document.querySelector('.q-dialog')")
+    hand.photo(DOOR[0])
+    hand.wait_for_rows(1)
+    hand.cloud(DOOR[1])
+    hand.wait_for_points(1)
+    page.keyboard.press("Control+s")
+    page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    assert "sensor_origin: [0.0, 0.0, 0.0]" in (tmp_path / "scene.yaml").read_text(encoding="utf-8")
+    page.get_by_role("button", name="Scanner: 0, 0, 0").click()
+    page.locator(".q-dialog input").first.fill("1.5")
+    before = page.locator(".pv img").nth(1).get_attribute("src")
+    page.get_by_role("button", name="There", exact=True).click()
+    page.wait_for_selector("text=Scanner: 1.5, 0, 0", timeout=WAIT_MS)
+    hand.wait(f"document.querySelectorAll('.pv img')[1].getAttribute('src') != '{before}'")
+    hand.shot("9-scanner-moved")
     assert odd == []
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from regionpose.clouds import Cloud, read_cloud
 from regionpose.demo.scene import folder
 from regionpose.pick.desk import Desk
+from regionpose.pick.scanner import proposed_scanner
 from regionpose.pick.session import Session
 from regionpose.scene import estimate_scene, load_scene
 from regionpose.scene.bundle import read_truth, truth_errors
@@ -277,3 +279,87 @@ def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
             desk._wake.set()
     finally:
         desk.close()
+
+
+def clicked(session: Session) -> Session:
+    for pixel, place in (DOOR, BOARD):
+        session.click_photo(pixel)
+        session.click_cloud(place)
+    return session
+
+
+def known_by_samples(session: Session) -> list[bool]:
+    return [picked.world.chosen.side.region.samples is not None for picked in session.regions if picked.world]
+
+
+@pytest.fixture
+def unasked(tmp_path: Path) -> Session:
+    """A session of a cloud whose scanner's place nobody has said."""
+    files = folder()
+    return Session.create(
+        tmp_path / "scene.yaml",
+        image=files / "image.jpg",
+        camera=files / "camera_info.yaml",
+        cloud=files / "cloud.ply",
+    )
+
+
+def test_the_scanner_s_place_is_asked_for_saved_and_read_back(unasked: Session) -> None:
+    assert unasked.asks_for_scanner and unasked.scanner is None
+    unasked.set_scanner([0.0, 0.0, 0.0])
+    assert not unasked.asks_for_scanner and unasked.is_changed
+    clicked(unasked).save()
+    assert "sensor_origin: [0.0, 0.0, 0.0]" in unasked.path.read_text(encoding="utf-8")
+    again = Session.open(unasked.path)
+    assert not again.asks_for_scanner and again.scanner is not None and not again.scanner.any()
+    again.set_scanner(None)
+    again.save()
+    merged = Session.open(unasked.path)
+    assert not merged.asks_for_scanner and merged.scanner is None
+
+
+def test_regions_follow_the_scanner_s_place_and_undo_takes_it_back(session: Session) -> None:
+    clicked(session)
+    before = session.regions
+    assert known_by_samples(session) == [True, True]
+    session.set_scanner([3.0, 0.0, 40.0])
+    moved = [picked.world.chosen.side.region for picked in session.regions if picked.world]
+    session.undo()
+    assert session.regions == before and session.base["sensor_origin"] == [0, 0, 0]
+    session.redo()
+    assert [picked.world.chosen.side.region for picked in session.regions if picked.world] == moved
+    assert session.values()["sensor_origin"] == [3.0, 0.0, 40.0]
+
+
+def test_a_place_that_is_none_changes_nothing(session: Session) -> None:
+    for place in ([0.0, 1.0], [0.0, np.nan, 1.0]):
+        with pytest.raises(ValueError, match="the scanner's place: needed three numbers"):
+            session.set_scanner(place)
+    assert not session.can_undo and session.base["sensor_origin"] == [0, 0, 0]
+
+
+def test_the_desk_looks_from_the_scanner_s_place(unasked: Session) -> None:
+    desk = Desk(unasked)
+    try:
+        assert desk.proposal is not None and not desk.proposal.any()
+        middle, pictured = desk.middle, desk.pictured
+        desk.edit(lambda session: session.set_scanner([1.0, 0.5, 0.2]))
+        np.testing.assert_array_equal(desk.place, [1.0, 0.5, 0.2])
+        np.testing.assert_array_equal(desk.range_view.place, desk.place)
+        np.testing.assert_array_equal(desk.middle, middle)
+        assert desk.pictured > pictured
+        desk.edit(Session.undo)
+        np.testing.assert_array_equal(desk.place, [0.0, 0.0, 0.0])
+    finally:
+        desk.close()
+
+
+def test_only_a_single_scan_around_zero_proposes_a_place() -> None:
+    cloud = read_cloud(folder() / "cloud.ply")
+    points = cloud.local_points
+    assert proposed_scanner(cloud) is not None
+    assert proposed_scanner(Cloud(points - [2.0, 1.0, 0.3])) is None
+    assert proposed_scanner(Cloud(points + np.array([4e5, 5e6, 100.0]))) is None
+    generator = np.random.default_rng(0)
+    assert proposed_scanner(Cloud(generator.normal(0.0, 3.0, (20_000, 3)))) is None
+    assert proposed_scanner(Cloud(points[:1])) is None

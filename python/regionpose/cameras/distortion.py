@@ -23,12 +23,11 @@ from regionpose.cameras.inversion import (
 COEFFICIENT_COUNTS = (0, 4, 5, 8)
 """Numbers of coefficients that OpenCV defines without thin prism and tilt."""
 
-POLE_TOLERANCE = 1e-12
-"""Denominator, 1 on the axis, below which the disc ends at a pole: the rounding of a polynomial at its root."""
-
+ROOT_TOLERANCE = 1e-12
+"""Value of a polynomial, over the sum of its terms' sizes, that counts as zero: its rounding at a root, with room."""
 
 POLE_MARGIN = 1e-9
-"""Share of a pole's radius by which the disc stays inside it: distorted radii are then up to 1e9 times its radius."""
+"""Share of a pole's radius inside it at which a factor is read whose numerator vanishes there, too."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +159,11 @@ class RadialTangential:
     def _largest_distorted_radius(self) -> float:
         """Bound of the distorted radii in the disc, reached when there are no tangential terms.
 
-        Just inside a pole the radii are past any image, unless the numerator has the same root and they stay finite.
+        At a pole there is none, unless the numerator has the same root and the radii stay finite.
         """
-        if math.isinf(self.limit):
+        at_pole = math.isfinite(self.limit) and _is_root(self.denominator, self.limit**2)
+        if math.isinf(self.limit) or (at_pole and not _is_root(self.numerator, self.limit**2)):
             return math.inf
-        at_pole = abs(float(polynomial(self.denominator, np.array(self.limit**2)))) <= POLE_TOLERANCE
         radius = self.limit * (1.0 - POLE_MARGIN) if at_pole else self.limit
         distorted = radius * float(self._factor(np.array(radius * radius))[0])
         return distorted + 3.0 * math.hypot(*self.tangential) * radius * radius
@@ -173,6 +172,12 @@ class RadialTangential:
 def _trimmed(coefficients: tuple[float, ...]) -> Array:
     """Ascending coefficients without trailing zeros."""
     return np.trim_zeros(np.array(coefficients), "b")
+
+
+def _is_root(coefficients: Array, s: float) -> bool:
+    """Whether the polynomial with ascending `coefficients` is zero at `s` above 0, to its rounding."""
+    at = np.array(s)
+    return abs(float(polynomial(coefficients, at))) <= ROOT_TOLERANCE * float(polynomial(np.abs(coefficients), at))
 
 
 def _sum(first: Array, second: Array) -> Array:

@@ -30,7 +30,7 @@ MAX_ITERATIONS = 200
 """Newton and bisection steps together; bisection alone takes under 70 from a bracket of ordinary size."""
 
 CONVERGED = 4.0 * np.finfo(np.float64).eps
-"""Distance to the target in the plane, relative to 1 + its radius, at which a point is inverted to its rounding."""
+"""Distance to the target in the plane, over the sizes that round, at which a point is inverted to its rounding."""
 
 ACCEPTED = 1e-13
 """The same distance for a point that stopped moving: 1e-10 px at a focal length of 1000 px."""
@@ -149,30 +149,33 @@ def inverses_in_disc(mapping: Callable[[Array], PlaneMapping], target: Array, st
     """
     start_radius = np.maximum(np.hypot(*start), np.finfo(np.float64).tiny)
     point = start * np.minimum(1.0, START_INSIDE * radius / start_radius)
-    distance, step = _distance_and_step(mapping, point, target)
-    tolerance = 1.0 + np.hypot(*target)
+    distance, step, size = _towards(mapping, point, target)
     fraction = np.ones_like(distance)
     rows = np.flatnonzero(np.isfinite(distance))
     for _ in range(MAX_ITERATIONS):
-        rows = rows[(distance[rows] > CONVERGED * tolerance[rows]) & (fraction[rows] > SMALLEST_FRACTION)]
+        rows = rows[(distance[rows] > CONVERGED * size[rows]) & (fraction[rows] > SMALLEST_FRACTION)]
         if rows.size == 0:
             break
         trial = point[:, rows] + fraction[rows] * step[:, rows]
-        trial_distance, trial_step = _distance_and_step(mapping, trial, target[:, rows])
+        trial_distance, trial_step, trial_size = _towards(mapping, trial, target[:, rows])
         better = (trial_distance < distance[rows]) & (np.hypot(*trial) <= radius)
         moved = rows[better]
         point[:, moved], step[:, moved] = trial[:, better], trial_step[:, better]
-        distance[moved] = trial_distance[better]
+        distance[moved], size[moved] = trial_distance[better], trial_size[better]
         fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.5 * fraction[rows])
-    point[:, ~(distance <= ACCEPTED * tolerance)] = np.nan
+    point[:, ~(distance <= ACCEPTED * size)] = np.nan
     return np.asarray(point)
 
 
-def _distance_and_step(mapping: Callable[[Array], PlaneMapping], point: Array, target: Array) -> tuple[Array, Array]:
-    """Distance of the images of points to their targets, and the Newton step towards them."""
+def _towards(mapping: Callable[[Array], PlaneMapping], point: Array, target: Array) -> tuple[Array, Array, Array]:
+    """Distance of the images of points to their targets, the Newton step towards them, and the sizes that round.
+
+    A point's own rounding moves its image by the Jacobian's norm times its radius, which is far more than the image's
+    rounding next to a pole.
+    """
     image, (xx, xy, yy) = mapping(point)
     dx, dy = target - image
     determinant = xx * yy - xy * xy
     step: Array = np.stack([yy * dx - xy * dy, xx * dy - xy * dx]) / determinant
-    distance: Array = np.hypot(dx, dy)
-    return distance, step
+    size: Array = 1.0 + np.hypot(*target) + np.hypot(np.hypot(xx, yy), xy) * np.hypot(*point)
+    return np.hypot(dx, dy), step, size

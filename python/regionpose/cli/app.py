@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from regionpose import __version__
-from regionpose.cli import demo, estimate, evaluate, export, fuse, info, pick, project, schema, segment
+from regionpose.cli import calibrate, demo, estimate, evaluate, export, fuse, info, pick, project, schema, segment
 
 FINE, BAD_INPUT, NO_POSE, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 
@@ -42,6 +42,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("estimate")(estimate.estimate)
+app.command("calibrate")(calibrate.calibrate)
 app.command("pick")(pick.pick)
 app.command("segment")(segment.segment)
 app.command("export")(export.export)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,10 +10,10 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
-from regionpose.outputs import claimed
+from regionpose.outputs import Writer, claimed
 
 if TYPE_CHECKING:
-    from regionpose.scene import SceneEstimate
+    from regionpose.scene import Scene, SceneEstimate
     from regionpose.scene.bundle import Truth
 
 WARNED, DOUBTED = 1, 3
@@ -66,16 +67,32 @@ def run_scene(
     segmenter: str | None = None,
 ) -> None:
     """Estimate a scene, write its files to the folder `out`, and say the result."""
+    scene = scene_with(path, segmenter)
+    run_loaded(scene, out, force=force, as_json=as_json, quiet=quiet, strict=strict, truth=truth)
+
+
+def run_loaded(
+    scene: Scene,
+    out: Path,
+    *,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    strict: bool = False,
+    truth: Truth | None = None,
+    extra: Mapping[str, Writer] | None = None,
+) -> None:
+    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and say the result."""
     from regionpose.scene import Stages, estimate_scene
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.verdict import DOUBTFUL, verdict
 
-    scene = scene_with(path, segmenter)
-    with claimed(out, file_names(scene), force=force) as claim, Progress(quiet) as progress:
+    more = dict(extra or {})
+    with claimed(out, [*more, *file_names(scene)], force=force) as claim, Progress(quiet) as progress:
         stages = Stages(progress.begin)
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth)
-        written = claim.write(files.writers)
+        written = claim.write({**more, **files.writers})
     if as_json:
         say_json(files.result)
     else:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from regionpose.clouds import Cloud
     from regionpose.scene.loading import NamedRegion
 
-IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
 """Files that may be scenes, results or calibrations; what is none of these is read as a cloud."""
 
@@ -65,6 +64,8 @@ def file_facts(
     progress: Progress | None = None,
 ) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
+    from regionpose.reading import IMAGE_SUFFIXES
+
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
     if not path.exists():

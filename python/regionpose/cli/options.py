@@ -59,13 +59,31 @@ PosePaths = Annotated[
 
 def scene_with(path: Path, segmenter: str | None) -> Scene:
     """The scene of a file, whose seeds in photos ask the segmenter that is named, if one is."""
-    from dataclasses import replace
-
     from regionpose.scene import load_scene
 
-    scene = load_scene(path)
+    return asking(load_scene(path), segmenter)
+
+
+def asking(scene: Scene, segmenter: str | None) -> Scene:
+    """The scene, whose seeds in photos ask the segmenter that is named, if one is."""
+    from dataclasses import replace
+
     if segmenter is None:
         return scene
+
     from regionpose.segmentation.segmenters import load_segmenter
 
     return replace(scene, segmenter=load_segmenter(segmenter))
+
+
+def numbers_of(option: str, text: str | None, count: int, needed: str) -> tuple[float, ...]:
+    """The `count` numbers that an option gives, with commas between; ValueError that names it otherwise."""
+    if text is None:
+        raise ValueError(f"{option}: found nothing; needed {needed}")
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise ValueError(f"{option}: found {text!r}; needed {needed}") from error
+    if len(numbers) != count:
+        raise ValueError(f"{option}: found {len(numbers)} numbers; needed {needed}")
+    return numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -12,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.info import IMAGE_SUFFIXES
-from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, numbers_of, scene_with
 from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
@@ -62,14 +60,18 @@ def segment(
       regionpose segment image.jpg --seed 463,498 --out door.png
       regionpose segment cloud.ply --seed 4.63,5.13,0.97 --out door.npy
     """
+    from regionpose.reading import IMAGE_SUFFIXES
+
     suffix = source.suffix.lower()
     if suffix in SCENE_SUFFIXES:
         facts = _segment_scene(source, seed, segmenter, out or Path(f"{source.stem}-regions"), force, quiet)
     elif suffix in IMAGE_SUFFIXES:
         grow = _grower(tolerance, segmenter)
-        facts = _segment_image(source, _numbers(seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet)
+        facts = _segment_image(
+            source, numbers_of("--seed", seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet
+        )
     else:
-        facts = _segment_cloud(source, _numbers(seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet)
+        facts = _segment_cloud(source, numbers_of("--seed", seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet)
     if as_json:
         say_json(facts)
     else:
@@ -77,19 +79,6 @@ def segment(
         say_rows(shown, indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
         say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
-
-
-def _numbers(text: str | None, count: int, needed: str) -> tuple[float, ...]:
-    """The numbers of `--seed`."""
-    if text is None:
-        raise ValueError(f"--seed: found nothing; needed {needed}")
-    try:
-        numbers = tuple(float(word) for word in text.split(","))
-    except ValueError as error:
-        raise ValueError(f"--seed: found {text!r}; needed {needed}") from error
-    if len(numbers) != count:
-        raise ValueError(f"--seed: found {len(numbers)} numbers; needed {needed}")
-    return numbers
 
 
 def _grower(tolerance: float | None, segmenter: str | None) -> Grower:
@@ -179,10 +168,11 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
     import numpy as np
     from PIL import Image
 
+    from regionpose.scene.paths import moved
     from regionpose.yaml_text import to_yaml
 
     writers: dict[str, Any] = {}
-    held = _moved(scene.document.value, scene, out)
+    held: Any = moved(scene.document.value, scene.path.parent, out)
     for index, (region, observed, world) in enumerate(_with_sides(held, sides)):
         if observed is not None and observed.mask is not None:
             picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
@@ -213,27 +203,6 @@ def _with_sides(
 def _kept(side: dict[str, Any], *keys: str) -> dict[str, Any]:
     """Those keys of a region's side that hold however it was found."""
     return {key: side[key] for key in keys if key in side}
-
-
-FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "unknown", "points", "mesh"}
-"""Keys of a scene file under which text is a path."""
-
-
-def _moved(held: Any, scene: Scene, out: Path) -> Any:
-    """The values of a scene file with their paths relative to the folder `out`."""
-    if isinstance(held, list):
-        return [_moved(value, scene, out) for value in held]
-    if not isinstance(held, dict):
-        return held
-    moved = {}
-    for key, value in held.items():
-        is_path = key in FILE_KEYS and isinstance(value, str)
-        moved[key] = _relative(scene.file(value), out) if is_path else _moved(value, scene, out)
-    return moved
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def _slug(index: int, name: str) -> str:

@@ -19,7 +19,9 @@ from regionpose.clouds import Cloud
 from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
 from regionpose.pick.range_view import RangeView, depth_and_intensity, grays
+from regionpose.pick.scanner import proposed_scanner
 from regionpose.pick.session import Session
+from regionpose.pick.sketch import Sketch
 from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
 from regionpose.pictures.colors import colored_cloud
 
@@ -69,23 +71,28 @@ class Desk:
         self._wake = threading.Event()
         self._ended = False
         self._layered: dict[int, Any] = {}
-        scanner = session.scan.scanner
-        self.place = np.zeros(3) if scanner is None else scanner
-        self.range_view = RangeView.of(session.cloud, self.place, _up(session))
-        sample, pictured = sample_indices(len(session.cloud)), self.range_view.indices
-        self._shown, places = _places(len(session.cloud), sample, pictured[pictured >= 0])
-        self._sample = places[sample]
-        self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
-        self.cloud = _part(session.cloud, self._shown)
-        self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._rays: RayIndex | None = None
-        self._colors: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
+        self.proposal = proposed_scanner(session.cloud) if session.asks_for_scanner else None
+        self._look()
+        self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._serve_still()
         self._serve_cloud()
         self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
         self._worker.start()
         if session.can_estimate:
             self._wake.set()
+
+    def _look(self) -> None:
+        """Look at the cloud from the scanner's place, or from the cloud's zero where that isn't known."""
+        cloud, scanner = self.session.cloud, self.session.scan.scanner
+        self.place = np.zeros(3) if scanner is None else scanner
+        self.range_view = RangeView.of(cloud, self.place, _up(self.session))
+        sample, pictured = sample_indices(len(cloud)), self.range_view.indices
+        self._shown, places = _places(len(cloud), sample, pictured[pictured >= 0])
+        self._sample = places[sample]
+        self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
+        self.cloud = _part(cloud, self._shown)
+        self._colors: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
 
     def close(self) -> None:
         """End the background work."""
@@ -106,16 +113,21 @@ class Desk:
             before, basis = self.session.sketch, self.session.basis
             action(self.session)
             if self.session.sketch is not before:
-                self._edited(before.regions, is_solved=basis == self.session.basis)
+                self._edited(before, is_solved=basis == self.session.basis)
 
-    def _edited(self, before: tuple[Picked, ...], *, is_solved: bool) -> None:
+    def _edited(self, sketch: Sketch, *, is_solved: bool) -> None:
+        before, looked = sketch.regions, sketch.scan is not self.session.scan
         # First of all: no page may show the pose of other regions as that of these.
-        if not is_solved:
+        if looked or not is_solved:
             self.outcome = replace(self.outcome, state="busy") if self.session.can_estimate else Outcome()
             self._wake.set()
         self.revision += 1
-        if _worlds(before) != _worlds(self.session.regions):
+        if looked:
+            self._look()
+        if looked or _worlds(before) != _worlds(self.session.regions):
             self._serve_cloud()
+            # Again: a page that looked in between has shown the picture before.
+            self.revision += 1
 
     def save(self) -> list[Path]:
         """Save the session; errors and paths as of `Session.save`."""
@@ -252,7 +264,7 @@ class Desk:
             # The page would wait for ever for a worker that is gone.
             outcome = Outcome("failed", f"{type(error).__name__}: {error}")
         with self._lock:
-            if session.basis == self.session.basis:
+            if session.scan is self.session.scan and session.basis == self.session.basis:
                 self.outcome = outcome
                 self.revision += 1
                 if self.coloring == "photo":

@@ -14,6 +14,7 @@ from nicegui.events import KeyEventArguments
 from regionpose.pick.desk import Desk, color_of
 from regionpose.pick.elements import CloudView, PictureView
 from regionpose.pick.parts import Picked
+from regionpose.pick.scanner_dialog import ScannerDialog
 from regionpose.pick.session import Session
 from regionpose.pick.texts import EMPTY_LIST, HELP, cloud_hint, outcome_html, photo_hint
 
@@ -97,6 +98,7 @@ class Page:
                 ui.html('<span class="rp-title">Cloud</span>', sanitize=False)
                 self.tabs = _toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
                 ui.element("div").classes("rp-grow")
+                self.scanner = ScannerDialog(desk, self._set_scanner)
                 self.coloring = _toggle(desk.colorings, desk.coloring, self._color)
             with ui.element("div").classes("rp-view"):
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
@@ -136,6 +138,7 @@ class Page:
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.save.set_enabled(session.is_changed)
+        self.scanner.show()
         self.coloring.set_options(self.desk.colorings, value=self.desk.coloring)
         self._show_photo()
         self._show_cloud()
@@ -151,7 +154,8 @@ class Page:
 
     def _show_cloud(self) -> None:
         stamp = f"?{self.desk.pictured}"
-        self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes())
+        width, height = self.desk.range_view.size
+        self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes(), width=width, height=height)
         self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.desk.solid_shapes())
         self.cloud_hint.set_content(cloud_hint(self.selected))
 
@@ -261,6 +265,9 @@ class Page:
             "growing the plane …",
             lambda s: s.click_cloud(self.desk.point_on_ray(origin, ahead), again=again),
         )
+
+    async def _set_scanner(self, place: list[float] | None) -> None:
+        await self._grow(self.range, "looking from there …", lambda session: session.set_scanner(place))
 
     async def _drawn(self, args: dict[str, Any]) -> None:
         await self._edit(lambda session: session.draw_polygon(args["ring"]))

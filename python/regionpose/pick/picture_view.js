@@ -58,6 +58,8 @@ export default {
   watch: {
     shapes: { handler() { this.takeUp(); }, deep: false },
     mode() { this.draft = []; },
+    width() { this.reset(); },
+    height() { this.reset(); },
   },
   mounted() {
     this.takeUp();

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -19,9 +18,11 @@ from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
+from regionpose.pick.sketch import Sketch
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
+from regionpose.scene.paths import relative
 from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.segmentation.segmenters import Segmenter
@@ -37,32 +38,6 @@ STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
 """A side in the photo, of a scene that is made to look at its region's other side."""
 
 
-@dataclass(frozen=True)
-class Sketch:
-    """What undo brings back: the list of regions and which of them is worked on."""
-
-    regions: tuple[Picked, ...] = ()
-    selected: int | None = None
-
-    def region(self, key: int) -> Picked:
-        """The region of a key; ValueError where it is gone, as after another page removed it."""
-        found = next((picked for picked in self.regions if picked.key == key), None)
-        if found is None:
-            raise ValueError("found no such region; it was removed in the meantime")
-        return found
-
-    def with_region(self, region: Picked) -> Sketch:
-        """The sketch with this region in the place of the one of its key, or at the end."""
-        held = any(picked.key == region.key for picked in self.regions)
-        kept = tuple(region if picked.key == region.key else picked for picked in self.regions)
-        return Sketch(kept if held else (*kept, region), region.key)
-
-    def without(self, *keys: int) -> Sketch:
-        """The sketch without some regions."""
-        kept = tuple(picked for picked in self.regions if picked.key not in keys)
-        return Sketch(kept, None if self.selected in keys else self.selected)
-
-
 @dataclass(eq=False)
 class Session:
     """Regions picked in the photo and the cloud of a scene.
@@ -73,25 +48,27 @@ class Session:
     """
 
     path: Path
-    base: dict[str, Any]
     camera: Camera
     image: Picture
     cloud: Cloud
-    scan: Scan
+    sketch: Sketch
     segmenter: Segmenter | None = None
-    sketch: Sketch = field(default_factory=Sketch)
     _past: list[Sketch] = field(default_factory=list)
     _future: list[Sketch] = field(default_factory=list)
-    _saved: Sketch = field(default_factory=Sketch)
+    _saved: Sketch = field(init=False)
     _next: int = 0
     _planes: dict[str, WorldSide] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What there is at first needs no saving."""
+        self._saved = self.sketch
 
     @classmethod
     def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
         """A session without regions, to be saved at `path`; errors as of reading a scene's files."""
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
-        base = {key: _relative(file, folder) for key, file in files.items()}
+        base = {key: relative(file, folder) for key, file in files.items()}
         return cls._with_sensors(path, {**base, **extra})
 
     @classmethod
@@ -120,7 +97,7 @@ class Session:
         if cloud is None:
             raise SceneError(f"{path}: found no cloud; needed one to pick in")
         scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
-        return cls(path, base, camera, image, cloud, scan)
+        return cls(path, camera, image, cloud, Sketch(base, scan))
 
     def _read(self, written: dict[str, Any]) -> None:
         """Add a region that the scene file holds."""
@@ -146,6 +123,49 @@ class Session:
 
     def _scene(self, regions: list[dict[str, Any]]) -> Scene:
         return scene_of(self.path, {**self.base, "regions": regions})
+
+    @property
+    def base(self) -> dict[str, Any]:
+        """What the scene file says beside regions."""
+        return self.sketch.base
+
+    @property
+    def scan(self) -> Scan:
+        """The cloud, and where its scanner stood."""
+        return self.sketch.scan
+
+    @property
+    def asks_for_scanner(self) -> bool:
+        """Whether neither the scene nor the cloud's file says where the scanner stood, or that there were several."""
+        return self.scan.scanner is None and "sensor_origin" not in self.base
+
+    @property
+    def scanner(self) -> Array | None:
+        """Where the scanner stood (3,), in the cloud's world; None where that isn't known, or there were several."""
+        return None if self.scan.scanner is None else self.scan.scanner + self.scan.origin
+
+    def set_scanner(self, place: Sequence[float] | None) -> None:
+        """Say where the scanner stood (3,), in the cloud's world; None for scans of several places merged.
+
+        What the regions are known by follows. ValueError where one of them can't be made then.
+        """
+        if place is not None and not (len(place) == 3 and np.isfinite(place).all()):
+            raise ValueError("the scanner's place: needed three numbers, meters")
+        base = {**self.base, "sensor_origin": None if place is None else [float(value) for value in place]}
+        before, local = self.sketch, None if place is None else np.asarray(place, dtype=np.float64) - self.scan.origin
+        self.sketch = replace(before, base=base, scan=self.scan._replace(scanner=local))
+        try:
+            moved = replace(self.sketch, regions=tuple(self._again(picked) for picked in before.regions))
+        finally:
+            self.sketch = before
+        self._change(moved)
+
+    def _again(self, picked: Picked) -> Picked:
+        """The region with its side in the cloud made again, the one that is taken."""
+        if picked.world is None:
+            return picked
+        part = picked.world.chosen
+        return replace(picked, world=only(self._world_part(part.written, part.label)))
 
     @property
     def regions(self) -> tuple[Picked, ...]:
@@ -194,7 +214,7 @@ class Session:
     @property
     def is_changed(self) -> bool:
         """Whether there is something to save."""
-        return self.sketch.regions != self._saved.regions
+        return (self.sketch.regions, self.base) != (self._saved.regions, self._saved.base)
 
     def select(self, key: int | None) -> None:
         """Work on a region, or on none, so that the next click begins a new one."""
@@ -305,20 +325,25 @@ class Session:
         self.edit_polygon(key, corners, [])
 
     def _change(self, sketch: Sketch) -> None:
-        self._past = [*self._past[-MOST_UNDO + 1 :], self.sketch]
-        self._future, self.sketch = [], sketch
+        self._past, self._future = [*self._past[-MOST_UNDO + 1 :], self.sketch], []
+        self._take(sketch)
 
     def undo(self) -> None:
         """Take the last step back; nothing where there is none."""
         if self._past:
             self._future.append(self.sketch)
-            self.sketch = self._past.pop()
+            self._take(self._past.pop())
 
     def redo(self) -> None:
         """Take a step again that was taken back; nothing where there is none."""
         if self._future:
             self._past.append(self.sketch)
-            self.sketch = self._future.pop()
+            self._take(self._future.pop())
+
+    def _take(self, sketch: Sketch) -> None:
+        if sketch.scan is not self.scan:
+            self._planes = {}  # They rest on the scanner's place, too.
+        self.sketch = sketch
 
     def values(self) -> dict[str, Any]:
         """The scene file as plain values."""
@@ -408,7 +433,3 @@ def _flattened(written: dict[str, Any]) -> dict[str, Any]:
 
 def _write_mask(levels: Levels, path: Path) -> None:
     Image.fromarray(levels).save(path, format="PNG")
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), folder)).as_posix()

@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionpose.pick.outcome import Outcome
 from regionpose.pick.parts import Picked
@@ -22,6 +23,12 @@ EMPTY_LIST = (
 EMPTY_POSE = (
     '<div class="rp-empty">The pose appears here as soon as one region has both sides, and again after every change.'
     "</div>"
+)
+
+SCANNER_QUESTION = (
+    '<div class="rp-help"><h3>Where did the scanner stand?</h3>In the frame of the cloud, mostly 0, 0, 0. That is'
+    " proposed where the cloud looks like one scan around its zero. With the place the regions are known far better: by"
+    " the beams that met them and those that passed beside them.</div>"
 )
 
 HELP = (Path(__file__).parent / "help.html").read_text(encoding="utf-8")
@@ -61,6 +68,13 @@ def outcome_html(outcome: Outcome) -> str:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
+
+
+def scanner_text(place: NDArray[np.float64] | None, asks: bool) -> str:
+    """What is known of where the scanner stood."""
+    if place is None:
+        return "Scanner: where?" if asks else "Scanner: several places"
+    return "Scanner: " + ", ".join(f"{round(value, 2):g}" for value in place.tolist())
 
 
 def photo_hint(selected: Picked | None, mode: str) -> str:

@@ -17,7 +17,7 @@ from regionpose.pictures.colors import colored_cloud
 from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps, save_png
 from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
-from regionpose.scene.estimate import SceneEstimate
+from regionpose.scene.estimate import SceneEstimate, frame_label
 from regionpose.scene.known import given_pose
 from regionpose.scene.loading import Scene
 from regionpose.scene.report import Figure, Report, report_html
@@ -97,7 +97,7 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
 def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bundle:
     """Everything that is written of a run; the pictures' seconds are added to `stages`."""
     views = run.views
-    frames = [_frame_files(view, partial(_numbered, index=k, count=len(views)), stages) for k, view in enumerate(views)]
+    frames = [_frame_files(view, k, len(views), stages) for k, view in enumerate(views)]
     writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
     figures = [figure for frame in frames for figure in frame.figures]
     solids = [figure for frame in frames for figure in frame.solids]
@@ -120,8 +120,13 @@ class FrameFiles(NamedTuple):
     solids: list[Figure]
 
 
-def _frame_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
-    """The files of one frame; the seconds of its pictures are added to `stages`."""
+def _frame_files(view: SceneEstimate, index: int, count: int, stages: Stages) -> FrameFiles:
+    """The files of one frame of `count`; the seconds of its pictures are added to `stages`."""
+    with stages.within(frame_label(view.sides.scene, index, count)):
+        return _drawn_files(view, partial(_numbered, index=index, count=count), stages)
+
+
+def _drawn_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
     with stages.stage("pictures"):
         drawn = {numbered(name): figure for name, figure in pictures(view).items()}
     writers: dict[str, Callable[[Path], object]] = {

@@ -34,11 +34,12 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True)
 class Document:
-    """The values of a scene file and the line (from 1) of each place in it."""
+    """The values of a scene file, the line (from 1) of each place in it, and its bytes."""
 
     path: Path
     value: object
     lines: dict[Place, int]
+    content: bytes = b""
 
     def line(self, place: Place) -> int:
         """The line of the value at `place`, or of the innermost value around it that the file has."""
@@ -77,25 +78,36 @@ def read_document(path: str | Path) -> Document:
     alias.
     """
     location = Path(path)
-    text = _text(location)
-    return _json_document(location, text) if location.suffix.lower() == ".json" else _yaml_document(location, text)
+    return document_of(location, _content(location))
 
 
-def _text(path: Path) -> str:
+def document_of(path: Path, content: bytes) -> Document:
+    """The scene file that holds `content`, which need not be written yet; errors as of `read_document`."""
+    _check_size(path, len(content))
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: found a binary file; needed YAML or JSON in UTF-8") from error
+    value, lines = _json_parts(path, text) if path.suffix.lower() == ".json" else _yaml_parts(path, text)
+    return Document(path, value, lines, content)
+
+
+def _content(path: Path) -> bytes:
     if path.is_dir():
         raise SceneError(f"{path}: found a directory; needed a scene file")
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; needed a scene file")
-    size = path.stat().st_size
+    _check_size(path, path.stat().st_size)
+    return path.read_bytes()
+
+
+def _check_size(path: Path, size: int) -> None:
     if size > MAX_BYTES:
         raise SceneError(f"{path}: found {size} bytes; needed a scene file of at most {MAX_BYTES}")
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: found a binary file; needed YAML or JSON in UTF-8") from error
 
 
-def _yaml_document(path: Path, text: str) -> Document:
+def _yaml_parts(path: Path, text: str) -> tuple[object, dict[Place, int]]:
+    """The value of a YAML text, and the line of each place in it."""
     try:
         node = yaml_node(text)
         lines = _lines(path, node)
@@ -106,10 +118,11 @@ def _yaml_document(path: Path, text: str) -> Document:
         raise SceneError(f"{place}: {error}; needed YAML") from error
     except UnicodeEncodeError as error:
         raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed YAML") from error
-    return Document(path, value, lines)
+    return value, lines
 
 
-def _json_document(path: Path, text: str) -> Document:
+def _json_parts(path: Path, text: str) -> tuple[object, dict[Place, int]]:
+    """The value of a JSON text, and the line of each place in it."""
     try:
         value = json_value(text)
         # JSON is YAML but for tabs between values; strings hold none.
@@ -118,7 +131,7 @@ def _json_document(path: Path, text: str) -> Document:
         raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
     except (ValueError, RecursionError) as error:
         raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed JSON") from error
-    return Document(path, value, _lines(path, node))
+    return value, _lines(path, node)
 
 
 def _lines(path: Path, root: Node | None) -> dict[Place, int]:

@@ -155,8 +155,9 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     """
     stages = stages or Stages()
     frames: list[SceneSides] = []
-    for frame in scene.frames:
-        frames.append(scene_sides(frame, stages, origin=frames[0].origin if frames else None))
+    for index, frame in enumerate(scene.frames):
+        with stages.within(frame_label(frame, index, len(scene.model.frames))):
+            frames.append(scene_sides(frame, stages, origin=frames[0].origin if frames else None))
     return estimate_frames(scene, frames, stages)
 
 
@@ -168,17 +169,22 @@ def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEsti
 def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of the camera in all frames of a scene; errors as of `estimate_scene`."""
     stages = stages or Stages()
-    frames = tuple(_matched(sides, stages) for sides in given)
+    frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
         run = _explained(lambda: _first_run(scene, frames, stages.seconds), frames)
     return _heard(run, stages)
 
 
-def _matched(sides: SceneSides, stages: Stages) -> SceneSides:
+def frame_label(frame: Scene, index: int, count: int) -> str:
+    """Which of several frames this is, for who waits; nothing of a scene of one photo."""
+    return f"frame {index + 1} of {count}, {frame.name}" if frame.name else ""
+
+
+def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
     """The sides with what is to be matched in pairs; ValueError that names the frame where nothing matches."""
     if not sides.unpaired.can_match:
         return sides
-    with stages.stage("matching"):
+    with stages.within(which), stages.stage("matching"):
         return _explained(lambda: matched(sides), [sides])
 
 

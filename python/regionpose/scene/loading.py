@@ -76,7 +76,11 @@ def load_scene(path: str | Path) -> Scene:
         A ValueError, as `scene.yaml:14: regions[1].image.seed: found 3 numbers; needed [x, y]` for the first thing
         wrong.
     """
-    document = read_document(path)
+    return scene_of(read_document(path))
+
+
+def scene_of(document: Document) -> Scene:
+    """The checked scene of a document; SceneError for the first thing wrong."""
     if not isinstance(document.value, dict):
         raise document.error((), f"found {brief(document.value)}; needed a mapping with camera, image and regions")
     try:

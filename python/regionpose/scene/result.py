@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import platform
 import sys
+from hashlib import file_digest, sha256
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -232,10 +232,12 @@ def exports(pose: Pose) -> dict[str, Any]:
 
 def input_values(scene: Scene) -> list[dict[str, Any]]:
     """Roles, path (as the scene names it), size and SHA-256 of every file that a scene reads."""
-    roles: dict[str, list[str]] = {scene.path.name: ["scene"]}
+    content = scene.document.content
+    own = {"roles": ["scene"], "path": scene.path.name, "bytes": len(content), "sha256": sha256(content).hexdigest()}
+    roles: dict[str, list[str]] = {}
     for role, name in named_files(scene).items():
         roles.setdefault(name, []).append(role)
-    return [
+    return [own] + [
         {"roles": held, "path": name, "bytes": scene.file(name).stat().st_size, "sha256": file_hash(scene.file(name))}
         for name, held in roles.items()
     ]
@@ -272,7 +274,7 @@ def _frame_files(scene: Scene, tail: str) -> dict[str, str]:
 def file_hash(path: Path) -> str:
     """SHA-256 of a file, hexadecimal."""
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        return file_digest(file, "sha256").hexdigest()
 
 
 def versions() -> dict[str, str]:

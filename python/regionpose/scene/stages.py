@@ -10,15 +10,25 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Stages:
-    """The seconds that each stage of a run took; `begin` is told its name when it begins."""
+    """The seconds that each stage of a run took; `begin` is told its name when it begins, and of what it is."""
 
     begin: Callable[[str], object] = lambda name: None
     seconds: dict[str, float] = field(default_factory=dict)
+    _whose: str = ""
+
+    @contextmanager
+    def within(self, whose: str) -> Iterator[None]:
+        """Say before the name of each stage in the block whose it is, such as a frame's."""
+        before, self._whose = self._whose, f"{whose}: " if whose else ""
+        try:
+            yield
+        finally:
+            self._whose = before
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Time a block as the stage `name`."""
-        self.begin(name)
+        self.begin(self._whose + name)
         start = time.perf_counter()
         try:
             yield

@@ -1,0 +1,294 @@
+"""A folder of photos and clouds of one rig, read as the scene of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from regionpose.clouds.kinds import ENDINGS
+from regionpose.reading import IMAGE_SUFFIXES
+from regionpose.scene.document import Document, Place, SceneError, brief, document_of, read_document
+from regionpose.scene.loading import Scene, scene_of
+from regionpose.scene.models import PLANES
+from regionpose.scene.paths import moved, relative
+from regionpose.segmentation.mask_files import MaskItem, file_items
+from regionpose.yaml_text import to_yaml
+
+Values = dict[str, Any]
+
+HEADING = "# Written by `regionpose calibrate`; `regionpose estimate` on it gives the same pose.\n"
+
+SHARED = ("camera", "prior", "solver")
+"""Keys of a pair's scene file that are the rig's, and the same in all pairs that have them."""
+
+SEGMENTED = "{}-regions/scene.yaml"
+"""What `regionpose segment` writes of a pair's scene file."""
+
+
+class Source(NamedTuple):
+    """Where a value of the folder's scene comes from: a pair's scene file and the place there, or another file."""
+
+    file: Document | Path
+    place: Place = ()
+
+
+Sources = dict[Place, Source]
+
+
+@dataclass(frozen=True)
+class FolderDocument(Document):
+    """The scene file of a folder, whose errors name the file of the pair that each value comes from."""
+
+    sources: Mapping[Place, Source] = field(default_factory=dict)
+
+    def error(self, place: Place, message: str) -> SceneError:
+        """The error about the value at `place`."""
+        for length in range(len(place), 0, -1):
+            source = self.sources.get(place[:length])
+            if source is None:
+                continue
+            if isinstance(source.file, Document):
+                return source.file.error((*source.place, *place[length:]), message)
+            return SceneError(f"{source.file}: {_without_path(message, source.file)}")
+        return super().error(place, message)
+
+
+def _without_path(message: str, file: Path) -> str:
+    """The message without the path of a file, as the written scene would name it, at its beginning."""
+    path, _, rest = message.partition(": ")
+    return rest if rest and Path(path).resolve() == file.resolve() else message
+
+
+@dataclass(frozen=True)
+class FolderOptions:
+    """What holds for all pairs of a folder.
+
+    `camera`: the scene's key, its file relative to the working folder. `sensor_origin` (3,): where the scanner stood,
+    of pairs that say nothing else. `coco`: a file with the regions of all photos.
+    """
+
+    camera: str | dict[str, str] | None = None
+    sensor_origin: list[float] | None = None
+    coco: Path | None = None
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A photo and a cloud of one name, the scene file beside them, and the pictures that are its masks."""
+
+    name: str
+    photo: Path
+    cloud: Path | None
+    document: Document | None
+    masks: tuple[Path, ...]
+
+    @property
+    def held(self) -> Values:
+        """What the scene file holds, nothing where there is none."""
+        return {} if self.document is None or not isinstance(self.document.value, dict) else self.document.value
+
+
+def folder_scene(folder: Path, path: Path, options: FolderOptions | None = None) -> tuple[Scene, list[Path]]:
+    """The scene of all pairs of a folder, to be written to `path`, and the photos left out for want of a cloud.
+
+    Its document holds the text to be written. SceneError that names a pair's file for what cannot be used.
+    """
+    chosen = options or FolderOptions()
+    pairs, alone = folder_pairs(folder)
+    values, sources = _shared(folder, pairs, path.parent, chosen)
+    frames = [_frame(pair, path.parent, chosen) for pair in pairs]
+    values["frames"] = [frame for frame, _ in frames]
+    for index, (_, own) in enumerate(frames):
+        sources |= {("frames", index, *place): source for place, source in own.items()}
+    written = document_of(path, (HEADING + to_yaml(values)).encode())
+    return scene_of(FolderDocument(path, written.value, written.lines, written.content, sources)), alone
+
+
+def folder_pairs(folder: Path) -> tuple[list[Pair], list[Path]]:
+    """The pairs of a folder by name, and the photos without a cloud.
+
+    A picture without a cloud whose name begins with a pair's and a hyphen is a mask of the pair. SceneError where
+    there is no pair, or a name has several photos or clouds.
+    """
+    if not folder.is_dir():
+        raise SceneError(f"{folder}: found {'a file' if folder.exists() else 'nothing'}; needed a folder")
+    files = sorted(file for file in folder.iterdir() if file.is_file())
+    photos, clouds = _by_name(files, IMAGE_SUFFIXES), _by_name(files, ENDINGS)
+    documents = {name: _document(folder, name) for name in photos}
+    paired = [name for name in photos if name in clouds or _names_cloud(documents[name])]
+    if not paired:
+        raise SceneError(f"{folder}: found no photo with a cloud of its name; needed such as 0001.png and 0001.pcd")
+    masks: dict[str, list[Path]] = {name: [] for name in paired}
+    alone: list[Path] = []
+    for name in photos.keys() - masks.keys():
+        owner = max((pair for pair in paired if name.startswith(f"{pair}-")), key=len, default=None)
+        (alone if owner is None else masks[owner]).extend(photos[name])
+    pairs = [_pair(name, photos[name], clouds.get(name, []), documents[name], masks[name]) for name in paired]
+    return pairs, sorted(alone)
+
+
+def _by_name(files: Sequence[Path], endings: Iterable[str]) -> dict[str, list[Path]]:
+    """The files of these endings by their names without them."""
+    held: dict[str, list[Path]] = {}
+    for file in files:
+        if file.suffix.lower() in endings:
+            held.setdefault(file.stem, []).append(file)
+    return held
+
+
+def _document(folder: Path, name: str) -> Document | None:
+    """The scene file beside a photo: what `regionpose segment` made of it, if that is there."""
+    places = (folder / SEGMENTED.format(name), folder / f"{name}.yaml", folder / f"{name}.yml")
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        return None
+    document = read_document(found)
+    if not isinstance(document.value, dict):
+        raise document.error((), f"found {brief(document.value)}; needed a mapping with the pair's regions")
+    return document
+
+
+def _names_cloud(document: Document | None) -> bool:
+    return document is not None and isinstance(document.value, dict) and isinstance(document.value.get("cloud"), str)
+
+
+def _pair(name: str, photos: list[Path], clouds: list[Path], document: Document | None, masks: list[Path]) -> Pair:
+    """The pair of a name; SceneError where it isn't clear which photo or which cloud is meant."""
+    if len(photos) > 1:
+        raise SceneError(f"{photos[0]}: found {photos[1].name}, too; needed one photo of the name")
+    cloud = next(iter(clouds), None)
+    if document is not None and _names_cloud(document):
+        cloud = None
+    elif len(clouds) > 1:
+        found = f"found {clouds[1].name}, too; needed one cloud of the name, or the key cloud in {name}.yaml"
+        raise SceneError(f"{clouds[0]}: {found}")
+    return Pair(name, photos[0], cloud, document, tuple(sorted(masks)))
+
+
+def _shared(folder: Path, pairs: Sequence[Pair], out: Path, options: FolderOptions) -> tuple[Values, Sources]:
+    """What is the same for all pairs; SceneError where two pairs differ in it, and where there is no camera."""
+    values: Values = {}
+    sources: Sources = {}
+    if options.camera is not None:
+        values["camera"] = moved({"camera": options.camera}, Path(), out)["camera"]
+        named = options.camera if isinstance(options.camera, str) else options.camera["file"]
+        sources["camera",] = Source(Path(named))
+    for document in (pair.document for pair in pairs if pair.document is not None):
+        _share(document, values, sources, out, {"camera"} if options.camera is not None else set())
+    if "camera" not in values:
+        raise SceneError(f"{folder}: found no camera; needed --camera, or the key camera in a pair's scene file")
+    return {key: values[key] for key in SHARED if key in values}, sources
+
+
+def _share(document: Document, values: Values, sources: Sources, out: Path, given: set[str]) -> None:
+    """Add what a pair's scene file says for all; SceneError where it differs from what another one says."""
+    held: Values = moved(document.value, document.path.parent, out)
+    for key in (key for key in SHARED if key in held and key not in given):
+        if key in values and values[key] != held[key]:
+            other = sources[key,].file
+            path = other.path if isinstance(other, Document) else other
+            raise document.error((key,), f"found another than that of {path}; needed one {key} for all pairs")
+        values.setdefault(key, held[key])
+        sources.setdefault((key,), Source(document, (key,)))
+
+
+def _frame(pair: Pair, out: Path, options: FolderOptions) -> tuple[Values, Sources]:
+    """The frame of a pair, and where each of its values comes from."""
+    values: Values = {"name": pair.name, "image": relative(pair.photo, out)}
+    sources: Sources = {(): Source(pair.photo), ("image",): Source(pair.photo)}
+    if pair.cloud is not None:
+        values["cloud"], sources["cloud",] = relative(pair.cloud, out), Source(pair.cloud)
+    if options.sensor_origin is not None:
+        values["sensor_origin"] = list(options.sensor_origin)
+    if pair.document is not None:
+        _check_photo(pair, pair.document)
+        own: Values = moved(pair.held, pair.document.path.parent, out)
+        for key in own.keys() - {*SHARED, "image", "name"}:
+            values[key], sources[key,] = own[key], Source(pair.document, (key,))
+    if not pair.held.get("regions") and not pair.held.get("image_regions"):
+        _add_drawn(pair, values, sources, _drawn(pair, options.coco, out))
+    if values.get("image_regions") and "world_regions" not in pair.held:
+        values["world_regions"] = PLANES
+        sources["world_regions",] = sources["cloud",]
+    return values, sources
+
+
+def _check_photo(pair: Pair, document: Document) -> None:
+    """Pass where a pair's scene file names the pair's photo, or none; SceneError otherwise."""
+    named = pair.held.get("image")
+    if named is not None and (document.path.parent / str(named)).resolve() != pair.photo.resolve():
+        raise document.error(("image",), f"found {brief(named)}; needed {pair.photo.name}, or no such key")
+
+
+class Drawn(NamedTuple):
+    """A region of the photo that a file beside it holds: its name, what the scene says of it, and the file."""
+
+    name: str
+    image: Values
+    file: Path
+
+
+def _drawn(pair: Pair, coco: Path | None, out: Path) -> list[Drawn]:
+    """The regions of a pair's photo by the files beside it: labelme or COCO, and masks."""
+    found: list[Drawn] = []
+    beside = pair.photo.with_suffix(".json")
+    if beside.is_file():
+        found += [Drawn(item.name, {"label": item.name}, beside) for item in _items(beside)]
+    if coco is not None:
+        labels = [(item.name, {"label": item.name, "image": pair.photo.name}) for item in _items(coco, pair.photo.name)]
+        found += [Drawn(name, held, coco) for name, held in labels]
+    for mask in pair.masks:
+        items, name = _items(mask), mask.stem.removeprefix(f"{pair.name}-") or "region"
+        if len(items) == 1:
+            found.append(Drawn(name, {}, mask))
+        else:
+            found += [Drawn(f"{name} {item.name}", {"label": item.number}, mask) for item in items]
+    return [one._replace(image={"mask": relative(one.file, out), **one.image}) for one in found]
+
+
+def _items(path: Path, image: str | None = None) -> list[MaskItem]:
+    try:
+        return file_items(path, image)
+    except (ValueError, OSError) as error:
+        raise SceneError(str(error)) from error
+
+
+def _add_drawn(pair: Pair, values: Values, sources: Sources, drawn: Sequence[Drawn]) -> None:
+    """Add regions of files beside a photo: pairs of those whose name is also a world region's, the others unpaired."""
+    if not drawn:
+        needed = f"needed {pair.name}.yaml, {pair.name}.json or masks {pair.name}-*.png beside it"
+        raise SceneError(f"{pair.photo}: found no region of the photo; {needed}")
+    held = values.get("world_regions")
+    worlds = dict(enumerate(held)) if isinstance(held, list) else {}
+    named = {str(one["name"]): k for k, one in worlds.items() if isinstance(one, dict) and "name" in one}
+    regions: list[Values] = []
+    alone: list[Values] = []
+    for one in drawn:
+        index = named.pop(one.name, None)
+        if index is None:
+            sources["image_regions", len(alone)] = Source(one.file)
+            alone.append({"name": one.name, "image": one.image})
+        else:
+            _pair_up(pair, sources, len(regions), index, one)
+            regions.append({**worlds.pop(index), "image": one.image})
+    values |= {key: kept for key, kept in (("regions", regions), ("image_regions", alone)) if kept}
+    if regions:
+        _keep_worlds(pair, values, sources, worlds)
+
+
+def _pair_up(pair: Pair, sources: Sources, index: int, world: int, drawn: Drawn) -> None:
+    """Say where the sides of a pair of regions come from."""
+    assert pair.document is not None
+    sources["regions", index] = Source(pair.document, ("world_regions", world))
+    sources["regions", index, "image"] = Source(drawn.file)
+
+
+def _keep_worlds(pair: Pair, values: Values, sources: Sources, left: Mapping[int, Any]) -> None:
+    """Keep the world regions that no region of a file beside the photo is named after."""
+    assert pair.document is not None
+    del values["world_regions"]
+    if left:
+        values["world_regions"] = list(left.values())
+        sources |= {("world_regions", k): Source(pair.document, ("world_regions", j)) for k, j in enumerate(left)}

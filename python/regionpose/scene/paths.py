@@ -1,0 +1,28 @@
+"""Paths in a scene's values, for a scene file in another folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "unknown", "points", "mesh"}
+"""Keys of a scene file under which text is a path; but for the image within a COCO file, beside `mask`."""
+
+
+def moved(held: Any, source: Path, folder: Path) -> Any:
+    """Values of a scene file in the folder `source` with their paths relative to another folder."""
+    if isinstance(held, list):
+        return [moved(value, source, folder) for value in held]
+    if not isinstance(held, dict):
+        return held
+    values = {}
+    for key, value in held.items():
+        is_path = key in FILE_KEYS and isinstance(value, str) and not (key == "image" and "mask" in held)
+        values[key] = relative(source / value, folder) if is_path else moved(value, source, folder)
+    return values
+
+
+def relative(path: Path, folder: Path) -> str:
+    """The path as a scene file in `folder` names it."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
