@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -16,6 +17,7 @@ from ruamel.yaml.events import (
     ScalarEvent,
 )
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.representer import SafeRepresenter
 
 __all__ = ["MappingNode", "Node", "ScalarNode", "SequenceNode", "YamlTextError", "line_of", "plain_value"]
 __all__ += ["to_yaml", "yaml_node"]
@@ -25,6 +27,9 @@ MOST_LEVELS = 100
 
 LINE_WIDTH = 120
 """Columns at which to_yaml lines are broken; a convention."""
+
+_WORD = re.compile(r"[A-Za-z_][\w./-]*", re.ASCII)
+"""Texts that are written without quotes."""
 
 _SEQUENCE = -1
 """In place of a count: a sequence has no keys."""
@@ -70,6 +75,7 @@ def line_of(node: Node | NodeEvent) -> int:
 def to_yaml(value: object) -> str:
     """A value as YAML text, keys in their order, rows of numbers on one line each."""
     writer = YAML(typ="safe", pure=True)
+    writer.Representer = _Representer
     writer.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     writer.default_flow_style = None
     writer.allow_unicode = True
@@ -77,6 +83,22 @@ def to_yaml(value: object) -> str:
     stream = io.StringIO()
     writer.dump(value, stream)
     return stream.getvalue()
+
+
+class _Representer(SafeRepresenter):
+    """Writes what `yaml_node` reads."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """One list in two places is written out twice: the reader takes no aliases."""
+        return True
+
+    def represent_str(self, data: str) -> ScalarNode:
+        """Quotes texts but for plain words, which libyaml reads otherwise than they are written where they hold ? or :."""
+        node: ScalarNode = self.represent_scalar("tag:yaml.org,2002:str", data, None if _WORD.fullmatch(data) else '"')
+        return node
+
+
+_Representer.add_representer(str, _Representer.represent_str)
 
 
 def _parser() -> YAML:
