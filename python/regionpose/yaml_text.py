@@ -93,7 +93,7 @@ class _Representer(SafeRepresenter):
         return True
 
     def represent_str(self, data: str) -> ScalarNode:
-        """Quotes texts but for plain words, which libyaml reads otherwise than they are written where they hold ? or :."""
+        """Quotes all but plain words: libyaml reads texts with ? or : in them otherwise than they are written."""
         node: ScalarNode = self.represent_scalar("tag:yaml.org,2002:str", data, None if _WORD.fullmatch(data) else '"')
         return node
 
