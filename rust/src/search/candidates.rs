@@ -84,7 +84,7 @@ pub enum Refinement {
 /// # use nalgebra::Vector3;
 /// # use regionpose::{ObservedRegion, Options, Prior, Problem, Refinement, WorldRegion};
 /// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
-/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.7 * y)).collect();
 /// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
@@ -111,7 +111,7 @@ pub struct Options {
 /// # use nalgebra::Vector3;
 /// # use regionpose::{ObservedRegion, Options, Problem, WorldRegion};
 /// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
-/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.7 * y)).collect();
 /// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
