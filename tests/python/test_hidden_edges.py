@@ -212,7 +212,8 @@ def test_a_scene_file_names_hidden_edges_and_unknown_pixels(tmp_path: Path) -> N
     assert hidden
     values = scene_with({"polygon": polygon.tolist(), "hidden_edges": hidden})
     result = scene_result(estimate_scene(load_scene(write_scene(tmp_path, values))))
-    assert not result["warnings"]
+    # Few corners are left beside the hidden edge.
+    assert {warning["code"] for warning in result["warnings"]} <= {"low-confidence"}
     np.testing.assert_allclose(result["camera_from_world"]["translation_m"], SMALL_POSE.translation, atol=1e-3)
 
     rows, columns = np.mgrid[:240, :320]

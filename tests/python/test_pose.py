@@ -139,7 +139,8 @@ def test_a_symmetric_shape_keeps_all_its_poses(name: str, turns: int) -> None:
     found = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
     assert len(found) == turns
     assert min(max(difference(other, pose)) for other in found) < EXACT
-    assert [warning.code for warning in estimate.warnings] == ["ambiguous"]
+    # Three corners hold a pose weakly, too.
+    assert [warning.code for warning in estimate.warnings if warning.code != "weak-geometry"] == ["ambiguous"]
     assert f"{turns - 1} other pose(s) fit as well" in str(estimate.warnings[0])
     assert all(alternative.overlap_error < EXACT for alternative in estimate.alternatives)
 

@@ -18,6 +18,9 @@ POSTER = np.array([[-0.8, -0.5, 0.0], [0.8, -0.5, 0.0], [0.8, 0.5, 0.0], [-0.8, 
 
 FAR_AWAY = (512_300.0, 5_405_700.0, 0.0)
 
+WEAK = {"weak-geometry"}
+"""What four corners may be warned of, whatever is known beforehand: each may be off by a pixel."""
+
 
 def poster(
     prior: dict[str, Any] | None = None, shift: tuple[float, float, float] = (0.0, 0.0, 0.0), **world: object
@@ -28,6 +31,10 @@ def poster(
     side = {"polygon": (POSTER + shift).tolist(), **world}
     values["regions"] = [{"name": "poster", "image": image, "world": side}]
     return values if prior is None else {**values, "prior": prior}
+
+
+def codes_of(result: dict[str, Any]) -> set[str]:
+    return {warning["code"] for warning in result["warnings"]}
 
 
 def result_of(values: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -41,7 +48,7 @@ def test_up_and_a_viewpoint_leave_one_pose(shift: tuple[float, float, float], tm
     assert len(result_of(poster(shift=shift, seen_from=viewpoint), tmp_path)["alternatives"]) == 1
     up = {"up": [0.0, -1.0, 0.0], "up_sigma_deg": 10}
     result = result_of(poster(up, shift, seen_from=viewpoint), tmp_path)
-    assert result["alternatives"] == [] and result["warnings"] == []
+    assert result["alternatives"] == [] and codes_of(result) <= WEAK
     np.testing.assert_allclose(result["camera_center_in_world_m"], POSE.camera_center + shift, atol=1e-5)
 
 
@@ -56,7 +63,7 @@ def rough(turn_deg: float, away: float) -> dict[str, Any]:
 def test_a_rough_pose_and_how_rough_leave_one_pose(tmp_path: Path) -> None:
     prior = {"initial": rough(8.0, 0.2), "initial_rotation_sigma_deg": 5, "initial_center_sigma_m": 0.3}
     result = result_of(poster(prior), tmp_path)
-    assert result["alternatives"] == [] and result["warnings"] == []
+    assert result["alternatives"] == [] and codes_of(result) <= WEAK
     np.testing.assert_allclose(result["camera_center_in_world_m"], POSE.camera_center, atol=1e-6)
 
 
@@ -81,7 +88,8 @@ def test_the_camera_is_taken_to_be_near_the_scanner(shift: tuple[float, float, f
     assert (near["sigma_m"], near["said_by"]) == (2.0, "sensor_origin")
     # The poster's other poses are 2 and 8 m away: too near for 2 m to tell.
     strict = scanned(tmp_path, shift, prior={"camera_near_sigma_m": 0.2})
-    assert strict["camera_near"]["sigma_m"] == 0.2 and not strict["alternatives"] and not strict["warnings"]
+    assert strict["camera_near"]["sigma_m"] == 0.2 and not strict["alternatives"]
+    assert codes_of(strict) <= WEAK
     np.testing.assert_allclose(strict["camera_center_in_world_m"], POSE.camera_center + shift, atol=1e-5)
 
 
