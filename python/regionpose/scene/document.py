@@ -115,7 +115,8 @@ def _yaml_parts(path: Path, text: str) -> tuple[object, dict[Place, int]]:
         refuse_halves(text, value)
     except YamlTextError as error:
         place = path if error.line is None else f"{path}:{error.line}"
-        raise SceneError(f"{place}: {error}; needed YAML") from error
+        needed = "" if "; needed " in str(error) else "; needed YAML"
+        raise SceneError(f"{place}: {error}{needed}") from error
     except UnicodeEncodeError as error:
         raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed YAML") from error
     return value, lines
