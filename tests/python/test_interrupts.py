@@ -93,8 +93,8 @@ def interrupted(process: subprocess.Popen[str]) -> tuple[str, float]:
 
 
 def soon() -> float:
-    """Seconds that a user waits at the most, on a machine as busy as this one."""
-    return SOON_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    """Seconds that a user waits at the most, on a machine as busy as this one: its load, which lags, and the test's own."""
+    return SOON_S * max(1.0, (os.getloadavg()[0] + 1.0) / (os.cpu_count() or 1))
 
 
 @pytest.mark.parametrize("name", LONG)
