@@ -93,7 +93,7 @@ def interrupted(process: subprocess.Popen[str]) -> tuple[str, float]:
 
 
 def soon() -> float:
-    """Seconds that a user waits at the most, on a machine as busy as this one: its load, which lags, and the test's own."""
+    """Seconds that a user waits at the most, on a machine as busy as this one and this test."""
     return SOON_S * max(1.0, (os.getloadavg()[0] + 1.0) / (os.cpu_count() or 1))
 
 
