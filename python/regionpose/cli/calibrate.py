@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress
-from regionpose.cli.estimate import run_loaded
+from regionpose.cli.estimate import run_scene
 from regionpose.cli.options import (
     CAMERA_HELP,
     AsJson,
@@ -17,6 +17,7 @@ from regionpose.cli.options import (
     Force,
     Quiet,
     SegmenterName,
+    Strict,
     asking,
     numbers_of,
 )
@@ -50,7 +51,7 @@ def calibrate(
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")] = False,
+    strict: Strict = False,
     segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
@@ -76,7 +77,7 @@ def calibrate(
         scene, alone = folder_scene(folder, result / SCENE_FILE, options)
     if alone and not quiet:
         typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)
-    run_loaded(
+    run_scene(
         asking(scene, segmenter),
         result,
         force=force,

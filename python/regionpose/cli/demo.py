@@ -42,8 +42,10 @@ def demo(
       regionpose demo --json --quiet | jq .truth_errors
     """
     from regionpose.demo.scene import folder
+    from regionpose.scene import load_scene
     from regionpose.scene.bundle import read_truth
 
     files = folder()
     truth = read_truth(files / "truth.json")
-    run_scene(files / SCENES[source], out, force=force, as_json=as_json, quiet=quiet, truth=truth)
+    scene = load_scene(files / SCENES[source])
+    run_scene(scene, out, force=force, as_json=as_json, quiet=quiet, truth=truth)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, scene_with
+from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, Strict, scene_with
 from regionpose.outputs import Writer, claimed
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def estimate(
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")] = False,
+    strict: Strict = False,
     segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
@@ -44,34 +44,11 @@ def estimate(
       regionpose estimate scene.yaml --segmenter my_sam:predictor
       regionpose estimate scene.yaml --strict && echo "no warnings"
     """
-    run_scene(
-        scene,
-        out or Path(f"{scene.stem}-result"),
-        force=force,
-        as_json=as_json,
-        strict=strict,
-        quiet=quiet,
-        segmenter=segmenter,
-    )
+    result = out or Path(f"{scene.stem}-result")
+    run_scene(scene_with(scene, segmenter), result, force=force, as_json=as_json, quiet=quiet, strict=strict)
 
 
 def run_scene(
-    path: Path,
-    out: Path,
-    *,
-    force: bool,
-    as_json: bool,
-    quiet: bool,
-    strict: bool = False,
-    truth: Truth | None = None,
-    segmenter: str | None = None,
-) -> None:
-    """Estimate a scene, write its files to the folder `out`, and say the result."""
-    scene = scene_with(path, segmenter)
-    run_loaded(scene, out, force=force, as_json=as_json, quiet=quiet, strict=strict, truth=truth)
-
-
-def run_loaded(
     scene: Scene,
     out: Path,
     *,

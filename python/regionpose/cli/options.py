@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
 CAMERA_HELP = "Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI."
 POSE_HELP = (
