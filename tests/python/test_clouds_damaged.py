@@ -131,6 +131,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("words.npy", npy(np.array([["a", "b", "c"]])), "table: found"),
     ("nan.npy", npy(NAN_POINTS), "3 points, none with finite"),
     ("none.npy", npy(np.ones((0, 3))), "points: found no points"),
+    ("hollow.npy", npy(np.ones((2, 3))).replace(b"'<f8'", b"'0f8'"), r"shape \(2, 3, 0\)"),
     ("objects.npy", npy(np.array([None, 1], dtype=object)), "array: found"),
     ("short.npz", npz(points=np.ones((9, 3)))[:-30], "archive: found"),
     ("crc.npz", npz(points=np.ones((9, 3))).replace(b"\x93", b"\x94"), "archive: found|table: found"),
@@ -285,7 +286,7 @@ CAMERA = PinholeCamera(10.0, 10.0, 1.0, 1.0)
         (np.ones((2, 2), dtype=np.uint16), {}, "unit_m: found none"),
         (np.ones((2, 2)), {"unit_m": -1.0}, "unit_m: found -1.0"),
         (np.ones((2, 2)), {"colors": np.zeros((2, 3, 3))}, "colors: found"),
-        (np.zeros((2, 2)), {}, "4 points, none with finite"),
+        (np.zeros((2, 2)), {}, "2 x 2 pixels, none with a depth"),
         (np.ones((2, 2)), {"distance": "depth"}, "distance: found 'depth'"),
     ],
 )

@@ -37,7 +37,7 @@ def read_npy(path: Path, columns: Sequence[str] | None) -> Cloud:
         if columns is not None:
             raise cloud_error(path, "columns", "names given", "none, since the array holds its own")
         return cloud_of_columns(path, {name: stored[name].reshape(-1) for name in stored.dtype.names})
-    table = stored.reshape(-1, stored.shape[2]) if stored.ndim == 3 else stored
+    table = stored.reshape(-1, stored.shape[2]) if stored.ndim == 3 and stored.size else stored
     return cloud_of_table(path, table, columns)
 
 

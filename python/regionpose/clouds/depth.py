@@ -63,10 +63,13 @@ def cloud_from_depth(
     shades = None if colors is None else np.asarray(colors)
     if shades is not None and shades.shape != (height, width, 3):
         raise cloud_error(source, "colors", f"shape {shades.shape}", f"({height}, {width}, 3)")
-    rows, columns = np.divmod(np.arange(height * width), width)
+    measured = np.flatnonzero(np.isfinite(meters) & (meters > 0.0))
+    if not len(measured):
+        raise cloud_error(source, "depth", f"{width} x {height} pixels, none with a depth", "at least one above 0")
+    rows, columns = np.divmod(measured, width)
     points = camera.bearings(np.stack([columns, rows], axis=1))
-    points *= _ray_lengths(meters.reshape(-1), points[:, 2], distance)[:, None]
-    colors = None if shades is None else shades.reshape(-1, 3)
+    points *= _ray_lengths(meters.reshape(-1)[measured], points[:, 2], distance)[:, None]
+    colors = None if shades is None else shades.reshape(-1, 3)[measured]
     return Cloud.from_points(points, colors=colors, source=source).scanned_from(np.zeros(3))
 
 
@@ -74,11 +77,10 @@ def _ray_lengths(meters: Array, cosines: Array, distance: str) -> Array:
     """How far along its bearing each pixel's point is, NaN where there is none."""
     if distance not in ("z", "range"):
         raise ValueError(f"distance: found {distance!r}; needed 'z' or 'range'")
-    measured = np.where(np.isfinite(meters) & (meters > 0.0), meters, np.nan)
     if distance == "range":
-        return measured
-    lengths = np.full(len(measured), np.nan)
-    np.divide(measured, cosines, out=lengths, where=cosines > 0.0)
+        return meters
+    lengths = np.full(len(meters), np.nan)
+    np.divide(meters, cosines, out=lengths, where=cosines > 0.0)
     return lengths
 
 

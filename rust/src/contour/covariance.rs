@@ -62,7 +62,7 @@ struct Side {
     pieces: Range<usize>,
     region: usize,
     corners: [usize; 2],
-    /// Share that it makes up of the edge of the boundary that it lies on.
+    /// Share of the weight that it makes up of the edge of the boundary that it lies on.
     share: f64,
 }
 
@@ -169,12 +169,13 @@ impl<'a> Rows<'a> {
 fn sides(rows: &[Row]) -> Vec<Side> {
     let (mut sides, mut first) = (Vec::new(), 0);
     for pieces in rows.chunk_by(|a, b| a.region == b.region) {
-        let mut edges = vec![0_usize; pieces.iter().map(|row| row.reading.edge as usize + 1).max().unwrap_or(0)];
-        pieces.iter().for_each(|row| edges[row.reading.edge as usize] += 1);
+        let mut edges = vec![0.0; pieces.iter().map(|row| row.reading.edge as usize + 1).max().unwrap_or(0)];
+        pieces.iter().for_each(|row| edges[row.reading.edge as usize] += row.weight);
         for run in pieces.chunk_by(|a, b| a.run.is_some() && a.run == b.run) {
             let (count, middle) = (run.len(), &run[run.len() / 2]);
             if let (Some(corners), true) = (middle.run, count > 1) {
-                let share = (count as f64 / edges[middle.reading.edge as usize] as f64).min(1.0);
+                let (own, edge) = (run.iter().map(|row| row.weight).sum::<f64>(), edges[middle.reading.edge as usize]);
+                let share = (own / f64::max(edge, f64::MIN_POSITIVE)).min(1.0);
                 sides.push(Side { pieces: first..first + count, region: middle.region, corners, share });
             }
             first += count;
@@ -210,12 +211,12 @@ fn without_lines(rows: &[Row], sides: &[Side]) -> (Vec<f64>, f64) {
     (rests, numbers)
 }
 
-/// Share of the squared distances of all sides that the lines through them make up: all of it where nothing but corners is off.
+/// Share of the squared pulls of all sides that the lines through them make up: all of it where nothing but corners is off.
 fn straightness(rows: &[Row], rests: &[f64], sides: &[Side]) -> f64 {
     let (mut lines, mut others) = (0.0, 0.0);
     for index in sides.iter().flat_map(|side| side.pieces.clone()) {
-        lines += rows[index].weight * (rows[index].reading.distance - rests[index]).powi(2);
-        others += rows[index].weight * rests[index].powi(2);
+        lines += (rows[index].weight * (rows[index].reading.distance - rests[index])).powi(2);
+        others += (rows[index].weight * rests[index]).powi(2);
     }
     lines / f64::max(lines + others, f64::MIN_POSITIVE)
 }
