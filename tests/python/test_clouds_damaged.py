@@ -286,7 +286,7 @@ CAMERA = PinholeCamera(10.0, 10.0, 1.0, 1.0)
         (np.ones((2, 2), dtype=np.uint16), {}, "unit_m: found none"),
         (np.ones((2, 2)), {"unit_m": -1.0}, "unit_m: found -1.0"),
         (np.ones((2, 2)), {"colors": np.zeros((2, 3, 3))}, "colors: found"),
-        (np.zeros((2, 2)), {}, "2 x 2 pixels, none with a depth"),
+        (np.zeros((2, 2)), {}, "4 points, none with finite"),
         (np.ones((2, 2)), {"distance": "depth"}, "distance: found 'depth'"),
     ],
 )

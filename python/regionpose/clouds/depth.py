@@ -64,12 +64,11 @@ def cloud_from_depth(
     if shades is not None and shades.shape != (height, width, 3):
         raise cloud_error(source, "colors", f"shape {shades.shape}", f"({height}, {width}, 3)")
     measured = np.flatnonzero(np.isfinite(meters) & (meters > 0.0))
-    if not len(measured):
-        raise cloud_error(source, "depth", f"{width} x {height} pixels, none with a depth", "at least one above 0")
     rows, columns = np.divmod(measured, width)
-    points = camera.bearings(np.stack([columns, rows], axis=1))
-    points *= _ray_lengths(meters.reshape(-1)[measured], points[:, 2], distance)[:, None]
-    colors = None if shades is None else shades.reshape(-1, 3)[measured]
+    rays = camera.bearings(np.stack([columns, rows], axis=1))
+    points = np.full((meters.size, 3), np.nan)
+    points[measured] = rays * _ray_lengths(meters.reshape(-1)[measured], rays[:, 2], distance)[:, None]
+    colors = None if shades is None else shades.reshape(-1, 3)
     return Cloud.from_points(points, colors=colors, source=source).scanned_from(np.zeros(3))
 
 
