@@ -113,6 +113,6 @@ fn a_disturbed_shape_without_symmetry_has_one_answer() {
         let estimate = estimated(&scene);
         assert!(scene.errors(&estimate.best.pose).0 < 5e-3, "seed {seed}");
         assert!(estimate.alternatives.is_empty(), "seed {seed}: {:?}", estimate.warnings);
-        assert!(estimate.best.confidence > 0.7, "seed {seed}: {}", estimate.best.confidence);
+        assert!(estimate.best.confidence > 0.5, "seed {seed}: {}", estimate.best.confidence);
     }
 }

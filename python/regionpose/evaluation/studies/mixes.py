@@ -21,6 +21,7 @@ DRAWN = (
     "masks",
     "lidar_beams",
     "range_noise_m",
+    "scan",
     "focal_error",
     "center_error_px",
     "wrong",
@@ -71,7 +72,9 @@ def drawn_condition(condition: Condition, rng: np.random.Generator) -> Condition
 def _disturbance(model: NoiseModel, rng: np.random.Generator) -> dict[str, Any]:
     """Fields of the condition that a noise model sets."""
     side = str(rng.choice(("2d", "3d")))
-    lidar = {"lidar_beams": int(rng.choice(LIDAR_BEAMS)), "range_noise_m": rng.uniform(0.0, MOST_RANGE_NOISE_M)}
+    beams, range_noise = int(rng.choice(LIDAR_BEAMS)), rng.uniform(0.0, MOST_RANGE_NOISE_M)
+    # As scene files and commands take a scan.
+    lidar = {"lidar_beams": beams, "range_noise_m": range_noise, "scan": "samples"}
     calibration = {
         "focal_error": rng.uniform(0.0, MOST_FOCAL_ERROR),
         "center_error_px": rng.uniform(0.0, MOST_CENTER_ERROR_PX),
