@@ -190,6 +190,7 @@ CAM0 = (SAMPLES / "kalibr_camchain.yaml").read_text().partition("cam1:")[0]
         (OPENCV.replace("1.0185e+03", "abc"), r"camera_matrix.data\[4\]: found 'abc'; needed a number"),
         (OPENCV.replace("1.0185e+03", ".nan"), r"camera_matrix.data\[4\]: found '.nan'; needed a number"),
         (OPENCV.replace("1.0185e+03", "-1"), "camera camera_matrix: fy: found -1.0; needed a number above 0"),
+        (OPENCV.replace("rows: 5", "rows: -5").replace("cols: 1", "cols: -1"), "found -5 rows and -1 columns; needed"),
         (OPENCV.replace("rows: 5", "rows: 3"), "distortion_coefficients.data: found 5 numbers; needed 3 numbers"),
         (
             OPENCV.replace("image_width: 1280", "image_width: [1]"),

@@ -244,6 +244,8 @@ def test_a_plate_of_points_is_found_in_every_way(world: dict[str, Any], tmp_path
     [
         ({"points": [0, 1, 99_999]}, "found 3 indices from 0 to 99999; needed at least 3 from 0 to 1699"),
         ({"points": "labels.npy", "label": 9}, "found no point of the label 9"),
+        ({"points": [0, 1, 2], "label": 4}, "found label 4 beside indices in the scene file; needed it with a file"),
+        ({"points": "points.npy", "label": 4}, r"found label 4 beside the points of .*points\.npy; needed it with"),
         ({"points": "missing.npy"}, "no such file"),
         ({"points": "column.npy"}, r"column.npy: found int64 of shape \(9, 1\); needed points \(n, 3\), or indices"),
         ({"points": "pairs.npy"}, r"pairs.npy: found float64 of shape \(9, 2\); needed points \(n, 3\)"),

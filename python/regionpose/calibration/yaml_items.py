@@ -151,5 +151,7 @@ class YamlMapping:
         return values[0], values[1]
 
     def _matrix_numbers(self) -> list[float]:
-        rows, columns = self.need("rows").whole_number(), self.need("cols").whole_number()
+        rows, columns = (self.need(name).whole_number() for name in ("rows", "cols"))
+        if rows < 1 or columns < 1:
+            raise self.source.error(self.name, f"{rows} rows and {columns} columns", "at least one of each", self.line)
         return self.need("data").counted(rows * columns)

@@ -282,15 +282,23 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
 
 def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     if isinstance(item.points, list):
+        _refuse_label(item, "indices in the scene file")
         return _indexed(np.asarray(item.points), item, scan)
     path = scene.file(item.points)
     if path.suffix.lower() not in {".npy", ".npz"}:
+        _refuse_label(item, f"the points of {path}")
         other = read_cloud(path)
         return _placed(other.local_points + (other.origin - scan.origin), item, scan)
     values = read_array(path)
     if values.ndim == 2 and values.shape[1] == 3 and values.dtype.kind in "iuf":
+        _refuse_label(item, f"the points of {path}")
         return _placed(values.astype(np.float64) - scan.origin, item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
+
+
+def _refuse_label(item: WorldPoints, beside: str) -> None:
+    if item.label is not None:
+        raise ValueError(f"found label {item.label} beside {beside}; needed it with a file of labels alone")
 
 
 def _placed(points: Array, item: WorldPoints, scan: Scan) -> WorldSide:
