@@ -31,3 +31,30 @@ pub fn correlation(values: &[f64], counts: &[usize]) -> f64 {
     let pairs = (0..longest.max(1)).step_by(2).map(pair).take_while(|&pair| pair > 0.0);
     (2.0 * pairs.sum::<f64>() - 1.0).max(LEAST_CORRELATION)
 }
+
+/// By how many standard deviations of chance the sum of differences exceeds zero: by their own scatter about the mean of their
+/// region, since that a region fits one pose as a whole and another not at all is no chance (`docs/math.md`, eq. 11.7).
+pub fn sigmas(differences: &[f64], counts: &[usize]) -> f64 {
+    let scatter: Vec<f64> = split(differences, counts).flat_map(centered).collect();
+    let square = scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, counts).max(1.0);
+    differences.iter().sum::<f64>() / square.sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Consecutive parts of these lengths.
+pub(super) fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterator<Item = &'a [T]> + 'a {
+    let mut rest = values;
+    lengths.iter().map(move |&length| {
+        let (part, others) = rest.split_at(length);
+        rest = others;
+        part
+    })
+}
+
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+pub(super) fn centered(values: &[f64]) -> Vec<f64> {
+    let mean = mean(values);
+    values.iter().map(|value| value - mean).collect()
+}

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::correlation::correlation;
+use super::correlation::{centered, correlation, mean, sigmas, split};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use crate::effort;
@@ -192,13 +192,8 @@ impl ContourFit {
     pub fn against(&self, other: &Self) -> f64 {
         let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
         let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
-        let mean = mean(&differences);
-        // That a region fits one pose as a whole and the other not at all is no chance.
-        let scatter: Vec<f64> = split(&differences, &self.counts).flat_map(centered).collect();
-        let square =
-            scatter.iter().map(|value| value * value).sum::<f64>() * correlation(&scatter, &self.counts).max(1.0);
-        let sigmas = mean * differences.len() as f64 / square.sqrt().max(f64::MIN_POSITIVE);
-        (2.0 * self.independent() * mean).min(AMBIGUITY * sigmas * sigmas.abs())
+        let sigmas = sigmas(&differences, &self.counts);
+        (2.0 * self.independent() * mean(&differences)).min(AMBIGUITY * sigmas * sigmas.abs())
     }
 }
 
@@ -362,23 +357,4 @@ fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Po
 pub(crate) fn size(increment: &Tangent, pose: &Pose) -> f64 {
     let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
     increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
-}
-
-/// Consecutive parts of these lengths.
-fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterator<Item = &'a [T]> + 'a {
-    let mut rest = values;
-    lengths.iter().map(move |&length| {
-        let (part, others) = rest.split_at(length);
-        rest = others;
-        part
-    })
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
-}
-
-fn centered(values: &[f64]) -> Vec<f64> {
-    let mean = mean(values);
-    values.iter().map(|value| value - mean).collect()
 }

@@ -3,13 +3,15 @@
 
 use super::propagation::{Edge, Label, Trust};
 use super::readings::{Reading, SampledRegion, Sight};
+use crate::contour::correlation::sigmas;
+use crate::contour::fit::AMBIGUITY;
 use crate::geometry::pose::Pose;
 
 /// The coarsest blur, pixels.
 pub(super) const COARSEST: f64 = 64.0;
 
 /// Blur from which on all samples count, pixels; on the way to it about so many of all regions lead as well.
-pub(super) const SHARP: f64 = 4.0;
+pub(crate) const SHARP: f64 = 4.0;
 pub(super) const LEADING: usize = 200;
 
 /// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand
@@ -45,17 +47,52 @@ pub(super) fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) ->
 /// Logarithm of the probability of the labels of every `step`-th sample at a pose that is not refined, with this blur.
 pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: usize) -> f64 {
     let trust = Trust { blur, wide: FAR_BLURS * blur, ..Trust::unknown() };
-    let label = |reading: Reading| match reading {
-        Reading::Seen(sight) => trust.label(sight.edge, sight.margin, 0.0).log_probability,
-        Reading::Behind(right) => trust.label_behind(right).log_probability,
-    };
-    readings(regions, pose, step).map(label).sum()
+    readings(regions, pose, step).map(|reading| trust.reading(&reading).log_probability).sum()
+}
+
+/// What is compared of poses that all samples led to.
+pub(super) struct Compared<'a> {
+    pub(super) pose: &'a Pose,
+    /// How far the labels of each region are trusted there.
+    pub(super) trust: &'a [Trust],
+    /// Logarithms of the evidence, and of what else than samples is known.
+    pub(super) log_evidence: f64,
+    pub(super) log_known: f64,
+}
+
+impl Compared<'_> {
+    /// How much worse another pose is, in variances: twice the ratio of the evidence, or what is left of that of the samples where
+    /// chance may have decided (`docs/math.md`, eq. 17.11).
+    pub(super) fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
+        let known = self.log_known - other.log_known;
+        let differences: Vec<f64> =
+            self.log_probabilities(regions).zip(other.log_probabilities(regions)).map(|(a, b)| a - b).collect();
+        let counts: Vec<usize> = regions.iter().map(SampledRegion::count).collect();
+        let sigmas = sigmas(&differences, &counts);
+        let by_samples = 2.0 * (self.log_evidence - other.log_evidence - known);
+        by_samples.min(AMBIGUITY * sigmas * sigmas.abs()) + 2.0 * known
+    }
+
+    /// Logarithm of the probability of each label, around each region.
+    fn log_probabilities(&self, regions: &[SampledRegion]) -> impl Iterator<Item = f64> {
+        regions.iter().zip(self.trust).flat_map(|(region, trust)| {
+            region.around().iter().map(|&number| trust.reading(&region.read(self.pose, number)).log_probability)
+        })
+    }
 }
 
 impl Trust {
     /// What is expected before anything is known.
     pub(super) fn unknown() -> Self {
         Self { blur: COARSEST, wide: FAR_BLURS * COARSEST, disturbed: DISTURBED, mislabeled: MISLABELED }
+    }
+
+    /// The label of a sample that is seen there.
+    fn reading(&self, reading: &Reading) -> Label {
+        match reading {
+            Reading::Seen(sight) => self.label(sight.edge, sight.margin, 0.0),
+            Reading::Behind(right) => self.label_behind(*right),
+        }
     }
 
     /// The label of a sample behind the camera, infinitely far on its right side or its wrong one.

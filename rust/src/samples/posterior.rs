@@ -3,10 +3,11 @@
 use nalgebra::Matrix6;
 
 use super::belief::Belief;
-use super::labels::{SHARP, first_blur, leading_step};
+use super::labels::{Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::telling::{FINEST, Samples, State};
+use crate::contour::fit::AMBIGUITY;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -38,6 +39,27 @@ pub struct Posterior {
     pub blur: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
+    /// How far the labels of each region are trusted.
+    trust: Vec<Trust>,
+    /// Logarithm of what else is known at the pose.
+    log_known: f64,
+}
+
+impl Posterior {
+    /// How much worse another one is, in variances, as far as chance has not decided (`docs/math.md`, eq. 17.11).
+    pub fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
+        self.compared().against(&other.compared(), regions)
+    }
+
+    /// The same where what is known speaks for it by so much more, as a logarithm.
+    pub fn with_known(self, log_known: f64) -> Self {
+        Self { log_evidence: self.log_evidence + log_known, log_known: self.log_known + log_known, ..self }
+    }
+
+    fn compared(&self) -> Compared<'_> {
+        let Self { pose, trust, log_evidence, log_known, .. } = self;
+        Compared { pose, trust, log_evidence: *log_evidence, log_known: *log_known }
+    }
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.
@@ -116,8 +138,11 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
         let enough = effort::is_spent() && one.best.is_some();
         enough || next(one).is_none_or(|setting| one.go_to(setting).is_some())
     });
-    let most = all.iter().map(Going::most).fold(f64::NEG_INFINITY, f64::max);
-    all.retain(|one| most - one.most() <= hopeless);
+    let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].most().total_cmp(&all[b].most())) else { return };
+    let is_behind = |one: &Going<F>| all[best].most() - one.most() > hopeless && !all[best].may_lead_by_chance(one);
+    let behind: Vec<bool> = all.iter().map(is_behind).collect();
+    let mut behind = behind.into_iter();
+    all.retain(|_| behind.next() == Some(false));
 }
 
 /// Blur of labels, and how far contours are grown and clean stretches of them are off at least (standard deviations),
@@ -149,6 +174,18 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     /// The greatest logarithm of the evidence so far.
     fn most(&self) -> f64 {
         self.best.as_ref().map_or(f64::NEG_INFINITY, |(state, ..)| state.log_evidence)
+    }
+
+    /// Whether chance may have decided between the likeliest states of both.
+    fn may_lead_by_chance(&self, other: &Self) -> bool {
+        let (Some(own), Some(other)) = (self.compared(), other.compared()) else { return false };
+        own.against(&other, self.samples.regions) <= AMBIGUITY
+    }
+
+    fn compared(&self) -> Option<Compared<'_>> {
+        let (state, _, samples) = self.best.as_ref()?;
+        let (trust, log_known) = (&samples.trust, samples.log_known(&state.pose));
+        Some(Compared { pose: &state.pose, trust, log_evidence: state.log_evidence, log_known })
     }
 
     /// The likeliest setting, unless the last one is so much less likely that farther ones tell nothing.
@@ -183,7 +220,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
         let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
-        Some(Posterior { pose, covariance, log_evidence: last.log_evidence, blur: setting.blur, wrong })
+        let (trust, log_known) = (self.samples.trust.clone(), self.samples.log_known(&pose));
+        let State { log_evidence, .. } = last;
+        Some(Posterior { pose, covariance, log_evidence, blur: setting.blur, wrong, trust, log_known })
     }
 }
 

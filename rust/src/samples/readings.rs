@@ -1,7 +1,9 @@
 //! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1,
 //! 17.2).
 
-use nalgebra::{Rotation3, Vector3, Vector6};
+use std::sync::OnceLock;
+
+use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::propagation::Edge;
 use super::propagation::{EDGES_OF_SWEEP, SWEEPS};
@@ -32,6 +34,9 @@ pub struct SampledRegion {
     size: f64,
     /// Samples about the problem's origin, and whether each is inside.
     samples: Vec<(Vector3<f64>, bool)>,
+    /// Axes of the plane that the samples lie on, and their numbers around the middle of those inside, once they are asked for.
+    axes: [Vector3<f64>; 2],
+    around: OnceLock<Vec<usize>>,
 }
 
 /// Where a sample is seen at a pose.
@@ -79,6 +84,8 @@ impl SampledRegion {
             pixels,
             size: region.pixel_area().sqrt(),
             samples: inside.chain(outside).collect(),
+            axes: [world.frame().axes[0], world.frame().axes[1]],
+            around: OnceLock::new(),
         })
     }
 
@@ -95,6 +102,21 @@ impl SampledRegion {
     /// Number of samples.
     pub fn count(&self) -> usize {
         self.samples.len()
+    }
+
+    /// The numbers of the samples in the order in which they lie around the middle of those inside.
+    pub(super) fn around(&self) -> &[usize] {
+        self.around.get_or_init(|| {
+            let [u, v] = &self.axes;
+            let flat: Vec<_> = self.samples.iter().map(|(x, _)| Vector2::new(u.dot(x), v.dot(x))).collect();
+            let inside = flat.iter().zip(&self.samples).filter(|(_, (_, inside))| *inside);
+            let (sum, count) = inside.fold((Vector2::zeros(), 0.0), |(sum, count), (x, _)| (sum + x, count + 1.0));
+            let middle = sum / f64::max(count, 1.0);
+            let angles: Vec<f64> = flat.iter().map(|x| (x.y - middle.y).atan2(x.x - middle.x)).collect();
+            let mut around: Vec<usize> = (0..flat.len()).collect();
+            around.sort_by(|&a, &b| angles[a].total_cmp(&angles[b]));
+            around
+        })
     }
 
     /// What reading all samples and hearing them once counts as.

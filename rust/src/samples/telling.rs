@@ -82,7 +82,7 @@ impl AsMut<Site> for Telling {
 
 /// The samples of several regions about a start.
 pub(super) struct Samples<'a, F> {
-    regions: &'a [SampledRegion],
+    pub(super) regions: &'a [SampledRegion],
     /// What else is known at a pose.
     others: &'a F,
     start: Pose,
@@ -297,6 +297,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 telling.site = regressed(&telling.site, &margins, &inverse);
             }
         }
+    }
+
+    /// Logarithm of what else is known at a pose.
+    pub(super) fn log_known(&self, pose: &Pose) -> f64 {
+        (self.others)(pose).offset
     }
 
     /// Logarithm of the probability of the labels that move nothing.

@@ -3,13 +3,14 @@
 use super::candidates::further_poses;
 use super::moments::Alone;
 use super::poses::{apart, distinct};
+use super::symmetry::turned_about;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::effort;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::{leading_step, log_likelihood};
+use crate::samples::labels::{SHARP, leading_step, log_likelihood};
 use crate::samples::posterior::{Led, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
@@ -40,12 +41,13 @@ impl Problem {
         if prior.most() > 0.0 && !found.first().is_some_and(agrees) {
             // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
             found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
-                let log_evidence = posterior.log_evidence - 0.5 * self.penalty(&posterior, prior);
-                Posterior { log_evidence, ..posterior }
+                let penalty = self.penalty(&posterior, prior);
+                posterior.with_known(-0.5 * penalty)
             }));
         }
-        let behind = 0.5 * (AMBIGUITY + self.most_penalty(prior));
-        likeliest(found, behind, |posterior| posterior.log_evidence, Posterior::is_same_as)
+        let most = AMBIGUITY + self.most_penalty(prior);
+        let is_behind = |best: &Posterior, other: &Posterior| best.against(other, self.sampled()) > most;
+        likeliest(found, is_behind, |posterior| posterior.log_evidence, Posterior::is_same_as)
     }
 
     /// What a prior counts against a posterior, in variances.
@@ -66,7 +68,13 @@ impl Problem {
             let further = further_poses(self, &mut Alone::default());
             found.extend(self.posteriors_near(&further, &others));
         }
-        likeliest(found, f64::INFINITY, |posterior| posterior.log_evidence, Posterior::is_same_as)
+        if let Some(best) = found.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) {
+            // A symmetric shape fits from several places, of which the starts may have missed one.
+            let (regions, step) = (self.sampled(), leading_step(self.sampled()));
+            let misfit = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
+            found.extend(self.posteriors_near(&turned_about(self, &best.pose, misfit, HOPELESS), &others));
+        }
+        likeliest(found, |_, _| false, |posterior| posterior.log_evidence, Posterior::is_same_as)
     }
 
     /// The posteriors of the likeliest starts.
@@ -80,7 +88,8 @@ impl Problem {
         let leading = starts.take_while(|_| !effort::is_spent());
         let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
-        let likely = likeliest(all, HOPELESS, |led| led.log_evidence, is_same);
+        let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
+        let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
         posteriors(regions, others, &likely, HOPELESS)
     }
 
@@ -92,19 +101,18 @@ impl Problem {
     }
 }
 
-/// The items of the greatest logarithms of evidence, each pose once, and no more behind the best than `behind`.
+/// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.
 fn likeliest<T>(
     mut items: Vec<T>,
-    behind: f64,
+    is_behind: impl Fn(&T, &T) -> bool,
     log_evidence: impl Fn(&T) -> f64,
     is_same: impl Fn(&T, &T) -> bool,
 ) -> Vec<T> {
     items.retain(|item| log_evidence(item).is_finite());
     items.sort_by(|a, b| log_evidence(b).total_cmp(&log_evidence(a)));
-    let most = items.first().map_or(0.0, &log_evidence);
     let mut kept: Vec<T> = Vec::new();
-    for item in items.into_iter().take_while(|item| most - log_evidence(item) <= behind) {
-        if !kept.iter().any(|other| is_same(other, &item)) {
+    for item in items {
+        if !kept.first().is_some_and(|best| is_behind(best, &item)) && !kept.iter().any(|other| is_same(other, &item)) {
             kept.push(item);
         }
     }

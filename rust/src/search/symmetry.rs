@@ -41,12 +41,21 @@ struct Drawing {
 /// regions in several planes.
 pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
     let sketch = Sketch::new(problem.contours(), step);
-    let misfit = |pose: &Pose| sketch.misfit(pose);
+    turned_about(problem, pose, |pose| sketch.misfit(pose), MOST_WORSE)
+}
+
+/// The same poses by any misfit that is no more than `worse` above that of the pose.
+pub(super) fn turned_about(
+    problem: &Problem,
+    pose: &Pose,
+    misfit: impl Fn(&Pose) -> f64 + Copy,
+    worse: f64,
+) -> Vec<Pose> {
     let drawings = drawings(problem, pose);
     let found = drawings
         .iter()
         .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_turns(misfit, drawing, behind, pose)));
-    let most = misfit(pose) + MOST_WORSE;
+    let most = misfit(pose) + worse;
     let found = sorted(found.filter(|(misfit, _)| *misfit < most).collect());
     found.into_iter().take(MOST_TURNS).map(|(_, pose)| pose).collect()
 }

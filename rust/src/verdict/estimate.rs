@@ -238,7 +238,7 @@ impl Place {
             return 0.0;
         }
         if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
-            return 2.0 * (own.log_evidence - posterior.log_evidence);
+            return own.against(posterior, problem.sampled());
         }
         let by_contours = self.fit.against(&other.fit);
         match (&self.minimum, &other.minimum) {
