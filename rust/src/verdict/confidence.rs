@@ -10,7 +10,7 @@ use crate::verdict::outliers::{contradicted, contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
-const WEIGHTS: [f64; 6] = [-2.386, -0.748, 2.180, -1.546, 1.566, 1.584];
+const WEIGHTS: [f64; 6] = [-2.321, -0.767, 2.306, -1.510, 1.526, 1.493];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
