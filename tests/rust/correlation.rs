@@ -2,7 +2,7 @@
 
 mod support;
 
-use regionpose::contour::correlation::correlation;
+use regionpose::contour::correlation::{correlation, sigmas};
 use support::random::Random;
 
 #[test]
@@ -31,4 +31,29 @@ fn the_end_of_a_region_is_no_neighbor_of_the_next_ones_beginning() {
 fn regions_of_few_or_no_values_are_fine() {
     assert_eq!(correlation(&[], &[]), 1.0);
     assert!(correlation(&[1.0, -1.0, 2.0], &[1, 0, 2]).is_finite());
+}
+
+/// Each value of normal noise `times` over: the sum varies more, and the standard deviations by which it exceeds zero do not.
+#[test]
+fn a_sum_exceeds_zero_by_standard_deviations_of_chance_also_where_neighbors_vary_as_one() {
+    let mut random = Random::new(5);
+    for times in [1, 8] {
+        let mut once = || {
+            let values: Vec<f64> = (0..60).flat_map(|_| vec![random.normal(); times]).collect();
+            sigmas(&values, &[values.len()])
+        };
+        let spread = ((0..400).map(|_| once().powi(2)).sum::<f64>() / 400.0).sqrt();
+        assert!((0.85..1.25).contains(&spread), "{times} times: {spread}");
+    }
+}
+
+/// What fits one pose as a whole is decisive, however it varies.
+#[test]
+fn a_sum_of_one_sign_exceeds_zero_by_far() {
+    let mut random = Random::new(6);
+    let values: Vec<f64> = (0..100).map(|_| 1.0 + random.normal()).collect();
+    assert!((8.0..12.0).contains(&sigmas(&values, &[50, 50])));
+    let turned: Vec<f64> = values.iter().map(|value| -value).collect();
+    assert_eq!(sigmas(&turned, &[50, 50]), -sigmas(&values, &[50, 50]));
+    assert_eq!(sigmas(&[], &[]), 0.0);
 }

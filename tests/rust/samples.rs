@@ -3,7 +3,7 @@
 
 mod support;
 
-use nalgebra::{DVector, Dyn, Matrix6, OMatrix, U6, Vector2, Vector3, Vector6};
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
@@ -15,6 +15,7 @@ use regionpose::samples::readings::{Reading, Sight};
 use regionpose::samples::signed_field::SignedField;
 use regionpose::samples::stretch::{Kind, Outline, Stretch};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
+use support::contours::all_bitten;
 use support::jacobian::differences;
 use support::random::Random;
 use support::scene::{Layout, Scene, rectangle, regular, star};
@@ -399,6 +400,44 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
     };
     let ratio = deviations(0.06).component_div(&deviations(0.12)).mean();
     assert!((0.1..0.5).contains(&ratio), "{ratio}");
+}
+
+/// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others.
+#[test]
+fn all_turns_of_a_bitten_hexagon_are_answers() {
+    for seed in 0..3 {
+        let mut random = Random::new(seed);
+        let mut scene = Scene::of_shapes(&mut random, vec![vec![regular(6, 1.0)]], layout(1));
+        scene.observed = all_bitten(&scene, 1.0);
+        let worlds = sampled(&mut random, &scene.worlds, 0.05, 1.0);
+        let estimate = estimated(&scene, &worlds, Prior::default());
+        let answers: Vec<Pose> =
+            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.pose).collect();
+        let (middle, normal) = (scene.middle(), scene.worlds[0].frame().axes[2]);
+        for turn in 1..6 {
+            let sixth = Rotation3::from_scaled_axis(normal * (f64::from(turn) * std::f64::consts::PI / 3.0));
+            let rotation = scene.pose.rotation * sixth;
+            let turned = Pose::new(rotation, scene.pose.transform(&middle) - rotation * middle);
+            let nearest = answers.iter().map(|answer| answer.angle_to(&turned)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.02, "seed {seed}, turn {turn}: {nearest} rad, {} answers", answers.len());
+        }
+        assert_eq!(estimate.warnings[0].code(), "ambiguous");
+    }
+}
+
+#[test]
+fn a_bitten_shape_without_symmetry_has_one_answer() {
+    for seed in 4..10 {
+        let mut random = Random::new(seed);
+        let shape = star(&mut random, 9, 1.0);
+        let mut scene = Scene::of_shapes(&mut random, vec![vec![shape]], layout(1));
+        scene.observed = all_bitten(&scene, 1.0);
+        let worlds = sampled(&mut random, &scene.worlds, 0.05, 1.0);
+        let estimate = estimated(&scene, &worlds, Prior::default());
+        let (rotation, _) = scene.errors(&estimate.best.pose);
+        assert!(rotation < 0.1, "seed {seed}: {rotation} rad");
+        assert!(estimate.alternatives.is_empty(), "seed {seed}: {:?}", estimate.warnings);
+    }
 }
 
 #[test]
