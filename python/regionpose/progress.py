@@ -15,7 +15,7 @@ def part(progress: Progress | None, start: float, end: float) -> Progress | None
     """What to tell the progress of a part of the work, which goes from one share of the whole to another."""
     if progress is None:
         return None
-    return lambda share: progress(start + share * (end - start))
+    return lambda share: progress((1.0 - share) * start + share * end)
 
 
 def told_each(items: Sequence[Item], progress: Progress | None) -> Iterator[tuple[Item, Progress | None]]:
