@@ -151,14 +151,25 @@ def test_ctrl_c_leaves_a_clean_terminal_with_its_cursor(tmp_path: Path) -> None:
     (tmp_path / "image.png").unlink()
     os.mkfifo(tmp_path / "image.png")
 
+    interrupted: list[bool] = []
+
     def end(got: str, process: subprocess.Popen[str]) -> None:
-        if "read files" in got:
+        if "read files" in got and not interrupted:
+            interrupted.append(True)
             process.send_signal(signal.SIGINT)
 
     seen = at_terminal("estimate", scene, "--out", tmp_path / "out", end=end)
     assert seen.code == 130 and HIDE_CURSOR in seen.terminal
     assert seen.terminal.rfind(SHOW_CURSOR) > seen.terminal.rfind(HIDE_CURSOR)
     assert "read files" not in remains(seen.terminal)
+
+
+def test_a_study_shows_its_rate_and_leaves_nothing(tmp_path: Path) -> None:
+    words = ("--scenes", "40", "--planes", "3", "--noise", "0", "--no-plots", "-j", "1", "--out", tmp_path / "rows.csv")
+    seen = at_terminal("evaluate", "perspective", *words)
+    assert seen.code == 0 and "written:" in seen.output
+    assert any(re.search(r"perspective .*\d+/\d+ +[\d.]+(/s| s each)", line) for line in seen.lines)
+    assert remains(seen.terminal) == " at 0, 0"
 
 
 class Clock:
@@ -218,3 +229,12 @@ def test_known_amounts_show_their_rate_and_the_time_left(
     line.tell(kind, amounts[3], amounts[3])  # type: ignore[arg-type]
     clock.seconds += 4.0
     assert re.fullmatch(r"\S stage 0:00:12", drawn(line)), "what follows is of unknown amount"
+
+
+def test_a_long_name_loses_its_middle_to_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    line = StageLine(1.0, clock := Clock())
+    line.begin("frame 2 of 500, photo-of-the-long-corridor-000123: world regions")
+    line.tell(SHARE, 0.5, 1.0)
+    clock.seconds += 4.0
+    assert re.fullmatch(r"frame 2 of 500, p….*: world regions [━╸╺ ]{20}  50% 0:00:04 -:--:-- left", drawn(line))

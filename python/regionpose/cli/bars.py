@@ -25,6 +25,9 @@ from rich.text import Text
 BAR_WIDTH = 20
 """Characters; with all else, a line of bytes fits into 80."""
 
+BESIDE_NAME, LEAST_NAME = 46, 16
+"""Characters of a line of shares beside its name; those that a name has on the narrowest terminal."""
+
 TOLD_EVERY_S = 0.05
 """Shares that follow sooner are passed over: readers tell them thousands of times a second."""
 
@@ -63,6 +66,12 @@ BYTES = (NAME, BAR, DownloadColumn(), TransferSpeedColumn(), *TIMES)
 ITEMS = (NAME, BAR, MofNCompleteColumn(), Rate(), *TIMES)
 
 
+def shortened(name: str, room: int) -> str:
+    """The name, without its middle where it has no room: it begins with a frame and ends with a stage."""
+    kept = (room - 1) // 2
+    return name if len(name) <= room else f"{name[: room - 1 - kept]}…{name[-kept:]}"
+
+
 class StageLine(Progress):
     """One line on standard error for the stage at hand, from `after_s` seconds on; it is gone when it stops."""
 
@@ -94,7 +103,7 @@ class StageLine(Progress):
             for known in self.task_ids:
                 self.remove_task(known)
             self._kind, self._told_at = UNKNOWN, -math.inf
-            self.add_task(stage, total=None)
+            self.add_task(shortened(stage, max(LEAST_NAME, self.console.width - BESIDE_NAME)), total=None)
 
     def tell(self, kind: tuple[ProgressColumn, ...], done: float, total: float) -> None:
         """Show how much of the stage is done."""
