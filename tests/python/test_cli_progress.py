@@ -237,4 +237,4 @@ def test_a_long_name_loses_its_middle_to_the_bar(monkeypatch: pytest.MonkeyPatch
     line.begin("frame 2 of 500, photo-of-the-long-corridor-000123: world regions")
     line.tell(SHARE, 0.5, 1.0)
     clock.seconds += 4.0
-    assert re.fullmatch(r"frame 2 of 500, p….*: world regions [━╸╺ ]{20}  50% 0:00:04 -:--:-- left", drawn(line))
+    assert re.fullmatch(r"frame 2 of 500, p….*: world regions [━╸╺]{10} +50% 0:00:04 -:--:-- left", drawn(line))
