@@ -73,10 +73,10 @@ def shortened(name: str, room: int) -> str:
 
 
 class StageLine(Progress):
-    """One line on standard error for the stage at hand, from `after_s` seconds on; it is gone when it stops."""
+    """One line on standard error for the stage at hand, once the work has taken `after_s` seconds; gone when it stops."""
 
     def __init__(self, after_s: float, clock: Callable[[], float]) -> None:
-        """Show nothing yet."""
+        """Show nothing yet; `clock` gives seconds."""
         self._clock, self._shown_from, self._told_at = clock, clock() + after_s, -math.inf
         self._kind: tuple[ProgressColumn, ...] = UNKNOWN
         # Items may take minutes: the rate is that of all of them.
@@ -89,7 +89,7 @@ class StageLine(Progress):
         )
 
     def get_renderables(self) -> Iterable[RenderableType]:
-        """The line; an empty one before its time, since rich before 14 leaves a gap where there is none."""
+        """The line; an empty one before its time, since older versions of rich leave a gap where there is none."""
         if self._clock() < self._shown_from or not self.tasks:
             yield Text()
             return

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -31,9 +31,9 @@ def at_terminal() -> bool:
 class Progress:
     """The stages of long work, at a terminal: bars with rates, or a spinner; nothing elsewhere and when quiet."""
 
-    def __init__(self, quiet: bool, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Show nothing yet; `clock` gives seconds."""
-        self._quiet, self._clock = quiet, clock
+    def __init__(self, quiet: bool) -> None:
+        """Show nothing yet."""
+        self._quiet = quiet
         self._line: StageLine | None = None
         self._size_bytes: int | None = None
 
@@ -42,7 +42,7 @@ class Progress:
         if not self._quiet and at_terminal():
             from regionpose.cli.bars import StageLine
 
-            self._line = StageLine(SHOWN_AFTER_S, self._clock)
+            self._line = StageLine(SHOWN_AFTER_S, time.monotonic)
             self._line.start()
         return self
 
