@@ -73,7 +73,7 @@ def shortened(name: str, room: int) -> str:
 
 
 class StageLine(Progress):
-    """One line on standard error for the stage at hand, once the work has taken `after_s` seconds; gone when it stops."""
+    """One line on standard error for the stage at hand, once the work has taken `after_s`; it is gone when it stops."""
 
     def __init__(self, after_s: float, clock: Callable[[], float]) -> None:
         """Show nothing yet; `clock` gives seconds."""
