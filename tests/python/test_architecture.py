@@ -34,7 +34,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
-    ("arrays", "outputs", "reading", "yaml_text"),
+    ("arrays", "outputs", "progress", "reading", "yaml_text"),
     ("cameras", "clouds", "pose"),
     ("calibration", "kernels", "regions"),
     ("estimation", "exporting", "segmentation", "witness"),

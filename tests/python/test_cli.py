@@ -68,7 +68,7 @@ def test_estimate_writes_all_files_and_says_the_pose(tmp_path: Path, capsys: pyt
     assert code == 0
     assert sorted(path.name for path in out.iterdir()) == ["overlay.png", "report.html", "result.json"]
     assert "translation_m" in said and "floor" in said and "trusted:" in said
-    assert "pose ..." in err
+    assert err == "", "progress is for terminals"
     assert read_pose(out / "result.json").translation == pytest.approx(POSE.translation, abs=1e-6)
 
 
@@ -242,7 +242,7 @@ def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pyte
         *("--pose", demo_out / "result.json", "--pose", tmp_path / "back.npy"),
     )
     assert code == 0 and json.loads(said)["images"] == 2
-    assert "colors of image 1 of 2 ..." in err and "colors of image 2 of 2, about" in err and "s left ..." in err
+    assert err == ""
     points = read_cloud(files / "cloud.ply").points
     colors, visible = blend_colors(points, [PosedImage(image, camera, pose), PosedImage(255 - image, camera, back)])
     cloud = read_cloud(out)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.regions.outline import outline_of_points
 from regionpose.segmentation.cloud import grow_plane, nearest_to_ray
-from regionpose.segmentation.planes import find_planes
+from regionpose.segmentation.planes import MOST_THINNED, SEARCHED, find_planes
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -190,6 +190,14 @@ def test_progress_rises_to_one() -> None:
     find_planes(points, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+def test_progress_of_a_thinned_cloud_rises_to_one_once_its_planes_are_filled() -> None:
+    points, _ = room(MOST_THINNED + 50_000)
+    shares: list[float] = []
+    found = find_planes(points, progress=shares.append)
+    assert shares == sorted(shares) and shares.count(1.0) == 1
+    assert len({share for share in shares if share > SEARCHED}) == len(found)
 
 
 def test_patch_is_the_same_after_a_rigid_motion() -> None:

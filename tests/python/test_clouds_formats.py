@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from cloud_samples import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from regionpose.clouds import MissingExtraError, read_cloud, write_ply
+from regionpose.clouds import MissingExtraError, e57, las, pieces, read_cloud, write_ply
 from regionpose.clouds.lzf import decompress, decompress_in_python
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
@@ -246,6 +247,61 @@ def test_kitti_and_nuscenes_rows(tmp_path: Path) -> None:
     assert "ring" in read_cloud(written(tmp_path / "b.bin", rows.tobytes())).fields
     named = read_cloud(tmp_path / "b.bin", columns=("x", "y", "z", "_", "beam"))
     assert list(named.fields) == ["beam"]
+
+
+def las_file(path: Path) -> None:
+    laspy = pytest.importorskip("laspy")
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.scales = np.full(3, 1e-3)
+    stored = laspy.LasData(header)
+    stored.x, stored.y, stored.z = np.tile(POINTS, (25, 1)).T
+    stored.write(str(path))
+
+
+def e57_file(path: Path) -> None:
+    pye57 = pytest.importorskip("pye57")
+    image = pye57.E57(str(path), mode="w")
+    for count in (4, 3):
+        columns = zip(("cartesianX", "cartesianY", "cartesianZ"), POINTS[:count].T.copy(), strict=True)
+        image.write_scan_raw(dict(columns))
+    image.close()
+
+
+def kitti_rows() -> bytes:
+    return np.column_stack([POINTS, INTENSITY]).astype("<f4").tobytes()
+
+
+FILES: dict[str, Callable[[Path], object]] = {
+    "binary.ply": lambda path: path.write_bytes(binary_ply("<", "binary_little_endian")),
+    "ascii.ply": lambda path: path.write_bytes(ascii_ply()),
+    "ascii.pcd": lambda path: path.write_text(ascii_pcd()),
+    "binary.pcd": lambda path: path.write_bytes(pcd_head("binary").encode() + pcd_rows().tobytes()),
+    "compressed.pcd": lambda path: path.write_bytes(compressed_pcd(pcd_rows())),
+    "rows.bin": lambda path: path.write_bytes(kitti_rows()),
+    "rows.csv": lambda path: path.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in POINTS)),
+    "a.las": las_file,
+    "a.laz": las_file,
+    "a.e57": e57_file,
+}
+"""Writers of files that are read in pieces."""
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_reading_in_pieces_changes_nothing_and_tells_how_much_is_read(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / name
+    FILES[name](path)
+    whole = read_cloud(path)
+    for module, size in ((pieces, "PIECE_BYTES"), (las, "PIECE_POINTS"), (e57, "PIECE_POINTS")):
+        monkeypatch.setattr(module, size, 3)
+    shares: list[float] = []
+    cloud = read_cloud(path, progress=shares.append)
+    assert_same(cloud, whole.points, whole.colors, whole.intensity)
+    for field, values in whole.fields.items():
+        np.testing.assert_array_equal(cloud.fields[field], values)
+    assert len(shares) > 2 and shares == sorted(shares)
+    assert shares[0] >= 0.0 and shares[-1] == 1.0
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the scenes are not here")

@@ -148,6 +148,25 @@ def test_a_scene_of_polygons_gives_the_known_pose(tmp_path: Path) -> None:
     assert set(run.seconds) == {"read files", "image regions", "world regions", "checks", "pose"}
 
 
+@pytest.mark.parametrize("planes", [False, True])
+def test_stages_tell_how_much_of_files_and_regions_is_done(planes: bool, tmp_path: Path) -> None:
+    told: dict[str, list[float]] = {}
+    stages = Stages(lambda name: told.setdefault(name, []), lambda share: told[next(reversed(told))].append(share))
+    values = scene_values()
+    across, along = np.meshgrid(np.arange(0.0, 1.0, 0.02), np.arange(0.0, 0.6, 0.02))
+    np.savetxt(tmp_path / "cloud.xyz", np.column_stack([across.ravel(), along.ravel(), np.zeros(across.size)]))
+    values["cloud"] = "cloud.xyz"
+    values["regions"].append(values["regions"][0] | {"name": "plate", "world": {"seed": [0.5, 0.3, 0.0]}})
+    if planes:
+        values["world_regions"] = "planes"
+        values["image_regions"] = [{"name": "some", "image": values["regions"][0]["image"]}]
+    scene_sides(load_scene(write_scene(tmp_path, values)), stages)
+    for name in ("read files", "image regions", "world regions"):
+        assert told[name] == sorted(told[name]) and told[name][-1] == 1.0, name
+    assert told["image regions"] == pytest.approx(np.arange(1, 4 + planes) / (3 + planes))
+    assert len(told["world regions"]) > 4
+
+
 def test_map_coordinates_lose_no_accuracy(tmp_path: Path) -> None:
     shift = (512_345.25, 5_405_678.5, 240.0)
     run = estimate_scene(load_scene(write_scene(tmp_path, scene_values(shift))))

@@ -3,55 +3,93 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 import typer
 
+if TYPE_CHECKING:
+    from regionpose.cli.bars import StageLine
+    from regionpose.clouds import Cloud
+
 Item = TypeVar("Item")
+
+SHOWN_AFTER_S = 1.0
+"""Seconds that work takes before its progress is shown."""
+
+
+def at_terminal() -> bool:
+    """Whether standard error is a terminal that can draw over a line."""
+    return sys.stderr.isatty() and os.environ.get("TERM", "").lower() not in {"dumb", "unknown"}
 
 
 class Progress:
-    """The stages of long work on standard error: a spinner at a terminal, a line each elsewhere, nothing when quiet."""
+    """The stages of long work, at a terminal: bars with rates, or a spinner; nothing elsewhere and when quiet."""
 
     def __init__(self, quiet: bool) -> None:
-        """Say nothing yet."""
+        """Show nothing yet."""
         self._quiet = quiet
-        self._status: Any = None
+        self._line: StageLine | None = None
+        self._size_bytes: int | None = None
 
     def __enter__(self) -> Self:
-        """Start the spinner where there is a terminal."""
-        if not self._quiet and sys.stderr.isatty():
-            from rich.console import Console
+        """Start the line where there is a terminal."""
+        if not self._quiet and at_terminal():
+            from regionpose.cli.bars import StageLine
 
-            self._status = Console(stderr=True).status("starting")
-            self._status.start()
+            self._line = StageLine(SHOWN_AFTER_S, time.monotonic)
+            self._line.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Take the spinner away."""
-        if self._status is not None:
-            self._status.stop()
+        """Take the line away."""
+        if self._line is not None:
+            self._line.stop()
 
-    def begin(self, stage: str) -> None:
-        """Say that a stage begins."""
-        if self._status is not None:
-            self._status.update(stage)
-        elif not self._quiet:
-            typer.echo(f"{stage} ...", err=True)
+    def begin(self, stage: str, *, size_bytes: int | None = None) -> None:
+        """Say that a stage begins; shares of it are shown as bytes where it has a size."""
+        self._size_bytes = size_bytes
+        if self._line is not None:
+            self._line.begin(stage)
+
+    def share(self, share: float) -> None:
+        """Say which share of the stage is done, from 0 to 1."""
+        if self._line is None:
+            return
+        from regionpose.cli.bars import BYTES, SHARE
+
+        total = self._size_bytes or 1.0
+        self._line.tell(BYTES if self._size_bytes else SHARE, share * total, total)
+
+    def count(self, done: int, total: int) -> None:
+        """Say how many items of the stage are done."""
+        if self._line is None:
+            return
+        from regionpose.cli.bars import ITEMS
+
+        self._line.tell(ITEMS, done, total)
 
     def each(self, items: Sequence[Item], stage: str) -> Iterator[Item]:
-        """The items in turn; says which one is worked on and, after the first, how long the rest will take."""
-        start = time.perf_counter()
+        """The items in turn, as a stage that counts them."""
+        self.begin(stage)
         for index, item in enumerate(items):
-            left = (time.perf_counter() - start) / max(index, 1) * (len(items) - index)
-            self.begin(f"{stage} {index + 1} of {len(items)}" + (f", about {left:.0f} s left" if index else ""))
+            self.count(index, len(items))
             yield item
+        self.count(len(items), len(items))
+
+    def read_cloud(self, path: Path) -> Cloud:
+        """The cloud of a file, as a stage that shows how much is read."""
+        from regionpose.clouds import read_cloud
+
+        self.begin("read cloud", size_bytes=path.stat().st_size)
+        return read_cloud(path, progress=self.share)
 
 
 def say_json(values: object) -> None:

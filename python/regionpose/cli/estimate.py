@@ -66,7 +66,7 @@ def run_scene(
 
     more = dict(extra or {})
     with claimed(out, [*more, *file_names(scene)], force=force) as claim, Progress(quiet) as progress:
-        stages = Stages(progress.begin)
+        stages = Stages(progress.begin, progress.share)
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth)
         written = claim.write({**more, **files.writers})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from regionpose.cli.console import Progress, at_terminal
 from regionpose.cli.options import Force, Quiet
 from regionpose.outputs import Writer, refuse_existing, text_writer, write_files
 
@@ -213,27 +213,14 @@ def _run(config: StudyConfig, files: _Files, quiet: bool) -> Results:
 
 
 @contextmanager
-def _bar(name: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+def _bar(name: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
     """What is told of the progress: a bar with the time left at a terminal, a line now and then elsewhere."""
-    if quiet:
-        yield None
-    elif not sys.stderr.isatty():
+    if not quiet and not at_terminal():
         yield _Lines(name).tell
-    else:
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
-
-        columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task(name, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+        return
+    with Progress(quiet) as bar:
+        bar.begin(name)
+        yield bar.count
 
 
 class _Lines:

@@ -38,14 +38,13 @@ def fuse(
     """
     refuse_existing([out], force)
     from regionpose.cli.views import read_view, view_files
-    from regionpose.clouds import read_cloud, write_ply
+    from regionpose.clouds import write_ply
     from regionpose.pictures.colors import colored_cloud
 
     files = view_files(images, camera, pose, camera_name or [], camera_model)
     with Progress(quiet) as progress:
-        progress.begin("read cloud")
-        points = read_cloud(cloud)
-        views = (read_view(each) for each in progress.each(files, "colors of image"))
+        points = progress.read_cloud(cloud)
+        views = (read_view(each) for each in progress.each(files, "colors of images"))
         colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)

@@ -124,14 +124,9 @@ def _image_facts(path: Path) -> Facts:
 
 
 def _cloud_facts(path: Path, progress: Progress) -> Facts:
-    from regionpose.clouds import read_cloud
-
-    size = path.stat().st_size
-    said = progress if size > LARGE_BYTES else Progress(quiet=True)
-    said.begin(f"read {size / 1e6:.0f} MB")
-    cloud = read_cloud(path)
-    said.begin(f"spacing of {len(cloud)} points")
-    spacing = _spacing(cloud.local_points)
+    cloud = progress.read_cloud(path)
+    progress.begin(f"spacing of {len(cloud)} points")
+    spacing = _spacing(cloud.local_points, progress.share)
     low, high = cloud.local_points.min(axis=0), cloud.local_points.max(axis=0)
     return {
         "kind": "cloud" if cloud.triangles is None else "mesh",
@@ -162,23 +157,29 @@ def _unit(cloud: Cloud, spacing: float | None) -> str:
     return f"taken as meters, but {remarks[0]}" if remarks else "taken as meters"
 
 
-LARGE_BYTES = 20_000_000
-"""Size from which the stages are said: smaller files of every kind are read within a second."""
-
 SPACING_SAMPLE = 2000
 """Points whose nearest neighbor is looked up for the median spacing."""
 
+PIECE_POINTS = 1 << 18
+"""Points among which neighbors are looked for at once: a tenth of a second."""
 
-def _spacing(points: Any) -> float | None:
-    """Median distance of a point to its nearest neighbor, in the cloud's unit."""
+
+def _spacing(points: Any, progress: Callable[[float], object]) -> float | None:
+    """Median distance of a point to its nearest neighbor, in the cloud's unit; trees of pieces build faster."""
     import numpy as np
     from scipy.spatial import cKDTree
 
     if len(points) < 2:
         return None
     sample = points[:: max(1, len(points) // SPACING_SAMPLE)]
-    distances = np.asarray(cKDTree(points).query(sample, k=2)[0])
-    return float(np.median(distances[:, 1]))
+    nearest = np.full((len(sample), 2), np.inf)
+    for start in range(0, len(points), PIECE_POINTS):
+        piece = points[start : start + PIECE_POINTS]
+        found = np.asarray(cKDTree(piece).query(sample, k=2)[0])
+        # A sample's own piece has it at distance zero.
+        nearest = np.sort(np.hstack([nearest, found]), axis=1)[:, :2]
+        progress(min(1.0, (start + PIECE_POINTS) / len(points)))
+    return float(np.median(nearest[:, 1]))
 
 
 def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:

@@ -48,11 +48,9 @@ def project(
         raise ValueError(f"{out}: found the ending {kind!r}; needed .png or .csv")
     refuse_existing([out], force)
     from regionpose.cli.views import ViewFiles, read_view
-    from regionpose.clouds import read_cloud
 
     with Progress(quiet) as progress:
-        progress.begin("read files")
-        points = read_cloud(cloud)
+        points = progress.read_cloud(cloud)
         view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model))
         progress.begin("projection")
         rows = _rows_inside(points, view)

@@ -123,14 +123,14 @@ def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, 
     refuse_existing([out], force)
     import numpy as np
 
-    from regionpose.clouds import Cloud, read_cloud, write_ply
+    from regionpose.clouds import Cloud, write_ply
     from regionpose.segmentation.cloud import grow_plane
 
     with Progress(quiet) as progress:
-        progress.begin("read cloud")
-        cloud = read_cloud(path)
+        cloud = progress.read_cloud(path)
         progress.begin("world region")
-        indices = np.asarray(grow_plane(cloud.local_points, np.asarray(seed) - cloud.origin))
+        start = np.asarray(seed) - cloud.origin
+        indices = np.asarray(grow_plane(cloud.local_points, start, progress=progress.share))
     if out.suffix.lower() == ".npy":
         write_file(out, lambda place: np.save(place, indices), force=force)
     else:
@@ -157,7 +157,7 @@ def _segment_scene(
     names = [name(index, region.name) for index, region in enumerate(named_regions(scene)) for name in NAMES]
     names.append(SCENE_FILE)
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
-        sides = scene_sides(scene, Stages(progress.begin))
+        sides = scene_sides(scene, Stages(progress.begin, progress.share))
         claim.write(_scene_writers(scene, sides, out))
     remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
 from regionpose.clouds.errors import CloudError, cloud_error
+from regionpose.clouds.pieces import file_bytes
+from regionpose.progress import Progress
 from regionpose.reading import FileError, read_archive, unfolding_error
 
 KITTI_COLUMNS = ("x", "y", "z", "intensity")
@@ -104,15 +106,16 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
     )
 
 
-def read_bin(path: Path, columns: Sequence[str] | None) -> Cloud:
+def read_bin(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:
     """The cloud of bare little-endian float32 rows: x, y, z, intensity as KITTI's, with a ring as nuScenes' own.
 
     Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255. Both
     kinds hold one turn of a scanner in its own frame: it stood at zero.
     """
-    values = np.fromfile(path, dtype="<f4")
+    data = file_bytes(path, progress=progress)
+    values = data[: len(data) // 4 * 4].view("<f4")
     names = checked_names(path, _bin_columns(path, values) if columns is None else columns)
-    size, row = path.stat().st_size, values.itemsize * len(names)
+    size, row = len(data), values.itemsize * len(names)
     if size % row:
         raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
     cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.columns import COORDINATES, cloud_of_columns
 from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.progress import Progress, part
 from regionpose.reading import unfolding_error
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -21,8 +23,11 @@ OTHERS = {"intensity": "intensity", "rowIndex": "row", "columnIndex": "column", 
 SCAN = "scan"
 """The field that numbers the scans of a file with several, from 0."""
 
+PIECE_POINTS = 1 << 18
+"""Points read at once: a tenth of a second."""
 
-def read_e57(path: Path) -> Cloud:
+
+def read_e57(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of an E57 file: all its scans in the file's frame, each by its own pose.
 
     Points marked invalid are dropped. Colors and intensity are kept where every scan has them. A single scan's
@@ -39,7 +44,10 @@ def read_e57(path: Path) -> Cloud:
             wrong = unfolding_error(path, values * np.dtype(np.float64).itemsize)
             if wrong is not None:
                 raise CloudError(f"{path}: scans: {wrong}")
-            scans = [_scan(pye57, image, header) for header in headers]
+            scans = [
+                _scan(pye57, image, header, told)
+                for header, told in zip(headers, _parts(headers, progress), strict=True)
+            ]
             places = [_place(header) for header in headers]
         finally:
             image.close()
@@ -57,6 +65,13 @@ def read_e57(path: Path) -> Cloud:
     return cloud if len(places) > 1 or places[0] is None else cloud.scanned_from(places[0])
 
 
+def _parts(headers: list[Any], progress: Progress | None) -> list[Progress | None]:
+    """What to tell the progress of each scan, whose share is that of its points."""
+    ends = np.cumsum([0, *(int(header.point_count) for header in headers)])
+    total = max(1, int(ends[-1]))
+    return [part(progress, start / total, end / total) for start, end in pairwise(ends.tolist())]
+
+
 def _place(header: Any) -> Array | None:
     """Where the scanner of a scan stood in the file's frame, (3,); None without a pose that anyone set."""
     if not header.has_pose():
@@ -66,10 +81,10 @@ def _place(header: Any) -> Array | None:
     return place if is_set else None
 
 
-def _scan(pye57: Any, image: Any, header: Any) -> dict[str, Scalars]:
+def _scan(pye57: Any, image: Any, header: Any, progress: Progress | None) -> dict[str, Scalars]:
     """The columns of one scan, with its coordinates in the file's frame."""
     wanted = [*CARTESIAN, *SPHERICAL, *INVALID, *COLORS, *OTHERS]
-    raw = _raw_columns(pye57, image, header, [name for name in header.point_fields if name in wanted])
+    raw = _raw_columns(pye57, image, header, [name for name in header.point_fields if name in wanted], progress)
     points = _points(raw)
     for name in INVALID:
         if name in raw:
@@ -82,15 +97,21 @@ def _scan(pye57: Any, image: Any, header: Any) -> dict[str, Scalars]:
     return scan | {OTHERS[name]: raw[name] for name in OTHERS if name in raw}
 
 
-def _raw_columns(pye57: Any, image: Any, header: Any, names: list[str]) -> dict[str, Array]:
+def _raw_columns(pye57: Any, image: Any, header: Any, names: list[str], progress: Progress | None) -> dict[str, Array]:
     """The columns `names` of a scan as the file holds them, all as float64."""
     count = int(header.point_count)
     raw = {name: np.empty(count) for name in names}
+    pieces = {name: np.empty(min(count, PIECE_POINTS)) for name in names}
     buffers = pye57.libe57.VectorSourceDestBuffer()
-    for name, values in raw.items():
-        buffers.append(pye57.libe57.SourceDestBuffer(image, name, values, count, True, True))
-    reader = header.points.reader(buffers)
-    read = reader.read()
+    for name, values in pieces.items():
+        buffers.append(pye57.libe57.SourceDestBuffer(image, name, values, len(values), True, True))
+    reader, read = header.points.reader(buffers), 0
+    while read < count and (more := reader.read()):
+        for name, values in pieces.items():
+            raw[name][read : read + more] = values[:more]
+        read += more
+        if progress is not None:
+            progress(read / count)
     reader.close()
     if read != count:
         raise ValueError(f"{read} points instead of {count}")

@@ -15,6 +15,7 @@ from regionpose.clouds.meshes import read_mesh
 from regionpose.clouds.pcd import is_pcd, read_pcd
 from regionpose.clouds.ply import read_ply
 from regionpose.clouds.text import read_text
+from regionpose.progress import Progress
 
 Reader = Callable[..., Cloud]
 
@@ -52,8 +53,11 @@ ENDINGS: dict[str, Reader] = {
 TABLE_READERS: frozenset[Reader] = frozenset((read_npy, read_npz, read_bin, read_text))
 """Readers of files whose columns may have no names."""
 
+PIECEWISE_READERS: frozenset[Reader] = frozenset((read_ply, read_pcd, read_las, read_e57, read_bin, read_text))
+"""Readers that can say how much they have read."""
 
-def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Cloud:
+
+def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progress: Progress | None = None) -> Cloud:
     """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, or a mesh (OBJ, STL, GLB, PLY).
 
     The content decides the kind, or the name's ending where it cannot. Points that are not finite are dropped.
@@ -65,6 +69,9 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Clo
     columns : sequence of str, optional
         Names of the columns of files that don't name them (text, .npy, .bin), as in `("x", "y", "z", "intensity",
         "ring")`; "_" leaves one out.
+    progress : callable, optional
+        Called with the share of the file that is read, in [0, 1]; not for meshes of other kinds than PLY, .npy and
+        .npz, which are read at once.
 
     Raises
     ------
@@ -83,11 +90,12 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None) -> Clo
     if not start:
         raise cloud_error(location, "file", "0 bytes", f"a cloud: {', '.join(ENDINGS)}")
     reader = _reader(location, start)
+    told = {"progress": progress} if reader in PIECEWISE_READERS else {}
     if reader in TABLE_READERS:
-        return reader(location, columns)
+        return reader(location, columns, **told)
     if columns is not None:
         raise cloud_error(location, "columns", "names given", "none, since the file names its own")
-    return reader(location)
+    return reader(location, **told)
 
 
 def _reader(path: Path, start: bytes) -> Reader:

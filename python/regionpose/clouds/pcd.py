@@ -12,7 +12,9 @@ from regionpose.clouds import lzf
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import SKIPPED, cloud_of_columns
 from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.pieces import file_bytes
 from regionpose.clouds.text import rows_of_text
+from regionpose.progress import Progress
 from regionpose.reading import whole_number
 
 LONGEST_HEADER = 1 << 20
@@ -54,14 +56,14 @@ def is_pcd(start: bytes) -> bool:
     return re.match(rb"(\s*#[^\n]*\n)*\s*(#\s*\.PCD|VERSION\s|FIELDS\s)", start) is not None
 
 
-def read_pcd(path: Path) -> Cloud:
+def read_pcd(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a PCD file; as in PCL the VIEWPOINT is not applied, but it is where the scanner stood."""
     with path.open("rb") as file:
         header = _header(path, file.read(LONGEST_HEADER))
     readers = {"ascii": _text_columns, "binary": _binary_columns, "binary_compressed": _compressed_columns}
     if header.storage not in readers:
         raise cloud_error(path, "DATA", header.storage, "ascii, binary or binary_compressed")
-    cloud = cloud_of_columns(path, _named_columns(readers[header.storage](path, header)))
+    cloud = cloud_of_columns(path, _named_columns(readers[header.storage](path, header, progress)))
     return cloud if header.sensor_origin is None else cloud.scanned_from(header.sensor_origin)
 
 
@@ -136,30 +138,30 @@ def _row_type(path: Path, names: list[str], kinds: list[tuple[str, int]], counts
     return np.dtype(parts)
 
 
-def _text_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
+def _text_columns(path: Path, header: PcdHeader, progress: Progress | None) -> dict[str, Scalars]:
     """Columns of lines of numbers; floats at full precision, packed colors by the bytes of their own type."""
     exact = [
         (name, "<f8" if header.row[name].base.kind == "f" else header.row[name].base.str, header.row[name].shape)
         for name in header.row.names or ()
     ]
-    rows = rows_of_text(path, header.offset, np.dtype(exact))
+    rows = rows_of_text(path, header.offset, np.dtype(exact), progress=progress)
     if len(rows) != header.count:
         raise cloud_error(path, "points", f"{len(rows)} lines", f"{header.count}, as the header says")
     packed = [name for name in PACKED_COLORS if name in (header.row.names or ())]
     return {name: rows[name].astype(header.row[name].base) if name in packed else rows[name] for name, *_ in exact}
 
 
-def _binary_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
+def _binary_columns(path: Path, header: PcdHeader, progress: Progress | None) -> dict[str, Scalars]:
     """Columns of rows stored one after the other."""
-    data = np.fromfile(path, dtype=np.uint8, offset=header.offset)
+    data = file_bytes(path, header.offset, progress=progress)
     _check_size(path, "points", data, header.count * header.row.itemsize)
     rows = np.frombuffer(data, dtype=header.row, count=header.count)
     return {name: rows[name] for name in header.row.names or ()}
 
 
-def _compressed_columns(path: Path, header: PcdHeader) -> dict[str, Scalars]:
+def _compressed_columns(path: Path, header: PcdHeader, progress: Progress | None) -> dict[str, Scalars]:
     """Columns stored one after the other, compressed as a whole."""
-    data = np.fromfile(path, dtype=np.uint8, offset=header.offset)
+    data = file_bytes(path, header.offset, progress=progress)
     if len(data) < COMPRESSED_SIZES.itemsize:
         raise cloud_error(path, "compressed data", f"{len(data)} bytes", "two sizes of 4 bytes")
     compressed, plain = (int(size) for size in np.frombuffer(data, COMPRESSED_SIZES, 1)[0])

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import cloud_of_columns
 from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.pieces import file_bytes, file_words
+from regionpose.progress import Progress
 from regionpose.reading import whole_number
 
 LONGEST_HEADER = 1 << 20
@@ -81,12 +83,12 @@ class Body:
     ascii: bool
 
     @classmethod
-    def read(cls, path: Path, form: str, offset: int) -> Body:
+    def read(cls, path: Path, form: str, offset: int, progress: Progress | None) -> Body:
         """The values of the file from byte `offset` on."""
-        data = np.fromfile(path, dtype=np.uint8, offset=offset)
         if form != "ascii":
-            return cls(path, data, ORDERS[form], ascii=False)
-        return cls(path, _numbers(path, data.tobytes()).astype("<f8").view(np.uint8), ORDERS[form], ascii=True)
+            return cls(path, file_bytes(path, offset, progress=progress), ORDERS[form], ascii=False)
+        numbers = np.concatenate([_numbers(path, text) for text in file_words(path, offset, progress=progress)])
+        return cls(path, numbers.astype("<f8", copy=False).view(np.uint8), ORDERS[form], ascii=True)
 
     def kind(self, declared: str) -> np.dtype[np.generic]:
         """How a value of a declared type is held."""
@@ -101,11 +103,11 @@ class Body:
         )
 
 
-def read_ply(path: Path) -> Cloud:
+def read_ply(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a PLY file; polygons are cut into triangles about their first corner."""
     with path.open("rb") as file:
         form, elements, offset = _header(path, file.read(LONGEST_HEADER))
-    body = Body.read(path, form, offset)
+    body = Body.read(path, form, offset, progress)
     tables: dict[str, dict[str, Scalars | Lists]] = {}
     at = 0
     for element in elements:

@@ -17,6 +17,8 @@ from numpy.typing import DTypeLike, NDArray
 from regionpose.clouds.cloud import Cloud
 from regionpose.clouds.columns import COORDINATES, cloud_of_table
 from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.pieces import ToldFile
+from regionpose.progress import Progress
 
 COMMENTS = ("#", "//", "%")
 
@@ -34,19 +36,26 @@ class TextLayout:
     stated_count: int | None
 
 
-def read_text(path: Path, columns: Sequence[str] | None) -> Cloud:
+def read_text(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a text file, by `columns`, else by a heading that names x, y and z, else by guess."""
     layout = _layout(path)
-    table = rows_of_text(path, 0, np.float64, layout.delimiter, layout.lines_before)
+    table = rows_of_text(path, 0, np.float64, layout.delimiter, layout.lines_before, progress=progress)
     if layout.stated_count not in (None, len(table)):
         raise cloud_error(path, "rows", len(table), f"{layout.stated_count}, as the first line says")
     return cloud_of_table(path, table, columns if columns is not None else layout.names)
 
 
-def rows_of_text(path: Path, offset: int, kind: DTypeLike, delimiter: str | None = None, skip: int = 0) -> NDArray[Any]:
+def rows_of_text(
+    path: Path,
+    offset: int,
+    kind: DTypeLike,
+    delimiter: str | None = None,
+    skip: int = 0,
+    *,
+    progress: Progress | None = None,
+) -> NDArray[Any]:
     """The rows of numbers from byte `offset` on: (n, k), or (n,) of a structured type; CloudError for anything else."""
-    with path.open("rb") as file:
-        file.seek(offset)
+    with io.BufferedReader(ToldFile(path, offset, progress)) as file:
         text = io.TextIOWrapper(file, encoding="latin-1")
         try:
             with warnings.catch_warnings():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,12 +15,13 @@ from regionpose.estimation.matching import RegionMatches, match_regions
 from regionpose.estimation.sides import overlap_errors
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
+from regionpose.progress import Progress, part, told_each
 from regionpose.regions.image import ImageRegion
 from regionpose.sanity import check_camera, check_regions, check_unit
 from regionpose.scene.document import Place
 from regionpose.scene.known import scene_prior, scene_solver
 from regionpose.scene.loading import Scene, named_regions
-from regionpose.scene.models import ImageSide
+from regionpose.scene.models import ImageSide, RegionItem, WorldRegionItem
 from regionpose.scene.sensors import (
     Picture,
     SensorOrigin,
@@ -102,20 +104,21 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
     with stages.stage("read files"):
         image = scene_image(scene)
         camera = fitted_camera(scene, scene_camera(scene), image)
-        cloud = scene_cloud(scene)
+        cloud = scene_cloud(scene, progress=stages.progress)
     if cloud is not None and origin is not None:
         cloud = cloud.about(origin)
     center = scene_origin(scene, cloud) if origin is None else origin
     scanner = sensor_origin(scene, cloud)
     with stages.stage("image regions"):
-        images = [image_side(scene, (*one.place, "image"), one.image, image) for one in _imaged(scene)]
+        imaged = told_each(_imaged(scene), stages.progress)
+        images = [image_side(scene, (*one.place, "image"), one.image, image) for one, _ in imaged]
     with stages.stage("world regions"):
-        scan, paired = Scan.of(cloud, center, scanner), scene.model.regions
-        sides = [world_side(scene, ("regions", k, "world"), one.world, scan) for k, one in enumerate(paired)]
-        world_names, worlds = _unpaired_worlds(scene, scan)
+        scan, paired, share = Scan.of(cloud, center, scanner), scene.model.regions, _share_of_pairs(scene)
+        sides = _world_sides(scene, "regions", paired, scan, part(stages.progress, 0.0, share))
+        world_names, worlds = _unpaired_worlds(scene, scan, part(stages.progress, share, 1.0))
     names, count = tuple(one.name for one in _imaged(scene)), len(paired)
     unpaired = Unpaired(names[count:], tuple(images[count:]), world_names, worlds)
-    regions = (names[:count], tuple(images[:count]), tuple(sides), unpaired)
+    regions = (names[:count], tuple(images[:count]), sides, unpaired)
     with stages.stage("checks"):
         return checked(SceneSides(scene, camera, image, cloud, center, scanner, *regions))
 
@@ -133,13 +136,31 @@ def _imaged(scene: Scene) -> list[Imaged]:
     return [Imaged(one.place, one.name, one.image) for one in named_regions(scene) if one.image is not None]
 
 
-def _unpaired_worlds(scene: Scene, scan: Scan) -> tuple[tuple[str, ...], tuple[WorldSide, ...]]:
+def _share_of_pairs(scene: Scene) -> float:
+    """The share of the world regions that are those of pairs, for who waits; planes count as one."""
+    pairs, others = len(scene.model.regions), scene.model.world_regions
+    return pairs / max(1, pairs + (len(others) if isinstance(others, list) else 1))
+
+
+def _world_sides(
+    scene: Scene, key: str, items: Sequence[RegionItem | WorldRegionItem], scan: Scan, progress: Progress | None
+) -> tuple[WorldSide, ...]:
+    """The world sides of the regions that the scene writes out at `key`."""
+    return tuple(
+        world_side(scene, (key, index, "world"), one.world, scan, progress=told)
+        for index, (one, told) in enumerate(told_each(items, progress))
+    )
+
+
+def _unpaired_worlds(
+    scene: Scene, scan: Scan, progress: Progress | None
+) -> tuple[tuple[str, ...], tuple[WorldSide, ...]]:
     """Names and sides of the world regions without an image region."""
     written = scene.model.world_regions
     if isinstance(written, list):
-        sides = [world_side(scene, ("world_regions", k, "world"), one.world, scan) for k, one in enumerate(written)]
-        return tuple(one.name for one in written), tuple(sides)
-    planes = plane_sides(scene, scan)
+        names = tuple(one.name for one in written)
+        return names, _world_sides(scene, "world_regions", written, scan, progress)
+    planes = plane_sides(scene, scan, progress=progress)
     return tuple(planes), tuple(planes.values())
 
 

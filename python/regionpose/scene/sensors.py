@@ -14,6 +14,7 @@ from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.progress import Progress
 from regionpose.reading import read_pixels
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
@@ -84,10 +85,10 @@ def other_size(camera: Camera, size: tuple[int, int]) -> str | None:
     return f"found {size[0]} x {size[1]} pixels ({how}); {needed}"
 
 
-def scene_cloud(scene: Scene) -> Cloud | None:
-    """The scene's cloud, None when it names none."""
+def scene_cloud(scene: Scene, *, progress: Progress | None = None) -> Cloud | None:
+    """The scene's cloud, None when it names none; `progress` as of `read_cloud`."""
     name = scene.model.cloud
-    return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name)))
+    return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name), progress=progress))
 
 
 @dataclass(frozen=True, eq=False)

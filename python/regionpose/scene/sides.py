@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.progress import Progress
 from regionpose.reading import read_array
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.outline import SparseSamplingWarning
@@ -127,21 +128,28 @@ def _within(scene: Scene, drawn: ImageRegion, image: Picture) -> ImageRegion:
     raise ValueError(f"found [{x:g}, {y:g}] outside the photo of {size[0]} x {size[1]} pixels; needed {cure}")
 
 
-def world_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
-    """The world side that stands at `place`, about the origin; SceneError that names its line where it gives none."""
-    return _remarked(lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan), scan.origin))
+def world_side(
+    scene: Scene, place: Place, item: WorldItem, scan: Scan, *, progress: Progress | None = None
+) -> WorldSide:
+    """The world side that stands at `place`, about the origin; SceneError that names its line where it gives none.
+
+    `progress` is told which share of it is grown.
+    """
+    return _remarked(
+        lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan, progress), scan.origin)
+    )
 
 
-def plane_sides(scene: Scene, scan: Scan) -> dict[str, WorldSide]:
+def plane_sides(scene: Scene, scan: Scan, *, progress: Progress | None = None) -> dict[str, WorldSide]:
     """The world sides of all planes that the scene's cloud holds, the largest first, by names that count them.
 
-    SceneError where it holds none.
+    `progress` as of `find_planes`. SceneError where it holds none.
     """
     from regionpose.segmentation.planes import find_planes
 
     assert scan.cloud is not None
     points = scan.cloud.local_points
-    found = named(scene, ("world_regions",), lambda: find_planes(points))
+    found = named(scene, ("world_regions",), lambda: find_planes(points, progress=progress))
     sides = [side for indices in found for side in _plane_side(points, indices, scan)]
     if not sides:
         raise scene.error(("world_regions",), "found no plane in the cloud; needed regions written out")
@@ -173,13 +181,13 @@ def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin:
     return named(scene, (*place, "seen_from"), lambda: replace(side, region=side.region.seen_from(viewpoint)))
 
 
-def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan) -> WorldSide:
+def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan, progress: Progress | None) -> WorldSide:
     if isinstance(item, WorldPolygonSide):
         return named(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
     if isinstance(item, WorldMesh):
         return named(scene, (*place, "mesh"), lambda: _mesh(scene.file(item.mesh), scan.origin))
     if isinstance(item, WorldSeed):
-        return named(scene, (*place, "seed"), lambda: _grown_plane(item, scan))
+        return named(scene, (*place, "seed"), lambda: _grown_plane(item, scan, progress))
     return named(scene, (*place, "points"), lambda: _points(scene, item, scan))
 
 
@@ -236,17 +244,18 @@ def _mesh(path: Path, origin: Array) -> WorldSide:
     return WorldSide(WorldRegion.from_mesh(surface), outline_because="it is given as a mesh")
 
 
-def _grown_plane(item: WorldSeed, scan: Scan) -> WorldSide:
+def _grown_plane(item: WorldSeed, scan: Scan, progress: Progress | None) -> WorldSide:
     from regionpose.segmentation.cloud import grow_plane
 
     if scan.cloud is None:
         raise ValueError("found a seed without a cloud; needed the key cloud in the scene")
     points, seed = scan.cloud.local_points, np.asarray(item.seed) - scan.origin
+    grow = partial(grow_plane, seed=seed, min_width_m=item.min_width_m, progress=progress)
     if item.intensity_tolerance is None:
-        indices = grow_plane(points, seed, min_width_m=item.min_width_m)
+        indices = grow(points)
     else:
         alike = _alike(scan.cloud, seed, item.intensity_tolerance)
-        indices = alike[grow_plane(points[alike], seed, min_width_m=item.min_width_m)]
+        indices = alike[grow(points[alike])]
     return _scanned(points, indices, item, scan)
 
 

@@ -7,12 +7,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from regionpose.progress import Progress
+
 
 @dataclass
 class Stages:
-    """The seconds that each stage of a run took; `begin` is told its name when it begins, and of what it is."""
+    """The seconds that each stage of a run took.
+
+    `begin` is told its name when it begins, and of what it is; `progress` which share of it is done, where that is
+    known.
+    """
 
     begin: Callable[[str], object] = lambda name: None
+    progress: Progress = lambda share: None
     seconds: dict[str, float] = field(default_factory=dict)
     _whose: str = ""
 

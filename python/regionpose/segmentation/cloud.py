@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.arrays import row_array
+from regionpose.progress import Progress
 from regionpose.segmentation.narrow_parts import without_narrow_parts
-from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Patch, Progress, grown, nearest_points, start_patch
+from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Patch, grown, nearest_points, start_patch
 
 SEED_CROWD = 96
 """A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.

@@ -8,20 +8,19 @@ anew after each step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from regionpose.progress import Progress
 from regionpose.regions.outline import ROUNDING, bridging_radius
 from regionpose.regions.plane_fit import robust_plane
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-Progress = Callable[[float], None]
 
 SEED_NEIGHBORS = (24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536)
 """Neighbors that show the plane at the seed: more where the nearest all lie on one scan line, in steps fine enough for

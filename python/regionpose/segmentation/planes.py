@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from regionpose.progress import Progress, part
 from regionpose.segmentation.cloud import check_given, check_positive, checked_cloud
 from regionpose.segmentation.patch import (
     ANGLE_DEG,
@@ -23,13 +24,15 @@ from regionpose.segmentation.patch import (
     Array,
     Indices,
     Patch,
-    Progress,
     grown,
     start_patch,
 )
 
 MOST_THINNED = 150_000
 """Points to which a cloud is thinned to look for planes; the patches found are filled with all points afterwards."""
+
+SEARCHED = 0.5
+"""Share of the work that is told as done before patches of a thinned cloud are filled, which takes about as long."""
 
 LEAST_PATCH = 50
 """Points below which a patch isn't reported unless asked for."""
@@ -112,8 +115,13 @@ def find_planes(
         raise ValueError(f"min_points is {min_points}; needed a whole number of 3 or more")
     thinned = _thinned(cloud)
     search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
-    patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(progress)]
-    found = _filled(cloud, patches) if len(thinned) < len(cloud) else [np.sort(patch.members) for patch in patches]
+    is_whole = len(thinned) == len(cloud)
+    told = progress if is_whole else part(progress, 0.0, SEARCHED)
+    patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(told)]
+    if is_whole:
+        found = [np.sort(patch.members) for patch in patches]
+    else:
+        found = _filled(cloud, patches, part(progress, SEARCHED, 1.0))
     return sorted((members for members in found if len(members) >= min_points), key=len, reverse=True)
 
 
@@ -248,7 +256,7 @@ def _voxels(points: Array, size: float) -> NDArray[np.int64]:
     return numbers
 
 
-def _filled(cloud: Array, patches: list[Patch]) -> list[Indices]:
+def _filled(cloud: Array, patches: list[Patch], progress: Progress | None) -> list[Indices]:
     """The patches, found on some of the cloud, with all its points in the same cells; earlier patches first."""
     rest = np.flatnonzero(np.isfinite(cloud).all(axis=1))
     remaining = cloud[rest]
@@ -259,6 +267,8 @@ def _filled(cloud: Array, patches: list[Patch]) -> list[Indices]:
         kept = np.ones(len(rest), dtype=np.bool_)
         kept[near] = False
         rest, remaining = rest[kept], remaining[kept]
+        if progress is not None:
+            progress(len(found) / len(patches))
     return found
 
 
