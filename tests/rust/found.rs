@@ -50,7 +50,7 @@ fn an_even_mesh_of_a_region_thinner_than_its_edges_is_bounded() {
     assert!((mesh.area() / region.area() - 1.0).abs() < 1e-9);
     let start = Instant::now();
     let message = even_mesh(&region, 2e-4).unwrap_err().to_string();
-    assert!(message.contains("longer: the region is thinner"), "{message}");
+    assert!(message.contains("longer: the region is too thin for two rows"), "{message}");
     assert!(start.elapsed() < AT_ONCE);
 }
 

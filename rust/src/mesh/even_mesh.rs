@@ -17,10 +17,11 @@ const ROW_SPACING: f64 = 0.866_025_403_784_438_6;
 /// Lattice points nearer to the boundary than this fraction of the edge length make flat triangles there.
 const BOUNDARY_GAP: f64 = 0.55;
 
-/// Vertices on the boundary of a region that is thinner than its edges are long, beside as many as its area asks for: those of a
-/// region as wide are fewer than its triangles. Edges that nearly coincide take the square of their number, 2,000 of them a
-/// fifth of a second (`fuzz --target mesh`).
+/// Vertices on the boundary of a region that is too thin for two rows of triangles, beside those for which its area has two
+/// triangles each, as two rows have. Edges that nearly coincide take the square of their number, 2,000 of them a fifth of a
+/// second (`fuzz --target mesh`).
 const MOST_ON_NEEDLES: usize = 2000;
+const TRIANGLES_EACH: f64 = 2.0;
 
 /// Rounds of smoothing, each ending in a new triangulation; further ones gain less than 0.001 of quality.
 const SMOOTHING_ROUNDS: usize = 2;
@@ -69,8 +70,10 @@ fn check_edge_length(region: &PlaneRings, edge_length: f64) -> Result<()> {
         "positive and finite".to_owned()
     } else if across + along > MOST_TRIANGLES as f64 {
         format!("longer: it would make more than {MOST_TRIANGLES} triangles")
-    } else if along > MOST_ON_NEEDLES as f64 + across {
-        format!("longer: the region is thinner, and more than {MOST_ON_NEEDLES} vertices would lie on its boundary")
+    } else if along > MOST_ON_NEEDLES as f64 + across / TRIANGLES_EACH {
+        format!(
+            "longer: the region is too thin for two rows of triangles, and more than {MOST_ON_NEEDLES} vertices would lie on its boundary"
+        )
     } else {
         return Ok(());
     };
