@@ -1,15 +1,19 @@
 //! Many problems at once, on a pool of threads of its own.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number.
+/// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number. A problem that
+/// panics has that error in its place ([`Error::Panicked`]), and the others have their answers.
 ///
 /// ```
 /// # use nalgebra::Vector3;
-/// # use regionpose::{ObservedRegion, Problem, Result, WorldRegion, in_parallel};
+/// # use regionpose::{ObservedRegion, Problem, WorldRegion, in_parallel};
 /// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
 /// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.0)).collect();
 /// let world = WorldRegion::from_rings(&[sign.clone()])?;
@@ -17,7 +21,7 @@ use crate::error::{Error, Result};
 ///     .map(|distance| sign.iter().map(|x| x + Vector3::new(-0.2, 0.1, distance)).collect())
 ///     .map(|bearings| ObservedRegion::new(vec![bearings], 20_000.0))
 ///     .to_vec();
-/// let solve = |image: &ObservedRegion| -> Result<_> {
+/// let solve = |image: &ObservedRegion| {
 ///     Ok(Problem::new(std::slice::from_ref(image), std::slice::from_ref(&world))?.estimate())
 /// };
 /// // Each has an answer of its own: one that is refused leaves the others theirs.
@@ -31,8 +35,8 @@ use crate::error::{Error, Result};
 pub fn in_parallel<P: Sync, A: Send>(
     problems: &[P],
     threads: Option<usize>,
-    solve: impl Fn(&P) -> A + Sync,
-) -> Result<Vec<A>> {
+    solve: impl Fn(&P) -> Result<A> + Sync,
+) -> Result<Vec<Result<A>>> {
     if threads == Some(0) {
         return Err(Error::OutOfRange { item: "threads", found: "0".into(), needed: "at least 1".into() });
     }
@@ -41,5 +45,14 @@ pub fn in_parallel<P: Sync, A: Send>(
         .num_threads(threads.unwrap_or(0))
         .build()
         .map_err(|error| Error::Threads { reason: error.to_string() })?;
-    Ok(pool.install(|| problems.par_iter().map(&solve).collect()))
+    // Nothing is shared that a panic could leave half done.
+    let guarded =
+        |problem| catch_unwind(AssertUnwindSafe(|| solve(problem))).unwrap_or_else(|held| Err(panicked(&*held)));
+    Ok(pool.install(|| problems.par_iter().map(guarded).collect()))
+}
+
+/// What a panic said.
+fn panicked(held: &(dyn Any + Send)) -> Error {
+    let text = held.downcast_ref::<&str>().copied().or_else(|| held.downcast_ref::<String>().map(String::as_str));
+    Error::Panicked { reason: text.unwrap_or("nothing").to_owned() }
 }

@@ -200,6 +200,12 @@ pub enum Error {
         /// Smallest radius that keeps a triangle.
         smallest: f64,
     },
+    /// A problem of a batch panicked, which is a defect of the crate or of the function that solves it.
+    #[error("the solver failed on this problem ({reason}); this is a defect of regionpose")]
+    Panicked {
+        /// What the panic said.
+        reason: String,
+    },
     /// Nobody waits for the result any more.
     #[error("the work was stopped; it needs somebody who waits for it")]
     Stopped,

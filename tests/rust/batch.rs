@@ -12,8 +12,8 @@ fn scenes() -> Vec<Scene> {
 }
 
 fn estimates(scenes: &[Scene], threads: Option<usize>) -> Vec<Estimate> {
-    let solve = |scene: &Scene| scene.problem(System::Plane, Integration::Boundary).estimate().unwrap();
-    in_parallel(scenes, threads, solve).unwrap()
+    let solve = |scene: &Scene| Ok(scene.problem(System::Plane, Integration::Boundary).estimate().unwrap());
+    in_parallel(scenes, threads, solve).unwrap().into_iter().collect::<Result<_>>().unwrap()
 }
 
 /// All numbers of an estimate, bit by bit.
@@ -63,17 +63,27 @@ fn a_problem_that_is_refused_or_unsolved_leaves_the_others_alone() {
 }
 
 #[test]
+fn a_problem_that_panics_leaves_the_others_alone() {
+    let halved = |&x: &u32| if x == 3 { panic!("{x} is odd") } else { Ok(x / 2) };
+    let answers = in_parallel(&[2, 3, 4], Some(2), halved).unwrap();
+    let message = answers[1].as_ref().unwrap_err().to_string();
+    assert_eq!(message, "the solver failed on this problem (3 is odd); this is a defect of regionpose");
+    assert!(matches!((&answers[0], &answers[2]), (Ok(1), Ok(2))));
+}
+
+#[test]
 fn no_problems_give_no_answers() {
-    assert_eq!(in_parallel(&[] as &[f64], Some(2), |x| x + 1.0).unwrap(), Vec::<f64>::new());
+    assert!(in_parallel(&[] as &[f64], Some(2), |x| Ok(x + 1.0)).unwrap().is_empty());
 }
 
 #[test]
 fn more_threads_than_problems_are_fine() {
-    assert_eq!(in_parallel(&[1, 2, 3], Some(16), |x| x * x).unwrap(), [1, 4, 9]);
+    let squares: Result<Vec<i32>> = in_parallel(&[1, 2, 3], Some(16), |x| Ok(x * x)).unwrap().into_iter().collect();
+    assert_eq!(squares.unwrap(), [1, 4, 9]);
 }
 
 #[test]
 fn zero_threads_are_refused() {
-    let message = in_parallel(&[1], Some(0), |x| x + 1).unwrap_err().to_string();
+    let message = in_parallel(&[1], Some(0), |x| Ok(x + 1)).unwrap_err().to_string();
     assert_eq!(message, "threads is 0; it needs to be at least 1");
 }

@@ -1,7 +1,5 @@
 //! Problems and what comes of them.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
 use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
@@ -12,6 +10,7 @@ use regionpose::equations::facet::Integration;
 use regionpose::equations::least_squares;
 use regionpose::equations::residual::Evaluation;
 use regionpose::equations::system::{System, Weighting};
+use regionpose::error::Error;
 use regionpose::geometry::pose::Tangent;
 use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
@@ -453,17 +452,16 @@ pub fn estimate_batch<'py>(
     };
     let results = detached_threads(py, |stop| {
         // Nobody sees the answers of a batch that was interrupted.
-        let waited_for =
-            |task: &(Sides, Options)| if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
-        // A problem that panics costs its own answer, not those of the others.
-        let guarded = |task: &(Sides, Options)| catch_unwind(AssertUnwindSafe(|| waited_for(task)));
-        in_parallel(&tasks, threads, guarded)
+        let waited_for = |task: &(Sides, Options)| {
+            let solved = if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
+            solved.unwrap_or(Err(Error::Stopped))
+        };
+        in_parallel(&tasks, threads, waited_for)
     });
-    let answer = |result: std::thread::Result<Option<regionpose::error::Result<_>>>| match result {
-        Ok(Some(Ok(found))) => Ok(Option::map(found, Estimate).into_pyobject(py)?.into_any()),
-        Ok(Some(Err(error))) => Ok(error.to_string().into_pyobject(py)?.into_any()),
-        Ok(None) => Err(PyKeyboardInterrupt::new_err(())),
-        Err(_) => Ok("the solver failed on this problem; this is a defect of regionpose".into_pyobject(py)?.into_any()),
+    let answer = |result| match result {
+        Ok(found) => Ok(Option::map(found, Estimate).into_pyobject(py)?.into_any()),
+        Err(Error::Stopped) => Err(PyKeyboardInterrupt::new_err(())),
+        Err(error) => Ok(error.to_string().into_pyobject(py)?.into_any()),
     };
     results?.map_err(value_error)?.into_iter().map(answer).collect()
 }
