@@ -147,7 +147,7 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     # Beliefs settle to a hundredth of a standard deviation, and not the same samples lead the starts.
     apart = alone.pose.increment_to(with_them.pose)
     assert apart @ np.linalg.solve(alone.covariance, apart) < 0.01**2
-    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=3e-3)
+    np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=1e-2)
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:
