@@ -25,6 +25,7 @@ from cloud_samples import (
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from regionpose.cameras import FisheyeCamera, PinholeCamera
 from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_depth, read_cloud, write_ply
@@ -183,6 +184,24 @@ def test_rays_beside_the_camera_have_no_depth_along_the_axis() -> None:
     cloud = cloud_from_depth(np.full((32, 32), 3.0), camera)
     assert 0 < len(cloud) == np.count_nonzero(ahead) < 32 * 32
     assert cloud.dropped == 32 * 32 - len(cloud)
+
+
+class CountingCamera(PinholeCamera):
+    """A camera that keeps how many pixels it was asked for."""
+
+    asked = 0
+
+    def bearings(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """As of a pinhole."""
+        type(self).asked += len(np.asarray(pixels))
+        return super().bearings(pixels)
+
+
+def test_only_pixels_with_a_depth_are_given_bearings() -> None:
+    depth = np.zeros((2000, 32))
+    depth[7, 3:6] = 2.0
+    cloud = cloud_from_depth(depth, CountingCamera(20.0, 20.0, 15.5, 15.5))
+    assert (CountingCamera.asked, len(cloud), cloud.dropped) == (3, 3, 2000 * 32 - 3)
 
 
 def test_depth_png_with_holes_and_colors(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ use regionpose::verdict::estimate::overlap_errors;
 use regionpose::view::chart::Chart;
 use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
 use support::random::Random;
-use support::scene::{Layout, Scene, regular, star};
+use support::scene::{Layout, Scene, rectangle, regular, star};
 
 /// A refusal comes before the work: far sooner than any mesh of so many triangles.
 const AT_ONCE: Duration = Duration::from_millis(100);
@@ -40,6 +40,14 @@ fn an_even_mesh_of_a_needle_is_refused_before_any_work() {
         assert!(message.contains(&format!("more than {MOST_TRIANGLES} triangles")), "{message}");
         assert!(start.elapsed() < AT_ONCE);
     }
+}
+
+/// A strip one edge wide has nearly as many vertices on its boundary as triangles; of two rows it has half as many.
+#[test]
+fn an_even_mesh_of_a_long_strip_needs_two_rows() {
+    let strip = |width: f64| PlaneRings::new(vec![rectangle(3.0, width)]).unwrap();
+    assert!(even_mesh(&strip(1e-3), 1e-3).unwrap_err().to_string().contains("too thin for two rows"));
+    assert!(even_mesh(&strip(2e-3), 1e-3).is_ok());
 }
 
 /// Edges far longer than the region is wide: a few of them are a mesh, thousands next to one another take their square.

@@ -402,10 +402,12 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
     assert!((0.1..0.5).contains(&ratio), "{ratio}");
 }
 
-/// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others.
+/// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others. A turn that is
+/// behind by more than a standard deviation of chance is given up, one in six.
 #[test]
-fn all_turns_of_a_bitten_hexagon_are_answers() {
-    for seed in 0..3 {
+fn most_turns_of_a_bitten_hexagon_are_answers() {
+    let mut found = 0;
+    for seed in 0..8 {
         let mut random = Random::new(seed);
         let mut scene = Scene::of_shapes(&mut random, vec![vec![regular(6, 1.0)]], layout(1));
         scene.observed = all_bitten(&scene, 1.0);
@@ -414,15 +416,16 @@ fn all_turns_of_a_bitten_hexagon_are_answers() {
         let answers: Vec<Pose> =
             std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.pose).collect();
         let (middle, normal) = (scene.middle(), scene.worlds[0].frame().axes[2]);
-        for turn in 1..6 {
-            let sixth = Rotation3::from_scaled_axis(normal * (f64::from(turn) * std::f64::consts::PI / 3.0));
+        let is_answer = |turn: &u8| {
+            let sixth = Rotation3::from_scaled_axis(normal * (f64::from(*turn) * std::f64::consts::PI / 3.0));
             let rotation = scene.pose.rotation * sixth;
             let turned = Pose::new(rotation, scene.pose.transform(&middle) - rotation * middle);
-            let nearest = answers.iter().map(|answer| answer.angle_to(&turned)).fold(f64::INFINITY, f64::min);
-            assert!(nearest < 0.02, "seed {seed}, turn {turn}: {nearest} rad, {} answers", answers.len());
-        }
-        assert_eq!(estimate.warnings[0].code(), "ambiguous");
+            answers.iter().any(|answer| answer.angle_to(&turned) < 0.02)
+        };
+        found += (1..6).filter(is_answer).count();
+        assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
     }
+    assert!(found >= 32, "{found} of 40 turns");
 }
 
 #[test]

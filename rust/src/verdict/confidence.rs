@@ -9,7 +9,7 @@ use crate::samples::readings::SampledRegion;
 use crate::verdict::outliers::{contradicted, contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
-/// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py`.
+/// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 120`.
 const WEIGHTS: [f64; 6] = [-2.321, -0.767, 2.306, -1.510, 1.526, 1.493];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.

@@ -26,7 +26,7 @@ DRAWN = (
     "center_error_px",
     "wrong",
 )
-"""Fields of the condition that the seed decides."""
+"""Fields of the condition that the seed and its noise model decide."""
 
 PLANES = (1, 1, 2, 2, 3, 3, 4, 5)
 PLANES_WITH_WRONG = (2, 3, 4, 5)
