@@ -21,7 +21,7 @@ const NOISE_FLOOR: f64 = 0.1;
 
 /// Times that a search, its least squares and its verdict may each look at all of the problem before they make do with what they
 /// have found: more than problems of the studies `trust` and `mistakes` take altogether, up to 1,987 looks (`_core.work_done`,
-/// `_core.Problem.work`). A random problem takes 90 in the median, and 4,517 at most of 12,000 (`fuzz/src/problems.rs`).
+/// `_core.Problem.work`).
 pub const MOST_LOOKS: u64 = 2_500;
 
 /// Regions seen in one image and known in the world, ready to be solved.

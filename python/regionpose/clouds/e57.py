@@ -11,6 +11,7 @@ import numpy as np
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.columns import COORDINATES, cloud_of_columns
 from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.clouds.pieces import PIECE_POINTS
 from regionpose.progress import Progress, part
 from regionpose.reading import unfolding_error
 
@@ -22,9 +23,6 @@ OTHERS = {"intensity": "intensity", "rowIndex": "row", "columnIndex": "column", 
 
 SCAN = "scan"
 """The field that numbers the scans of a file with several, from 0."""
-
-PIECE_POINTS = 1 << 18
-"""Points read at once: a tenth of a second."""
 
 
 def read_e57(path: Path, *, progress: Progress | None = None) -> Cloud:

@@ -14,6 +14,7 @@ import numpy as np
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import COLOR_NAMES, cloud_of_columns
 from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.clouds.pieces import PIECE_POINTS
 from regionpose.progress import Progress
 from regionpose.reading import unfolding_error
 
@@ -61,9 +62,6 @@ EPSG_METERS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 """Meters in EPSG's meter, international foot and US survey foot."""
 
 RAW_COORDINATES = ("X", "Y", "Z")
-
-PIECE_POINTS = 1 << 18
-"""Points read at once: a tenth of a second where they are compressed."""
 
 
 def read_las(path: Path, *, progress: Progress | None = None) -> Cloud:
