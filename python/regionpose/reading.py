@@ -5,9 +5,7 @@ Errors of the libraries become `FileError`s that name the file.
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
@@ -19,6 +17,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from regionpose.json_text import json_value
+from regionpose.text_error import TextError
 
 FREE_BYTES = 10**8
 """Bytes to which any file may unfold, however small: a mask of 100 megapixels. With what is made of them in
@@ -33,8 +34,6 @@ IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
-
-ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 ARRAY_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[Any, ...]]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -179,27 +178,13 @@ def _array(path: Path, item: str, file: IO[bytes], size: int) -> NDArray[Any]:
 
 
 def read_json(path: Path) -> Any:
-    """The value of a JSON file in UTF-8; FileError where it is none or holds half of a surrogate pair.
-
-    FileNotFoundError.
-    """
+    """The value of a JSON file in UTF-8; FileError that names the place where it is none. FileNotFoundError."""
     try:
         return json_value(path.read_bytes().decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: found no JSON ({_described(error)}); needed JSON in UTF-8") from error
-
-
-def json_value(text: str) -> Any:
-    """The value of a JSON text; ValueError or RecursionError where it is none or could not be written again."""
-    value = json.loads(text)
-    refuse_halves(text, value)
-    return value
-
-
-def refuse_halves(text: str, value: object) -> None:
-    """UnicodeEncodeError where a value read from a text holds half of a surrogate pair, which no file can."""
-    if ESCAPED_SURROGATE.search(text):
-        json.dumps(value, ensure_ascii=False, default=str, skipkeys=True).encode("utf-8")
+    except TextError as error:
+        raise FileError(f"{path}: {error.place}{error}") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: found a binary file; needed JSON in UTF-8") from error
 
 
 def whole_number(word: str) -> int | None:

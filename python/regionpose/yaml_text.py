@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, StringMark, YAMLError
 from ruamel.yaml.events import (
     AliasEvent,
     CollectionEndEvent,
@@ -17,9 +17,12 @@ from ruamel.yaml.events import (
     ScalarEvent,
 )
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
-__all__ = ["MappingNode", "Node", "ScalarNode", "SequenceNode", "YamlTextError", "line_of", "plain_value"]
+from regionpose.text_error import TextError, found_at
+
+__all__ = ["MappingNode", "Node", "ScalarNode", "SequenceNode", "line_of", "plain_value"]
 __all__ += ["to_yaml", "yaml_node"]
 
 MOST_LEVELS = 100
@@ -35,36 +38,47 @@ _SEQUENCE = -1
 """In place of a count: a sequence has no keys."""
 
 
-class YamlTextError(ValueError):
-    """A text that isn't usable YAML: the problem, and its line (from 1) where one is known."""
+NEEDED = {
+    "mapping values are not allowed": "one key a line, at the indentation of those beside it; a text with a colon in"
+    " quotes",
+    "did not find expected key": "a key at the indentation of those beside it",
+    "did not find expected '-'": "a dash at the indentation of those of the list",
+    "did not find expected ',' or": "a comma, or the bracket that closes that of line {line}",
+    "did not find expected node content": "a value, or the bracket that closes",
+    "could not find expected ':'": "a colon and a space after the key",
+    "found unexpected end of stream": "a quote where the text ends",
+    "found unknown escape": "a backslash written twice, or single quotes around the text",
+    "found invalid Unicode": "a character, not half of one; a backslash is written twice",
+    "found character that cannot start": "a value; texts that begin with a sign in quotes, and spaces in place of tabs",
+    "found a tab": "spaces in place of tabs",
+}
+"""What YAML needs where it ends, by how libyaml begins its message; `line` is that where the list or text began."""
 
-    def __init__(self, problem: str, line: int | None = None) -> None:
-        """Keep the line beside the message."""
-        super().__init__(problem)
-        self.line = line
+BEGUN_BEFORE = ("could not find expected ':'", "found unexpected end of stream")
+"""Messages about what began at the mark of their context: a key, or a text in quotes."""
 
 
 def yaml_node(text: str, *, aliases: bool = False) -> Node | None:
     """The node of the first document, None of an empty text.
 
-    YamlTextError for what isn't YAML, nests deeper than `MOST_LEVELS`, or names another value (*) without `aliases`.
+    TextError for what isn't YAML, nests deeper than `MOST_LEVELS`, or names another value (*) without `aliases`.
     """
     try:
         _check(text, aliases)
         node: Node | None = next(iter(_parser().compose_all(text)), None)
     except (YAMLError, ValueError, RecursionError) as error:
-        raise _described(error) from error
+        raise _described(error, text) from error
     return node
 
 
 def plain_value(node: Node | None) -> Any:
-    """The value of a node as mappings, lists, texts and numbers; YamlTextError where it has none."""
+    """The value of a node as mappings, lists, texts and numbers; TextError where it has none."""
     try:
         return None if node is None else YAML(typ="safe", pure=True).constructor.construct_document(node)
     except (YAMLError, ValueError, RecursionError) as error:
         raise _described(error) from error
     except LookupError as error:
-        raise YamlTextError(f"found a value that isn't of its tag (!!): {error}") from error
+        raise TextError(f"found a value that isn't of its tag (!!): {error}; needed one that is, or no tag") from error
 
 
 def line_of(node: Node | NodeEvent) -> int:
@@ -123,18 +137,41 @@ def _check(text: str, aliases: bool) -> None:
 def _check_node(event: NodeEvent, children: list[int], aliases: bool) -> None:
     """Pass one node inside the open collections; `children` counts keys and values of each, and goes on by one."""
     if isinstance(event, AliasEvent) and not aliases:
-        raise YamlTextError("found an alias (*); needed the value itself", line_of(event))
+        raise TextError("found an alias (*); needed the value itself", line_of(event))
     if isinstance(event, CollectionStartEvent) and len(children) == MOST_LEVELS:
-        raise YamlTextError(f"found more than {MOST_LEVELS} levels; needed fewer", line_of(event))
+        raise TextError(f"found more than {MOST_LEVELS} levels; needed fewer", line_of(event))
     if children and children[-1] != _SEQUENCE:
         if children[-1] % 2 == 0 and not isinstance(event, ScalarEvent):
-            raise YamlTextError("found a key that is a list, a mapping or an alias; needed a text", line_of(event))
+            raise TextError("found a key that is a list, a mapping or an alias; needed a text", line_of(event))
         children[-1] += 1
 
 
-def _described(error: Exception) -> YamlTextError:
-    if isinstance(error, YamlTextError):
+def _described(error: Exception, text: str | None = None) -> TextError:
+    if isinstance(error, TextError):
         return error
+    if isinstance(error, ReaderError) and text is not None:
+        before = text[: error.position]
+        found = f"found the control character U+{ord(text[error.position]):04X}; needed text"
+        return TextError(found, before.count("\n") + 1, error.position - before.rfind("\n"))
     if isinstance(error, MarkedYAMLError):
-        return YamlTextError(str(error.problem), None if error.problem_mark is None else error.problem_mark.line + 1)
-    return YamlTextError(f"found {type(error).__name__}: {' '.join(str(error).split())[:120]}")
+        return _syntax_error(error, text)
+    return TextError(f"found {type(error).__name__}: {' '.join(str(error).split())[:120]}; needed YAML")
+
+
+def _syntax_error(error: MarkedYAMLError, text: str | None) -> TextError:
+    """What libyaml says, in words of what was found and needed."""
+    problem = str(error.problem)
+    mark: StringMark | None = error.context_mark if problem.startswith(BEGUN_BEFORE) else error.problem_mark
+    needed = next((words for start, words in NEEDED.items() if problem.startswith(start)), None)
+    if mark is None or text is None:
+        return TextError(f"found no YAML ({problem}); needed YAML", None if mark is None else mark.line + 1)
+    found = found_at(text, _position(text, mark)) + ("" if needed else f" ({problem})")
+    begun = 0 if error.context_mark is None else error.context_mark.line + 1
+    told = (needed or "YAML").format(line=begun)
+    return TextError(f"found {found}; needed {told}", mark.line + 1, mark.column + 1)
+
+
+def _position(text: str, mark: StringMark) -> int:
+    """The index in a text of a mark, whose own counts bytes."""
+    before = text.splitlines(keepends=True)[: mark.line]
+    return sum(map(len, before)) + int(mark.column)

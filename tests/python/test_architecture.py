@@ -34,7 +34,9 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
-    ("arrays", "outputs", "progress", "reading", "yaml_text"),
+    ("text_error",),
+    ("json_text", "yaml_text"),
+    ("arrays", "outputs", "progress", "reading"),
     ("cameras", "clouds", "pose"),
     ("calibration", "kernels", "regions"),
     ("estimation", "exporting", "segmentation", "witness"),

@@ -105,8 +105,8 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ),
     ("more.pcd", GOOD_PCD + b"\x01", "points: found 25 bytes; needed 24"),
     ("text_short.pcd", TEXT_PCD + b"1 2 3\n", "points: found 1 lines; needed 2"),
-    ("text_narrow.pcd", TEXT_PCD + b"1 2 3\n4 5\n", "rows: found"),
-    ("text_word.pcd", TEXT_PCD + b"1 2 3\n4 five 6\n", "rows: found .*five"),
+    ("text_narrow.pcd", TEXT_PCD + b"1 2 3\n4 5\n", "line 11: found 2 numbers after rows of 3"),
+    ("text_word.pcd", TEXT_PCD + b"1 2 3\n4 five 6\n", "line 11: found 'five'"),
     ("text_none.pcd", TEXT_PCD, "points: found 0 lines"),
     ("no_sizes.pcd", PACKED + b"\x01", "compressed data: found 1 bytes"),
     (
@@ -158,9 +158,9 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("blank.xyz", b"\n\n", "points: found no line of numbers"),
     ("comments.txt", b"# x y z\n", "points: found no line of numbers"),
     ("narrow.xyz", b"1 2\n3 4\n", "line 1: found '1 2'"),
-    ("ragged.xyz", b"1 2 3\n4 5 6 7\n", "rows: found"),
-    ("word.csv", b"1,2,3\n4,five,6\n", "rows: found .*five"),
-    ("gap.csv", b"1,2,3\n4,,6\n", "rows: found"),
+    ("ragged.xyz", b"1 2 3\n4 5 6 7\n", "line 2: found 4 numbers after rows of 3"),
+    ("word.csv", b"1,2,3\n4,five,6\n", "line 2: found 'five'"),
+    ("gap.csv", b"1,2,3\n4,,6\n", "line 2: found an empty column; needed"),
     ("stated.pts", b"3\n1 2 3\n4 5 6\n", "rows: found 2; needed 3"),
     ("nan.xyz", b"nan 2 3\n4 inf 6\n", "2 points, none with finite"),
     # Other kinds

@@ -407,10 +407,10 @@ def test_crossing_polygon_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.json", b"", "found no JSON"),
-        ("a.json", b'{"shapes": [{"label"', "found no JSON"),
-        ("a.json", b"\xff\xfe\x00", "found no JSON"),
-        ("a.json", b"[" * 100_000, "found no JSON"),
+        ("a.json", b"", "found an empty file; needed JSON"),
+        ("a.json", b'{"shapes": [{"label"', "line 1, column 21: found the end of the text"),
+        ("a.json", b"\xff\xfe\x00", "found a binary file; needed JSON"),
+        ("a.json", b"[" * 100_000, "found brackets nested too deep"),
         ("a.json", b"[1, 2]", "holds list; needed 'shapes'"),
         ("a.json", b'{"images": []}', r"holds \['images'\]; needed 'shapes' .labelme. or 'images' and 'annotations'"),
         ("a.png", b"", "found no picture"),

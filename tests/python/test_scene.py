@@ -59,7 +59,7 @@ BAD = {
     "one name twice": ("name: sign", "name: door", ":10: regions[1].name: found 'door' twice"),
     "a key twice": ("image: image.png", "image: image.png\nimage: b.png", ":3: image: found the key twice"),
     "a seed without a cloud": ("cloud: cloud.ply\n", "", ":7: regions[0].world: found no cloud"),
-    "no YAML": ("regions:", "regions: [", ":5: "),
+    "no YAML": ("regions:", "regions: [", ":5:3: found '-'; needed a value, or the bracket that closes"),
     "a list as a key": ("image: image.png", "? [[image]]\n: image.png", ":2: found a key that is a list"),
     "a word that is not of its tag": (
         "image: image.png",

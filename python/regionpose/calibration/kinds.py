@@ -7,7 +7,7 @@ from pathlib import Path
 from regionpose.calibration import colmap, kalibr, kitti, ocamcalib, opencv, ros
 from regionpose.calibration.models import checked_model, model_of
 from regionpose.calibration.text import CalibrationError, CalibrationText
-from regionpose.calibration.yaml_items import YamlMapping
+from regionpose.calibration.yaml_items import YamlMapping, refuse_broken_json
 from regionpose.cameras import Camera
 
 NEEDED = "OpenCV YAML, ROS camera_info, a Kalibr camchain, COLMAP cameras.txt, OCamCalib results or a KITTI calibration"
@@ -75,4 +75,6 @@ def _read_yaml(source: CalibrationText, name: str | None) -> Camera:
         for describes, read_camera in YAML_KINDS:
             if describes(document):
                 return read_camera(document, name)
-    raise CalibrationError(f"{source.path}: found text that starts with {source.text.strip()[:40]!r}; needed {NEEDED}")
+    refuse_broken_json(source)
+    found = f"text that starts with {source.text.strip()[:40]!r}" if document is None else document.held
+    raise CalibrationError(f"{source.path}: found {found}; needed {NEEDED}")

@@ -29,25 +29,28 @@ class CalibrationText:
     model: str | None = None
 
     @classmethod
-    def read(cls, path: str | Path, model: str | None = None) -> CalibrationText:
-        """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large."""
+    def read(cls, path: str | Path, model: str | None = None, *, what: str = "calibration") -> CalibrationText:
+        """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large.
+
+        `what`: the kind of file that messages ask for.
+        """
         if not isinstance(path, str | os.PathLike):
-            raise CalibrationError(f"path is a {type(path).__name__}; needed the path of a calibration file")
+            raise CalibrationError(f"path is a {type(path).__name__}; needed the path of a {what} file")
         location = Path(path)
         if location.is_dir():
-            raise CalibrationError(f"{location}: found a directory; needed a calibration file")
+            raise CalibrationError(f"{location}: found a directory; needed a {what} file")
         size = location.stat().st_size
         if size > MAX_BYTES:
-            raise CalibrationError(f"{location}: found {size} bytes; needed a calibration file of at most {MAX_BYTES}")
+            raise CalibrationError(f"{location}: found {size} bytes; needed a {what} file of at most {MAX_BYTES}")
         content = location.read_bytes()
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise CalibrationError(f"{location}: found a binary file; needed calibration text in UTF-8") from error
+            raise CalibrationError(f"{location}: found a binary file; needed {what} text in UTF-8") from error
         if "\0" in text:
-            raise CalibrationError(f"{location}: found a binary file; needed calibration text in UTF-8")
+            raise CalibrationError(f"{location}: found a binary file; needed {what} text in UTF-8")
         if not text.strip():
-            raise CalibrationError(f"{location}: found an empty file; needed a calibration")
+            raise CalibrationError(f"{location}: found an empty file; needed a {what}")
         return cls(location, text, model)
 
     @property

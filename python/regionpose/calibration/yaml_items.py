@@ -9,10 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from regionpose.calibration.text import CalibrationError, CalibrationText
-from regionpose.yaml_text import MappingNode, Node, ScalarNode, SequenceNode, YamlTextError, line_of, yaml_node
+from regionpose.json_text import json_value
+from regionpose.text_error import TextError
+from regionpose.yaml_text import MappingNode, Node, ScalarNode, SequenceNode, line_of, yaml_node
 
 DIRECTIVES = ("%YAML:1.0", "%YAML 1.0", "%YAML 1.1", "%YAML 1.2")
 """First lines that OpenCV and others write; OpenCV's colon is not YAML."""
+
+MOST_SHOWN = 8
+"""Names of items that a message lists at most: a line's worth."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +113,8 @@ class YamlMapping:
         text = source.text
         if text.startswith(DIRECTIVES):
             text = text[text.find("\n") :] if "\n" in text else ""
-        if text.lstrip().startswith("{"):
-            # JSON is YAML but for tabs between values.
-            text = text.replace("\t", " ")
-        try:
-            node = yaml_node(text, aliases=True)
-        except YamlTextError as error:
-            raise source.error("YAML", error, "a complete calibration file", error.line) from error
+        # JSON is YAML but for tabs between values.
+        node = _node(source, text.replace("\t", " ") if _looks_like_json(source) else text)
         return cls.of(source, "", node) if isinstance(node, MappingNode) else None
 
     @classmethod
@@ -141,8 +141,14 @@ class YamlMapping:
         """The first item there is of `names`; CalibrationError when there is none."""
         item = self.get(*names)
         if item is None:
-            raise self.source.error(self.name or "file", "no such item", f"an item {' or '.join(names)}", self.line)
+            raise self.source.error(self.name or "file", self.held, f"an item {' or '.join(names)}", self.line)
         return item
+
+    @property
+    def held(self) -> str:
+        """What it holds, in words: the first names."""
+        names = list(self.items)
+        return f"the items {', '.join(names[:MOST_SHOWN])}{', ...' if len(names) > MOST_SHOWN else ''}"
 
     def size(self, width: tuple[str, ...], height: tuple[str, ...]) -> tuple[int | None, int | None]:
         """Width and height under the first of the given names, None where there are none."""
@@ -155,3 +161,26 @@ class YamlMapping:
         if rows < 1 or columns < 1:
             raise self.source.error(self.name, f"{rows} rows and {columns} columns", "at least one of each", self.line)
         return self.need("data").counted(rows * columns)
+
+
+def _node(source: CalibrationText, text: str) -> Node | None:
+    """The node of a YAML text, to which JSON belongs; CalibrationError where it is neither."""
+    try:
+        return yaml_node(text, aliases=True)
+    except TextError as error:
+        refuse_broken_json(source)
+        raise CalibrationError(f"{source.path}: {error.place}{error}") from error
+
+
+def refuse_broken_json(source: CalibrationText) -> None:
+    """CalibrationError where a file that is meant to be JSON is none, though it may be YAML."""
+    if not _looks_like_json(source):
+        return
+    try:
+        json_value(source.text)
+    except TextError as error:
+        raise CalibrationError(f"{source.path}: {error.place}{error}") from error
+
+
+def _looks_like_json(source: CalibrationText) -> bool:
+    return source.path.suffix.lower() == ".json" or source.text.lstrip().startswith(("{", "["))

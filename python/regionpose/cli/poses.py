@@ -24,16 +24,26 @@ LEAST_NORM = 1e-6
 
 
 def read_pose(path: Path, camera_name: str | None = None) -> Pose:
-    """The pose camera_from_world of a file; FileNotFoundError, or ValueError when it holds none."""
+    """The pose camera_from_world of a file; FileNotFoundError, or ValueError where it holds none."""
     if path.suffix.lower() == ".json":
         return _json_pose(path)
     if path.suffix.lower() == ".npy":
         return _matrix_pose(path, read_array(path))
-    try:
-        rows = np.loadtxt(path, ndmin=2)
-    except (ValueError, UnicodeDecodeError):
-        return _kitti_pose(path, camera_name)
-    return _matrix_pose(path, rows)
+    return _text_pose(path, camera_name)
+
+
+def _text_pose(path: Path, camera_name: str | None) -> Pose:
+    """The pose of a KITTI calibration, or of a matrix in numbers separated by white space."""
+    from regionpose.calibration import load_lidar_pose
+    from regionpose.calibration.kitti import describes
+    from regionpose.calibration.text import CalibrationText
+
+    source = CalibrationText.read(path, what="pose")
+    if describes(source):
+        return Pose.from_parts(*load_lidar_pose(path, camera_name))
+    rows = (text.partition("#")[0].split() for text in source.lines)
+    numbers = [source.number("matrix", word, line) for line, row in enumerate(rows, start=1) for word in row]
+    return _matrix_pose(path, np.array(numbers))
 
 
 def _json_pose(path: Path) -> Pose:
@@ -73,20 +83,13 @@ def _matrix_pose(path: Path, matrix: np.ndarray[Any, Any]) -> Pose:
     """The pose of [R t], by 12 or 16 numbers in any arrangement of rows."""
     from scipy.spatial.transform import Rotation
 
-    if matrix.size not in {12, 16} or matrix.dtype.kind not in "iuf" or not np.isfinite(matrix).all():
-        raise ValueError(f"{path}: found {matrix.dtype} of shape {matrix.shape}; needed {NEEDED}")
+    if matrix.size not in {12, 16} or matrix.dtype.kind not in "iuf":
+        raise ValueError(f"{path}: found {matrix.size} values of type {matrix.dtype}; needed {NEEDED}")
+    if not np.isfinite(matrix).all():
+        raise ValueError(f"{path}: found numbers that aren't finite; needed finite ones")
     rows = matrix.reshape(-1, 4).astype(np.float64)
     rotation = rows[:3, :3]
     defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if defect > LIKE_ROTATION or np.linalg.det(rotation) < 0.0:
         raise ValueError(f"{path}: found |R^T R - 1| = {defect:.1e}; needed a rotation and a translation [R t]")
     return Pose(Rotation.from_matrix(rotation), rows[:3, 3])
-
-
-def _kitti_pose(path: Path, camera_name: str | None) -> Pose:
-    from regionpose.calibration import load_lidar_pose
-
-    try:
-        return Pose.from_parts(*load_lidar_pose(path, camera_name))
-    except ValueError as error:
-        raise ValueError(f"{path}: found no pose ({error}); needed {NEEDED}") from error

@@ -9,7 +9,8 @@ import numpy as np
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.errors import CloudError, cloud_error, load_extra
-from regionpose.reading import json_value, unfolding_error
+from regionpose.json_text import json_value
+from regionpose.reading import unfolding_error
 
 ELEMENT_BYTES = 12
 """Bytes of a vertex or a triangle, the elements that a mesh holds most of."""
@@ -53,7 +54,7 @@ def _check_accessors(path: Path) -> None:
     try:
         held = json_value(content[20 : 20 + length].decode("utf-8"))
         counts = [int(accessor["count"]) for accessor in held.get("accessors", [])]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
         return
     wrong = unfolding_error(path, ELEMENT_BYTES * sum(count for count in counts if count > 0))
     if wrong is not None:

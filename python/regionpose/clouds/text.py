@@ -22,6 +22,8 @@ from regionpose.progress import Progress
 
 COMMENTS = ("#", "//", "%")
 
+_COMMENT = re.compile("|".join(map(re.escape, COMMENTS)))
+
 PREAMBLE_LINES = 100
 """Lines within which the first point must come."""
 
@@ -66,8 +68,27 @@ def rows_of_text(
                     text, kind, delimiter=delimiter, comments=COMMENTS, skiprows=skip, ndmin=1 if structured else 2
                 )
         except ValueError as error:
-            found = repr(str(error).partition(";")[0])
-            raise cloud_error(path, "rows", found, "the same count of numbers on every line") from error
+            said = ("rows", repr(str(error).partition(";")[0]))
+            item, found = _odd_line(path, offset, delimiter, skip) or said
+            raise cloud_error(path, item, found, "the same count of numbers on every line") from error
+
+
+def _odd_line(path: Path, offset: int, delimiter: str | None, skip: int) -> tuple[str, str] | None:
+    """The first line of points, from byte `offset` on, that is no row of as many numbers as the one before: which it
+    is in the file, and what it holds. None where there is none.
+    """
+    with path.open("rb") as file:
+        before, count = file.read(offset).count(b"\n"), None
+        for number, line in enumerate(file, start=before + 1):
+            words = _COMMENT.split(line.decode("latin-1"), maxsplit=1)[0].strip().split(delimiter)
+            if number <= before + skip or words in ([], [""]):
+                continue
+            odd = next((word for word in words if not _is_number(word)), None)
+            if odd is not None or len(words) != (count or len(words)):
+                wrong = f"{len(words)} numbers after rows of {count}" if odd is None else repr(odd)
+                return f"line {number}", wrong if odd != "" else "an empty column"
+            count = len(words)
+    return None
 
 
 def _layout(path: Path) -> TextLayout:

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from regionpose.reading import json_value, refuse_halves
-from regionpose.yaml_text import (
-    MappingNode,
-    Node,
-    SequenceNode,
-    YamlTextError,
-    line_of,
-    plain_value,
-    yaml_node,
-)
+from regionpose.json_text import joined_pairs, json_value
+from regionpose.text_error import TextError, refuse_halves
+from regionpose.yaml_text import MappingNode, Node, SequenceNode, line_of, plain_value, yaml_node
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
@@ -113,12 +105,8 @@ def _yaml_parts(path: Path, text: str) -> tuple[object, dict[Place, int]]:
         lines = _lines(path, node)
         value = plain_value(node)
         refuse_halves(text, value)
-    except YamlTextError as error:
-        place = path if error.line is None else f"{path}:{error.line}"
-        needed = "" if "; needed " in str(error) else "; needed YAML"
-        raise SceneError(f"{place}: {error}{needed}") from error
-    except UnicodeEncodeError as error:
-        raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed YAML") from error
+    except TextError as error:
+        raise SceneError(f"{path}{error.suffix}: {error}") from error
     return value, lines
 
 
@@ -126,12 +114,10 @@ def _json_parts(path: Path, text: str) -> tuple[object, dict[Place, int]]:
     """The value of a JSON text, and the line of each place in it."""
     try:
         value = json_value(text)
-        # JSON is YAML but for tabs between values; strings hold none.
-        node = yaml_node(text.replace("\t", " "))
-    except json.JSONDecodeError as error:
-        raise SceneError(f"{path}:{error.lineno}: {error.msg}; needed JSON") from error
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path}: found {type(error).__name__}: {brief(str(error))}; needed JSON") from error
+        # JSON is YAML but for tabs between values, of which strings hold none, and for pairs of escapes.
+        node = yaml_node(joined_pairs(text.replace("\t", " ")))
+    except TextError as error:
+        raise SceneError(f"{path}{error.suffix}: {error}") from error
     return value, _lines(path, node)
 
 
