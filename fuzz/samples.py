@@ -106,11 +106,17 @@ def _clouds() -> list[Sample]:
     return [*(Sample(name, content, read_cloud) for name, content in files.items()), *sealed]
 
 
+def _every_mask(path: Path) -> int:
+    """How many pixels the masks of a file cover, each made and dropped."""
+    from regionpose.segmentation.masks import masks_from_file
+
+    return sum(int(mask.sum()) for mask in masks_from_file(path).values())
+
+
 def _pictures() -> list[Sample]:
     from regionpose.cameras import PinholeCamera
     from regionpose.clouds import cloud_from_depth
     from regionpose.scene.sensors import read_picture
-    from regionpose.segmentation.masks import masks_from_file
 
     camera = PinholeCamera(20.0, 20.0, 8.0, 6.0)
     depth = partial(cloud_from_depth, camera=camera, unit_m=0.001)
@@ -121,12 +127,12 @@ def _pictures() -> list[Sample]:
     colors = np.stack([LABELS * 50, LABELS * 20, LABELS], axis=2)
     return [
         *photos,
-        Sample("labels.png", _image(LABELS, "png"), masks_from_file),
-        Sample("sealed.png", _image(LABELS, "png"), masks_from_file, seals.png),
+        Sample("labels.png", _image(LABELS, "png"), _every_mask),
+        Sample("sealed.png", _image(LABELS, "png"), _every_mask, seals.png),
         Sample("sealed_photo.png", _image(colors, "png"), read_picture, seals.png),
         Sample("sealed_depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth, seals.png),
-        Sample("colors.png", _image(colors, "png"), masks_from_file),
-        Sample("labels.tiff", _image(LABELS, "tiff"), masks_from_file),
+        Sample("colors.png", _image(colors, "png"), _every_mask),
+        Sample("labels.tiff", _image(LABELS, "tiff"), _every_mask),
         Sample("depth.png", _image(LABELS.astype(np.uint16) * 1000, "png"), depth),
         Sample("depth.tiff", _image(LABELS.astype(np.float32), "tiff"), depth),
     ]
@@ -136,7 +142,7 @@ def _texts() -> list[Sample]:
     from regionpose.cli.info import file_facts
     from regionpose.cli.poses import read_pose
     from regionpose.scene import load_scene
-    from regionpose.segmentation.masks import masks_from_file, regions_from_file
+    from regionpose.segmentation.masks import regions_from_file
 
     lidar = {"results": {"T_lidar_camera": [1, 2, 3, 0, 0, 0, 1]}}
     matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4))
@@ -144,9 +150,9 @@ def _texts() -> list[Sample]:
         Sample("scene.yaml", to_yaml(SCENE).encode(), load_scene),
         Sample("scene.json", _json(SCENE), load_scene),
         Sample("facts.yaml", to_yaml(SCENE).encode(), file_facts),
-        Sample("coco.json", _json(COCO), masks_from_file),
+        Sample("coco.json", _json(COCO), _every_mask),
         Sample("coco_regions.json", _json(COCO), regions_from_file),
-        Sample("labelme.json", _json(LABELME), masks_from_file),
+        Sample("labelme.json", _json(LABELME), _every_mask),
         Sample("pose.json", _json(POSE), read_pose),
         Sample("lidar.json", _json(lidar), read_pose),
         Sample("result.json", _json(POSE), file_facts),

@@ -202,7 +202,7 @@ def _leaks(index: int, region: ImageRegion, image_size: tuple[int, int] | None) 
     if region.mask is None:
         return
     width, height = region.mask.shape[::-1] if image_size is None else image_size
-    (rows, columns), (left, top) = region.mask.coverage.shape, region.mask.offset
+    (rows, columns), (left, top) = region.mask.size, region.mask.offset
     sides = sum((left == 0, top == 0, left + columns == width, top + rows == height))
     share = region.area / (width * height)
     if share <= LEAK_SHARE and sides < LEAK_SIDES:

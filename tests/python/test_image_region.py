@@ -138,6 +138,17 @@ def test_a_mask_keeps_its_window_alone() -> None:
     assert pixels.min(axis=0).tolist() == [500.0, 300.0] and pixels.max(axis=0).tolist() == [519.0, 309.0]
 
 
+@settings(max_examples=40, deadline=None)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 20), st.integers(1, 20))))
+def test_a_binary_window_hands_out_what_it_was_given(given_window: NDArray[np.bool_]) -> None:
+    rows, columns = given_window.shape
+    window = rp.MaskWindow(given_window, (3, 2), (rows + 5, columns + 4))
+    assert window.coverage.dtype == np.bool_ and not window.coverage.flags.writeable
+    np.testing.assert_array_equal(window.coverage, given_window)
+    np.testing.assert_array_equal(window.full()[2 : 2 + rows, 3 : 3 + columns], given_window)
+    assert window.full().sum() == given_window.sum() == len(window.covered_pixels()[0])
+
+
 @pytest.mark.parametrize("offset", [(-1, 0), (0, 7), (9, 0)])
 def test_a_window_that_leaves_its_image_is_refused(offset: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match=r"leaves the image of shape \(10, 12\); needed one inside"):

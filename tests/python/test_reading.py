@@ -240,6 +240,31 @@ def test_a_large_mask_of_few_bytes_is_read(tmp_path: Path) -> None:
     assert np.array_equal(found, mask > 0)
 
 
+OF_ALL_LABELS = """
+import resource, sys
+import regionpose as rp
+rp.masks_from_file, rp.regions_from_file
+held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for read, size in ((rp.masks_from_file, lambda mask: mask.sum()), (rp.regions_from_file, lambda region: region.area)):
+    print(*(round(size(each)) for each in read(sys.argv[1]).values()))
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) // 1000)
+"""
+
+
+def test_the_masks_of_a_large_label_image_are_not_all_in_memory(tmp_path: Path) -> None:
+    """Twenty labels of 24 megapixels, each as wide as the image: 480 MB of masks in a file of 40 kB."""
+    labels = np.zeros((4000, 6000), dtype=np.uint8)
+    for row in range(20):
+        labels[200 * row + 20 : 200 * row + 180, 20:-20] = row + 1
+        labels[20 * row + 1 : 20 * row + 10, 1], labels[-20 * row - 10, -2] = row + 1, row + 1
+    Image.fromarray(labels).save(tmp_path / "labels.png")
+    command = [sys.executable, "-c", OF_ALL_LABELS, str(tmp_path / "labels.png")]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout.splitlines()
+    pixels, areas = (np.array(line.split(), dtype=int) for line in said[:2])
+    assert pixels.tolist() == [160 * 5960 + 10] * 20 and np.abs(areas - pixels).max() < 20
+    assert int(said[2]) < 150, "MB more than before: the file takes 24, PIL as much"
+
+
 def test_mutated_files_are_read_or_refused() -> None:
     """Some of every kind; `make fuzz` takes more."""
     command = [sys.executable, str(ROOT / "fuzz" / "readers.py"), "--files", "1200", "--seed", "11"]

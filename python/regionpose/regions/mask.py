@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,14 +14,14 @@ from regionpose.arrays import read_only
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class MaskWindow:
     """The part of a mask that holds any coverage; all other pixels are empty.
 
     Parameters
     ----------
     coverage : (rows, columns) array
-        Of the window, bool for a binary mask, else floats in [0, 1]; kept read-only.
+        Of the window, bool for a binary mask, else floats in [0, 1]. A binary one is kept at a bit a pixel.
     offset : tuple of 2 int
         Column and row (x, y) of its first pixel in the image.
     shape : tuple of 2 int
@@ -33,34 +33,51 @@ class MaskWindow:
         For a window of another shape or one that leaves the image.
     """
 
-    coverage: NDArray[Any]
     offset: tuple[int, int]
     shape: tuple[int, int]
+    size: tuple[int, int]
+    """Rows and columns of the window."""
+    _is_binary: bool = field(repr=False)
+    _kept: NDArray[Any] = field(repr=False)
 
-    def __post_init__(self) -> None:
-        """Check that the window lies in the image, and keep a copy that nobody can write to."""
-        if self.coverage.ndim != 2:
-            raise ValueError(f"coverage has shape {self.coverage.shape}; needed (rows, columns)")
-        (rows, columns), (left, top), (height, width) = self.coverage.shape, self.offset, self.shape
+    def __init__(self, coverage: NDArray[Any], offset: tuple[int, int], shape: tuple[int, int]) -> None:
+        """Check that the window lies in the image, and keep what nobody can write to."""
+        if coverage.ndim != 2:
+            raise ValueError(f"coverage has shape {coverage.shape}; needed (rows, columns)")
+        (rows, columns), (left, top), (height, width) = coverage.shape, offset, shape
         if min(left, top) < 0 or left + columns > width or top + rows > height:
             raise ValueError(
-                f"a window of {rows} rows and {columns} columns at (x, y) = {self.offset} leaves the image of shape"
-                f" {self.shape}; needed one inside"
+                f"a window of {rows} rows and {columns} columns at (x, y) = {offset} leaves the image of shape"
+                f" {shape}; needed one inside"
             )
-        object.__setattr__(self, "coverage", read_only(self.coverage))
+        is_binary = coverage.dtype == np.bool_
+        kept = np.packbits(coverage) if is_binary else read_only(coverage)
+        self.__dict__.update(offset=offset, shape=shape, size=(rows, columns), _is_binary=is_binary, _kept=kept)
+
+    @property
+    def coverage(self) -> NDArray[Any]:
+        """The coverage (rows, columns) of the window, read-only."""
+        if not self._is_binary:
+            return self._kept
+        rows, columns = self.size
+        unpacked = np.unpackbits(self._kept, count=rows * columns).view(np.bool_).reshape(self.size)
+        unpacked.setflags(write=False)
+        return unpacked
 
     def full(self) -> NDArray[Any]:
         """The whole mask (h, w), of the coverage's type."""
-        mask = np.zeros(self.shape, dtype=self.coverage.dtype)
-        (rows, columns), (left, top) = self.coverage.shape, self.offset
-        mask[top : top + rows, left : left + columns] = self.coverage
+        coverage = self.coverage
+        mask = np.zeros(self.shape, dtype=coverage.dtype)
+        (rows, columns), (left, top) = self.size, self.offset
+        mask[top : top + rows, left : left + columns] = coverage
         return mask
 
     def covered_pixels(self) -> tuple[Array, Array]:
         """Centers (m, 2) of the pixels that hold any coverage, in the image, and the coverage (m,) of each."""
-        rows, columns = np.nonzero(self.coverage)
+        coverage = self.coverage
+        rows, columns = np.nonzero(coverage)
         pixels = np.column_stack([columns, rows]).astype(np.float64) + self.offset
-        return pixels, self.coverage[rows, columns].astype(np.float64)
+        return pixels, coverage[rows, columns].astype(np.float64)
 
 
 def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
@@ -68,7 +85,7 @@ def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     given = checked_mask(mask)
     rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
     held = given[top:bottom, left:right]
-    coverage = held != 0 if binary else _native(held).copy()
+    coverage = held.astype(np.bool_, copy=False) if binary else _native(held).copy()
     coverage.setflags(write=False)
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 

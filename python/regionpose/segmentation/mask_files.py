@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,8 @@ class MaskItem(NamedTuple):
     """One region of a file.
 
     `number`: the value of a label image, the id of a COCO annotation. `size`: (h, w) of the image. `polygons`: (n, 2)
-    in pixels, none where the file holds pixels. `mask`: makes the mask, which may be large, when asked.
+    in pixels, none where the file holds pixels. `mask`: makes the mask, which may be large, when asked. `check`: raises
+    the ValueError that this would end in, where it may.
     """
 
     name: str
@@ -51,6 +52,31 @@ class MaskItem(NamedTuple):
     size: tuple[int, int]
     polygons: list[Array]
     mask: Callable[[], Mask]
+    check: Callable[[], object] = lambda: None
+
+
+class MasksOfFile(Mapping[str, Mask]):
+    """Masks (h, w) by name, each made when it is asked for."""
+
+    def __init__(self, makers: Mapping[str, Callable[[], Mask]]) -> None:
+        """Keep what makes them."""
+        self._makers = makers
+
+    def __getitem__(self, name: str) -> Mask:
+        """The mask of a name."""
+        return self._makers[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        """The names, as the file orders them."""
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._makers)
+
+    def __repr__(self) -> str:
+        """The names."""
+        return f"MasksOfFile({', '.join(map(repr, self))})"
 
 
 def file_items(path: Path, image: str | int | None) -> list[MaskItem]:
@@ -164,7 +190,8 @@ def _annotation(entry: Mapping[str, object], name: str, size: tuple[int, int], i
     segmentation, number = entry.get("segmentation"), entry.get("id")
     number = number if isinstance(number, int) else None
     if isinstance(segmentation, dict):
-        return MaskItem(name, number, size, [], partial(run_length_mask, segmentation, size, item))
+        mask, check = partial(run_length_mask, segmentation, size, item), partial(_runs, segmentation, size, item)
+        return MaskItem(name, number, size, [], mask, check)
     if isinstance(segmentation, list) and segmentation:
         polygons = [_points(part, size, f"{item}, polygon {k}", 3) for k, part in enumerate(segmentation)]
         return _polygon_item(name, number, size, polygons)
@@ -183,6 +210,13 @@ def _coco_image(path: Path, images: list[dict[str, object]], image: str | int | 
 
 def run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: str) -> Mask:
     """The mask of COCO's run lengths: down the columns, starting with 0; as numbers or as their text."""
+    runs = _runs(code, size, item)
+    values = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    return np.ascontiguousarray(values.reshape(size[1], size[0]).T)
+
+
+def _runs(code: Mapping[str, object], size: tuple[int, int], item: str) -> NDArray[np.integer[Any]]:
+    """Run lengths that fill an image of a size (h, w)."""
     counts = code.get("counts")
     text = counts.decode("latin-1") if isinstance(counts, bytes) else counts
     try:
@@ -197,8 +231,7 @@ def run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: str
         raise ValueError(f"{item} has size {code.get('size')}; the image's is {list(size)} (h, w)")
     if runs.max(initial=0) > size[0] * size[1] or runs.sum() != size[0] * size[1]:
         raise ValueError(f"{item} has run lengths for {runs.sum()} pixels; needed {size[0] * size[1]}")
-    values = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
-    return np.ascontiguousarray(values.reshape(size[1], size[0]).T)
+    return runs
 
 
 def _decoded(text: str) -> list[int]:

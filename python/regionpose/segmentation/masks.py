@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 from regionpose import _core
 from regionpose.reading import read_pixels
 from regionpose.regions.image import ImageRegion
-from regionpose.segmentation.mask_files import MaskItem, file_items, run_length_mask, size_of
+from regionpose.segmentation.mask_files import MaskItem, MasksOfFile, file_items, run_length_mask, size_of
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,11 @@ MOST_SHOWN = 12
 """Regions that a message lists at most."""
 
 
-def masks_from_file(path: str | Path, *, image: str | int | None = None) -> dict[str, Mask]:
+def masks_from_file(path: str | Path, *, image: str | int | None = None) -> Mapping[str, Mask]:
     """Masks (h, w) by name from a label image (PNG, TIFF, ...), a COCO or a labelme file.
+
+    Each is made when it is asked for, since all masks of a file may take much more memory than the file: keep the one
+    that you use more than once.
 
     A label image has one mask per value other than 0 (per color other than black), named by the value; a single one is
     named after the file. COCO names come from the categories, labelme's from the labels; those of a name that several
@@ -45,7 +48,10 @@ def masks_from_file(path: str | Path, *, image: str | int | None = None) -> dict
     ValueError
         That names the file and the item.
     """
-    return {item.name: item.mask() for item in file_items(Path(path), image)}
+    items = file_items(Path(path), image)
+    for item in items:
+        item.check()
+    return MasksOfFile({item.name: item.mask for item in items})
 
 
 def mask_from_file(path: str | Path, label: int | str | None = None, *, image: str | int | None = None) -> Mask:
