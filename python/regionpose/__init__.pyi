@@ -55,7 +55,10 @@ from .segmentation.planes import find_planes as find_planes
 from .witness import Alignment as Alignment
 from .witness import SceneFrame as SceneFrame
 from .witness import SceneRefinement as SceneRefinement
+from .witness import SceneWitness as SceneWitness
+from .witness import Witnessed as Witnessed
 from .witness import check_alignment as check_alignment
+from .witness import estimate_with_scene as estimate_with_scene
 from .witness import refine_with_scene as refine_with_scene
 
 __all__: list[str]

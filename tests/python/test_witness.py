@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
-from regionpose.scene.witness import witnessed
-from regionpose.witness import Photo, weighed
+from regionpose.witness import Photo, weighed, witnessed
 from regionpose.witness.odds import log_odds
 
 Array = NDArray[np.float64]

@@ -25,8 +25,15 @@ from regionpose.scene.known import given_pose, scene_prior, scene_solver
 from regionpose.scene.loading import Scene
 from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.stages import Stages
-from regionpose.scene.witness import SceneWitness, witnessed
-from regionpose.witness import Alignment, Photo, SceneFrame, SceneRefinement, check_alignment, refine_with_scene
+from regionpose.witness import (
+    Alignment,
+    Photo,
+    SceneFrame,
+    SceneRefinement,
+    SceneWitness,
+    refine_with_scene,
+    witnessed,
+)
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")
@@ -234,17 +241,13 @@ class RestOfScene:
     def align(self, pose: Pose) -> tuple[Alignment | None, ...]:
         """How well they agree at a pose, frame by frame; None of a frame without a cloud."""
         local = pose.about(self._origin)
-        return tuple(None if frame is None else _aligned(frame, local) for frame in self._frames)
+        return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
 
     def refine(self, estimate: PoseEstimate) -> SceneRefinement:
         """The pose of an estimate refined by them."""
         frames = [frame for frame in self._frames if frame is not None]
         found = refine_with_scene(estimate.pose.about(self._origin), estimate.covariance, frames)
         return replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
-
-
-def _aligned(frame: SceneFrame, local: Pose) -> Alignment:
-    return check_alignment(frame.image, frame.points, frame.camera, local, regions=frame.regions)
 
 
 def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:

@@ -72,7 +72,7 @@ def verdict(run: SceneEstimate) -> Verdict:
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
-    fit = _fit(run)
+    fit = _fit(run) + _choice(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
     sigma = f"{turn:.3f} deg and {shift:.1f} mm"
     if not codes:
@@ -82,6 +82,15 @@ def verdict(run: SceneEstimate) -> Verdict:
     if estimate.confidence < STATED:
         return Verdict(DOUBTFUL, f"{fit}, but the pose is more likely wrong than right.", remarks)
     return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma} (1 sigma).", remarks)
+
+
+def _choice(run: SceneEstimate) -> str:
+    """That the rest of photo and cloud chose the pose among answers, where they did."""
+    witness = run.witness
+    unsettled = any(warning.code == "ambiguous" for warning in run.estimate.warnings)
+    if witness is None or witness.answers == 1 or (unsettled and not witness.place):
+        return ""
+    return f"; photo and cloud away from the regions choose this pose of {witness.answers} that fit"
 
 
 def _fit(run: SceneEstimate) -> str:

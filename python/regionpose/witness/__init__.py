@@ -1,7 +1,9 @@
 """The rest of a scene as witness of a pose: how well cloud and photo agree where no region is."""
 
 from regionpose.witness.alignment import Alignment, check_alignment
-from regionpose.witness.evidence import SceneFrame
+from regionpose.witness.answers import SceneWitness, Witnessed, witnessed
+from regionpose.witness.estimate import estimate_with_scene
+from regionpose.witness.frame import SceneFrame
 from regionpose.witness.odds import weighed
 from regionpose.witness.photo import Photo
 from regionpose.witness.refinement import SceneRefinement, refine_with_scene
@@ -11,7 +13,11 @@ __all__ = [
     "Photo",
     "SceneFrame",
     "SceneRefinement",
+    "SceneWitness",
+    "Witnessed",
     "check_alignment",
+    "estimate_with_scene",
     "refine_with_scene",
     "weighed",
+    "witnessed",
 ]

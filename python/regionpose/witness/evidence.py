@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
-from regionpose.cameras import Camera
 from regionpose.pose import Pose
-from regionpose.regions.image import ImageRegion
+from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo, Pictures
 from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, depth_steps, far_turns, seen_steps
 
@@ -29,28 +26,6 @@ AROUND_PX = 41
 
 SMALL_DEG, SMALL_COUNT = 0.6, 5
 """Turns about each turned pose over which evidence varies, and how many: some pixels of any photo."""
-
-
-@dataclass(frozen=True, eq=False)
-class SceneFrame:
-    """A photo, the camera that took it, and a scan from the same time.
-
-    Parameters
-    ----------
-    image : (h, w) or (h, w, 3) array, or Photo
-        uint8, uint16 or floats in [0, 1].
-    points : (n, 3) array
-        World coordinates, meters.
-    camera : Camera
-        That took the photo.
-    regions : sequence of ImageRegion
-        Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
-    """
-
-    image: ArrayLike | Photo
-    points: ArrayLike
-    camera: Camera
-    regions: Sequence[ImageRegion] = ()
 
 
 class Evidence:

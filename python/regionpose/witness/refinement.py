@@ -17,7 +17,8 @@ from scipy.special import logsumexp
 from regionpose import _core
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
-from regionpose.witness.evidence import Evidence, SceneFrame
+from regionpose.witness.evidence import Evidence
+from regionpose.witness.frame import SceneFrame
 from regionpose.witness.steps import SEED, far_turns
 
 Array = NDArray[np.float64]

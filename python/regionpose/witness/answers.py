@@ -1,4 +1,4 @@
-"""What the rest of a scene, its photo and its cloud away from the regions, says of a scene's poses."""
+"""What the rest of a scene, its photo and its cloud away from the regions, says of the answers of an estimate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
-from regionpose.witness import Alignment, weighed
+from regionpose.witness.alignment import Alignment
+from regionpose.witness.odds import weighed
 
 Array = NDArray[np.float64]
 
@@ -27,12 +28,21 @@ OF_CONFIDENCE = {"ambiguous", "low-confidence"}
 """Warnings that say no more than that the confidence is low."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SceneWitness:
     """How photo and cloud agree at the pose, and what that led to.
 
-    `alignments`: frame by frame, None of a frame without a cloud. `confidence_before`: of the pose, by the regions
-    alone. `place`: where the regions alone had put the pose among `answers` answers.
+    Parameters
+    ----------
+    alignments : tuple of Alignment or None
+        Frame by frame, None of a frame without a cloud.
+    confidence_before : float
+        Of the pose, by the regions alone.
+    place : int
+        Where the regions alone had put the pose among the answers: 0 where photo and cloud chose no other.
+    answers : int
+        How many there are.
+
     """
 
     alignments: tuple[Alignment | None, ...]
@@ -50,13 +60,27 @@ class SceneWitness:
         """Logarithm of the odds for the pose that all frames make: each saw the scene by itself."""
         return _log_odds(self.alignments)
 
+    def __repr__(self) -> str:
+        """What photo and cloud said, in numbers."""
+        parts = f"confidence_before={self.confidence_before:.3f}, place={self.place}, answers={self.answers}"
+        return f"SceneWitness(log_odds={self.log_odds:.2f}, {parts})"
+
     def of_frame(self, index: int) -> SceneWitness:
         """What one frame said."""
         return replace(self, alignments=(self.alignments[index],))
 
 
 class Witnessed(NamedTuple):
-    """An estimate after the rest of the scene was heard, and what it said."""
+    """An estimate after the rest of the scene was heard, and what it said.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        With the answer first that photo and cloud agree with; its confidences and warnings are those after that.
+    witness : SceneWitness
+        How well they agree.
+
+    """
 
     estimate: PoseEstimate
     witness: SceneWitness

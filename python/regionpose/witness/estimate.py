@@ -1,0 +1,77 @@
+"""From regions, a photo and a cloud to a pose that all of them agree with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from regionpose.cameras import Camera
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.options import Solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.single import estimate_pose
+from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
+from regionpose.witness.answers import Witnessed, witnessed
+from regionpose.witness.frame import SceneFrame
+from regionpose.witness.photo import Photo
+from regionpose.witness.steps import checked_points
+
+
+def estimate_with_scene(
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    image: ArrayLike | Photo,
+    points: ArrayLike,
+    *,
+    prior: Prior | None = None,
+    solver: Solver | None = None,
+) -> Witnessed:
+    """The pose of `estimate_pose`, judged by the rest of photo and cloud: the edges of both away from the regions.
+
+    They choose among answers that fit alike, and lower the confidence of a pose at which they do not agree; odds of 9
+    to 1 against it give the warning `scene-disagrees` (docs/math.md, section 18). Scene files do the same.
+
+    Parameters
+    ----------
+    camera : Camera
+        That took the photo.
+    image_regions : sequence of ImageRegion
+        What the photo shows, pixels.
+    world_regions : sequence of WorldRegion
+        What the world holds, meters, each at the place of its image region.
+    image : (h, w) or (h, w, 3) array, or Photo
+        The photo that the image regions are of: uint8, uint16 or floats in [0, 1].
+    points : (n, 3) array
+        The whole cloud, world coordinates, meters.
+    prior : Prior, optional
+        As of `estimate_pose`.
+    solver : Solver, optional
+        As of `estimate_pose`.
+
+    Returns
+    -------
+    Witnessed
+        The `estimate` and the `witness`, as a pair.
+
+    Raises
+    ------
+    ValueError
+        As of `estimate_pose`; for an image or points of other shapes.
+    PoseError
+        As of `estimate_pose`.
+
+    """
+    photo = image if isinstance(image, Photo) else Photo.of(image)
+    frame = SceneFrame(photo, checked_points(points), camera, image_regions)
+
+    def estimated(known: Prior | None) -> PoseEstimate:
+        return estimate_pose(camera, image_regions, world_regions, prior=known, solver=solver)
+
+    def settled(pose: Pose) -> PoseEstimate:
+        return estimated((prior or Prior()).started_at(pose))
+
+    return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled)
