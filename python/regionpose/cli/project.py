@@ -78,6 +78,7 @@ def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from regionpose.pictures.overlays import overlay_depth, save_png
+    from regionpose.pictures.overlays import overlay_depth
+    from regionpose.pictures.png import save_png
 
     save_png(path, overlay_depth(view.image, view.camera, view.pose, cloud.points))

@@ -18,6 +18,7 @@ Text = tuple[tuple[int, int], str, Color]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 CASING: Color = (16, 16, 20)
+PAPER: Color = (255, 255, 255)
 PANEL_OPACITY = 0.72
 
 TEXT_SHARE, SMALLEST_TEXT = 1 / 75, 13

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, write_ply
 from regionpose.pictures.colors import colored_cloud
-from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps, save_png
+from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps
+from regionpose.pictures.png import save_png
 from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, frame_label
