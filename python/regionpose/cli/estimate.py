@@ -13,6 +13,7 @@ from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, Strict, 
 from regionpose.outputs import Writer, claimed
 
 if TYPE_CHECKING:
+    from regionpose.estimation.answer import PoseEstimate
     from regionpose.scene import Scene, SceneEstimate
     from regionpose.scene.bundle import Truth
 
@@ -83,20 +84,7 @@ def run_scene(
 def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
     from regionpose.scene.verdict import verdict
 
-    estimate = run.estimate
-    quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
-    typer.echo("camera_from_world (x_camera = R x_world + t)")
-    say_rows(
-        [
-            ("quat_xyzw", f"[{quaternion}]"),
-            ("translation_m", _vector(estimate.pose.translation, 6)),
-            ("camera center in world, m", _vector(estimate.pose.camera_center, 6)),
-            ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
-            ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
-            ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
-            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
-        ]
-    )
+    _say_pose(run.estimate)
     _say_matching(result)
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
@@ -110,6 +98,22 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     for what, advice in judged.remarks:
         typer.echo(f"  warning: {what}. {advice}".rstrip())
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
+
+
+def _say_pose(estimate: PoseEstimate) -> None:
+    quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
+    typer.echo("camera_from_world (x_camera = R x_world + t)")
+    say_rows(
+        [
+            ("quat_xyzw", f"[{quaternion}]"),
+            ("translation_m", _vector(estimate.pose.translation, 6)),
+            ("camera center in world, m", _vector(estimate.pose.camera_center, 6)),
+            ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
+            ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
+            ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
+            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
+        ]
+    )
 
 
 def _errors(region: dict[str, Any]) -> str:

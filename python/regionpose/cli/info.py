@@ -202,8 +202,8 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
 
 
 def _scene_facts(path: Path) -> Facts:
+    from regionpose.scene.inputs import named_files
     from regionpose.scene.loading import load_scene, named_regions
-    from regionpose.scene.result import named_files
 
     scene = load_scene(path)
     files = {role: str(scene.file(name)) for role, name in named_files(scene).items()}

@@ -166,23 +166,22 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise_px=estimate.boundary_noise,
         disturbed_share=estimate.disturbed_share,
-        alternatives=tuple(
-            Alternative(
-                pose=pose_of(other),
-                covariance=other.covariance,
-                confidence=other.confidence,
-                overlap_error=other.overlap_error,
-                region_overlap_errors=other.region_overlap_errors,
-            )
-            for other in estimate.alternatives
-        ),
-        warnings=tuple(
-            PoseWarning(code, text, tuple(regions), values) for code, text, regions, values in estimate.warnings
-        ),
+        alternatives=tuple(map(_alternative, estimate.alternatives)),
+        warnings=tuple(PoseWarning(code, text, tuple(of), values) for code, text, of, values in estimate.warnings),
         converged=best.converged,
         termination=best.termination,
         evaluations=estimate.evaluations,
         creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
+    )
+
+
+def _alternative(solution: _core.Solution) -> Alternative:
+    return Alternative(
+        pose=pose_of(solution),
+        covariance=solution.covariance,
+        confidence=solution.confidence,
+        overlap_error=solution.overlap_error,
+        region_overlap_errors=solution.region_overlap_errors,
     )
 
 

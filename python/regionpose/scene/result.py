@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import math
-import platform
-import sys
-from hashlib import file_digest, sha256
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +12,7 @@ from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.exposure import SceneSides
-from regionpose.scene.loading import Scene, named_regions
-from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
+from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.sides import WorldSide
 
 FORMAT = "regionpose result 1"
@@ -28,13 +22,17 @@ COVARIANCE_CONVENTION = (
     "increment on the left of camera_from_world: x_camera' = exp(omega) x_camera + tau"
 )
 
-PACKAGES = ("regionpose", "numpy", "scipy", "scikit-image", "shapely", "pydantic", "pillow")
-
 
 def scene_result(run: SceneEstimate) -> dict[str, Any]:
     """The result of a run: finite numbers, or null where a number is not finite."""
+    parts = [_told_of_pose, _told_of_fit, _told_of_regions, _told_of_run]
+    return {key: plain(value) for part in parts for key, value in part(run).items()}
+
+
+def _told_of_pose(run: SceneEstimate) -> dict[str, Any]:
+    """The pose both ways, whose camera's it is, and how well it is known."""
     estimate = run.estimate
-    values = {
+    return {
         "format": FORMAT,
         "scene": str(run.scene.path),
         "camera": camera_values(run.camera),
@@ -48,6 +46,13 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "covariance_convention": COVARIANCE_CONVENTION,
         "rotation_sigma_deg": estimate.rotation_sigma_deg,
         "translation_sigma_m": estimate.translation_sigma_m,
+    }
+
+
+def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
+    """How well it fits the regions and the rest of the scene."""
+    estimate = run.estimate
+    return {
         "confidence": estimate.confidence,
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise_px,
@@ -56,6 +61,13 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "scene_refinement": refinement_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
+    }
+
+
+def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
+    """Region by region and frame by frame; other poses, and what is warned of."""
+    estimate = run.estimate
+    return {
         "regions": [values for view in run.views for values in region_values(view)],
         "matching": matching_values(run),
         "frames": frame_values(run),
@@ -68,6 +80,13 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
             for other in estimate.alternatives
         ],
         "warnings": [warning_values(warning, run.names) for warning in estimate.warnings],
+    }
+
+
+def _told_of_run(run: SceneEstimate) -> dict[str, Any]:
+    """How it was computed, and from which files."""
+    estimate = run.estimate
+    return {
         "converged": estimate.converged,
         "termination": estimate.termination,
         "evaluations": estimate.evaluations,
@@ -77,7 +96,6 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
         "versions": versions(),
         "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
     }
-    return {key: plain(value) for key, value in values.items()}
 
 
 def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
@@ -228,64 +246,6 @@ def exports(pose: Pose) -> dict[str, Any]:
         },
         "kitti_Tr_velo_to_cam": f"Tr_velo_to_cam: {row}",
     }
-
-
-def input_values(scene: Scene) -> list[dict[str, Any]]:
-    """Roles, path (as the scene names it), size and SHA-256 of every file that a scene reads."""
-    content = scene.document.content
-    own = {"roles": ["scene"], "path": scene.path.name, "bytes": len(content), "sha256": sha256(content).hexdigest()}
-    roles: dict[str, list[str]] = {}
-    for role, name in named_files(scene).items():
-        roles.setdefault(name, []).append(role)
-    return [own] + [
-        {"roles": held, "path": name, "bytes": scene.file(name).stat().st_size, "sha256": file_hash(scene.file(name))}
-        for name, held in roles.items()
-    ]
-
-
-def named_files(scene: Scene) -> dict[str, str]:
-    """The files that a scene names, by their role."""
-    model = scene.model
-    camera = model.camera.file if isinstance(model.camera, CameraFile) else model.camera
-    files = {"camera": camera} if isinstance(camera, str) else {}
-    for frame in scene.frames:
-        files |= _frame_files(frame, f" of {frame.name}" if frame.name else "")
-    return files
-
-
-def _frame_files(scene: Scene, tail: str) -> dict[str, str]:
-    """Those of one photo and its cloud, by their role."""
-    files = {f"image{tail}": scene.image}
-    if scene.model.cloud is not None:
-        files[f"cloud{tail}"] = scene.model.cloud
-    for region in named_regions(scene):
-        whose = f"of {region.name}{tail}"
-        if isinstance(region.image, ImageMask):
-            files[f"mask {whose}"] = region.image.mask
-            if region.image.unknown is not None:
-                files[f"unknown pixels {whose}"] = region.image.unknown
-        if isinstance(region.world, WorldPoints) and isinstance(region.world.points, str):
-            files[f"points {whose}"] = region.world.points
-        if isinstance(region.world, WorldMesh):
-            files[f"mesh {whose}"] = region.world.mesh
-    return files
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal."""
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a result depends on."""
-    found = {"python": platform.python_version(), "platform": sys.platform}
-    for package in PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "unknown"
-    return found
 
 
 def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
