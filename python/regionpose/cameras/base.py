@@ -11,7 +11,7 @@ from typing import Self, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.arrays import finite_array, row_array
+from regionpose.arrays import row_array
 
 Array = NDArray[np.float64]
 Components = tuple[Array, ...]
@@ -134,14 +134,6 @@ class Camera(ABC):
         """Pixel coordinates of points, NaN where not visible."""
 
 
-def scaled_intrinsics(
-    focal: tuple[float, float], center: tuple[float, float], factors: tuple[float, float]
-) -> tuple[float, float, float, float]:
-    """fx, fy, cx and cy of photos whose sides are scaled by two factors, corners to corners."""
-    (fx, fy), (cx, cy), (across, down) = focal, center, factors
-    return across * fx, down * fy, across * (cx + 0.5) - 0.5, down * (cy + 0.5) - 0.5
-
-
 def resize_factor(size: tuple[int, int], other: tuple[int, int]) -> float | None:
     """The factor that leads from one width and height to another, each rounded by less than a pixel; None if none does.
 
@@ -207,21 +199,6 @@ def image_length(name: str, value: int | None) -> int | None:
     if not 0 < length <= MOST_SIDE:
         raise ValueError(f"{name}: found {_brief(length)}; needed a whole number from 1 to {MOST_SIDE}")
     return length
-
-
-def intrinsic_matrix(fx: float, fy: float, cx: float, cy: float) -> Array:
-    """The matrix K (3, 3) that takes a normalized point (x, y, 1) to a pixel (u, v, 1)."""
-    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-
-
-def intrinsics_of(matrix: ArrayLike) -> tuple[float, float, float, float]:
-    """`(fx, fy, cx, cy)` of a matrix K (3, 3) without skew; ValueError otherwise."""
-    k = finite_array(matrix, "matrix", (3, 3))
-    if k[0, 1] != 0.0 or k[1, 0] != 0.0:
-        raise ValueError(f"matrix: found a skew of {k[0, 1]} and {k[1, 0]}; needed 0 off the diagonal")
-    if tuple(k[2]) != (0.0, 0.0, 1.0):
-        raise ValueError(f"matrix: found the last row {k[2].tolist()}; needed [0, 0, 1]")
-    return float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])
 
 
 def _brief(value: object) -> str:

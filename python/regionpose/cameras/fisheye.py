@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import (
-    LIMIT_SLACK,
-    Array,
-    Camera,
-    Components,
-    finite_number,
-    finite_numbers,
-    image_length,
-    intrinsic_matrix,
-    intrinsics_of,
-    positive_number,
-    scaled_intrinsics,
-)
+from regionpose.cameras.base import LIMIT_SLACK, Array, Components, finite_numbers
 from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, first_positive_root, polynomial
+from regionpose.cameras.matrix import MatrixCamera, intrinsics_of
 
 
 @dataclass(frozen=True)
-class FisheyeCamera(Camera):
+class FisheyeCamera(MatrixCamera):
     """The fisheye camera of Kannala and Brandt, as OpenCV's fisheye module has it.
 
     A ray at the angle `t` off the axis is seen at the distance `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`,
@@ -69,14 +58,8 @@ class FisheyeCamera(Camera):
 
     def __post_init__(self) -> None:
         """Check the parameters and store them as plain numbers."""
-        store = object.__setattr__
-        store(self, "fx", positive_number("fx", self.fx))
-        store(self, "fy", positive_number("fy", self.fy))
-        store(self, "cx", finite_number("cx", self.cx))
-        store(self, "cy", finite_number("cy", self.cy))
-        store(self, "width", image_length("width", self.width))
-        store(self, "height", image_length("height", self.height))
-        store(self, "distortion", finite_numbers("distortion", self.distortion))
+        super().__post_init__()
+        object.__setattr__(self, "distortion", finite_numbers("distortion", self.distortion))
         if len(self.distortion) != 4:
             raise ValueError(f"distortion: found {len(self.distortion)} coefficients; needed 4 (k1 k2 k3 k4)")
 
@@ -93,11 +76,6 @@ class FisheyeCamera(Camera):
         return cls(
             *intrinsics_of(matrix), distortion=tuple(np.ravel(np.asarray(distortion))), width=width, height=height
         )
-
-    @property
-    def matrix(self) -> Array:
-        """The matrix K (3, 3)."""
-        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
 
     @cached_property
     def max_angle(self) -> float:
@@ -129,10 +107,6 @@ class FisheyeCamera(Camera):
         angles = np.full_like(radius, np.nan)
         angles[seen] = bracketed_roots(residual, reached, self.max_angle)
         return angles
-
-    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> FisheyeCamera:
-        fx, fy, cx, cy = scaled_intrinsics((self.fx, self.fy), (self.cx, self.cy), (horizontal, vertical))
-        return replace(self, fx=fx, fy=fy, cx=cx, cy=cy, width=size[0], height=size[1])
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = (u - self.cx) / self.fx, (v - self.cy) / self.fy

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import (
-    Array,
-    Camera,
-    Components,
-    finite_number,
-    image_length,
-    intrinsic_matrix,
-    intrinsics_of,
-    positive_number,
-    scaled_intrinsics,
-)
+from regionpose.cameras.base import Array, Components
 from regionpose.cameras.distortion import RadialTangential, distortion_of
+from regionpose.cameras.matrix import MatrixCamera, intrinsics_of
 
 
 @dataclass(frozen=True)
-class PinholeCamera(Camera):
+class PinholeCamera(MatrixCamera):
     """The perspective camera with OpenCV's distortion.
 
     `(u, v) = (fx x_d + cx, fy y_d + cy)` with `(x_d, y_d)` the distorted `(x / z, y / z)`.
@@ -66,14 +57,8 @@ class PinholeCamera(Camera):
 
     def __post_init__(self) -> None:
         """Check the parameters and store them as plain numbers."""
-        store = object.__setattr__
-        store(self, "fx", positive_number("fx", self.fx))
-        store(self, "fy", positive_number("fy", self.fy))
-        store(self, "cx", finite_number("cx", self.cx))
-        store(self, "cy", finite_number("cy", self.cy))
-        store(self, "width", image_length("width", self.width))
-        store(self, "height", image_length("height", self.height))
-        store(self, "distortion", distortion_of(self.distortion).coefficients)
+        super().__post_init__()
+        object.__setattr__(self, "distortion", distortion_of(self.distortion).coefficients)
 
     @classmethod
     def from_matrix(
@@ -82,11 +67,6 @@ class PinholeCamera(Camera):
         """The camera with the matrix K (3, 3), without skew, and OpenCV's distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))
         return cls(*intrinsics_of(matrix), width=width, height=height, distortion=coefficients)
-
-    @property
-    def matrix(self) -> Array:
-        """The matrix K (3, 3)."""
-        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
 
     @property
     def max_angle(self) -> float:
@@ -101,10 +81,6 @@ class PinholeCamera(Camera):
     @cached_property
     def _distortion(self) -> RadialTangential:
         return distortion_of(self.distortion)
-
-    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> PinholeCamera:
-        fx, fy, cx, cy = scaled_intrinsics((self.fx, self.fy), (self.cx, self.cy), (horizontal, vertical))
-        return replace(self, fx=fx, fy=fy, cx=cx, cy=cy, width=size[0], height=size[1])
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)

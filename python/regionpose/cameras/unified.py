@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import (
-    LIMIT_SLACK,
-    Array,
-    Camera,
-    Components,
-    finite_number,
-    image_length,
-    intrinsic_matrix,
-    intrinsics_of,
-    positive_number,
-    scaled_intrinsics,
-)
+from regionpose.cameras.base import LIMIT_SLACK, Array, Components, finite_number
 from regionpose.cameras.distortion import RadialTangential, distortion_of
+from regionpose.cameras.matrix import MatrixCamera, intrinsics_of
 
 
 @dataclass(frozen=True)
-class UnifiedCamera(Camera):
+class UnifiedCamera(MatrixCamera):
     """The unified camera of Mei and Rives, as Kalibr's omni and OpenCV's omnidir have it.
 
     The point `(x, y, z)` of the unit sphere is seen at the distorted `(x, y) / (z + xi)` (Mei and Rives 2007;
@@ -70,17 +60,11 @@ class UnifiedCamera(Camera):
 
     def __post_init__(self) -> None:
         """Check the parameters and store them as plain numbers."""
-        store = object.__setattr__
-        store(self, "xi", finite_number("xi", self.xi))
+        super().__post_init__()
+        object.__setattr__(self, "xi", finite_number("xi", self.xi))
         if self.xi < 0.0:
             raise ValueError(f"xi: found {self.xi}; needed a number of at least 0")
-        store(self, "fx", positive_number("fx", self.fx))
-        store(self, "fy", positive_number("fy", self.fy))
-        store(self, "cx", finite_number("cx", self.cx))
-        store(self, "cy", finite_number("cy", self.cy))
-        store(self, "width", image_length("width", self.width))
-        store(self, "height", image_length("height", self.height))
-        store(self, "distortion", distortion_of(self.distortion).coefficients)
+        object.__setattr__(self, "distortion", distortion_of(self.distortion).coefficients)
 
     @classmethod
     def from_matrix(
@@ -95,11 +79,6 @@ class UnifiedCamera(Camera):
         """The camera with xi, the matrix K (3, 3), without skew, and distortion coefficients in any shape."""
         coefficients = tuple(np.ravel(np.asarray(distortion)))
         return cls(*intrinsics_of(matrix), xi=xi, distortion=coefficients, width=width, height=height)
-
-    @property
-    def matrix(self) -> Array:
-        """The matrix K (3, 3)."""
-        return intrinsic_matrix(self.fx, self.fy, self.cx, self.cy)
 
     @cached_property
     def max_angle(self) -> float:
@@ -123,10 +102,6 @@ class UnifiedCamera(Camera):
     def _plane_limit(self) -> float:
         """Largest radius before the distortion: infinite, or the outline of the sphere when xi > 1."""
         return 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else math.inf
-
-    def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> UnifiedCamera:
-        fx, fy, cx, cy = scaled_intrinsics((self.fx, self.fy), (self.cx, self.cy), (horizontal, vertical))
-        return replace(self, fx=fx, fy=fy, cx=cx, cy=cy, width=size[0], height=size[1])
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
