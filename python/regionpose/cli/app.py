@@ -15,11 +15,12 @@ from regionpose.cli import calibrate, demo, estimate, evaluate, export, fuse, in
 
 FINE, BAD_INPUT, NO_POSE, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 
-HELP = """Absolute pose of a central camera from planar regions, without correspondences.
+HELP = """Estimate where a camera stood, from flat regions that its photo and a point cloud both show.
 
 \b
 Examples:
   regionpose demo --out demo
+  regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply
   regionpose estimate scene.yaml --out result
   regionpose info camera_info.yaml
 
@@ -28,7 +29,7 @@ Exit codes:
   0  fine
   1  a pose with warnings, under --strict
   2  bad input, or a file that would be overwritten
-  3  no pose shows the regions as they were observed
+  3  no pose shows the regions as they were observed, or the pose is doubtful (its files are written)
   130  interrupted (Ctrl-C); nothing was written
   143  terminated (SIGTERM); nothing was written
 """

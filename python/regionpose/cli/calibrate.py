@@ -55,8 +55,9 @@ def calibrate(
     segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
-    """Estimate the one pose of a camera in the frame of a scanner from many photos and clouds.
+    """Estimate one pose from a folder of photos and clouds.
 
+    The camera and the scanner are fixed to each other; the pose is the camera's in the scanner's frame.
     Every photo 0001.png with a cloud 0001.pcd beside it is a frame. Its regions are in 0001.yaml (keys of a scene
     file), in 0001.json (labelme or COCO) or in masks 0001-NAME.png. Without world_regions in 0001.yaml, they are
     matched with the planes of the cloud. Writes what `regionpose estimate` writes, and the scene.yaml that it runs.

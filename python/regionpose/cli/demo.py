@@ -31,9 +31,9 @@ def demo(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run everything on the scene that ships with the package and compare the pose with the truth.
+    """Run everything on the scene that ships with the package.
 
-    Segmentation, pose, fusion, pictures and report; takes some seconds.
+    Segmentation, pose, colored cloud, pictures and report; compares the pose with the truth. Takes some seconds.
 
     \b
     Examples:

@@ -40,7 +40,7 @@ def info(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what is in a cloud, a calibration, an image, a scene file or a result.
+    """Describe a cloud, calibration, image, scene file or result.
 
     \b
     Examples:

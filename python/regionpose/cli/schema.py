@@ -6,7 +6,9 @@ from regionpose.cli.console import say_json
 
 
 def schema() -> None:
-    """Print the JSON schema of scene files, for editors and other validators.
+    """Print the JSON schema of scene files.
+
+    Editors that know it complete keys while you type.
 
     \b
     Examples:

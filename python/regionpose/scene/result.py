@@ -65,7 +65,7 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
 
 
 def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
-    """Region by region and frame by frame; other poses, and what is warned of."""
+    """Region by region and frame by frame; other poses, and warnings."""
     estimate = run.estimate
     return {
         "regions": [values for view in run.views for values in region_values(view)],
