@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterator
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -74,11 +75,39 @@ def yaml_node(text: str, *, aliases: bool = False) -> Node | None:
 def plain_value(node: Node | None) -> Any:
     """The value of a node as mappings, lists, texts and numbers; TextError where it has none."""
     try:
-        return None if node is None else YAML(typ="safe", pure=True).constructor.construct_document(node)
-    except (YAMLError, ValueError, RecursionError) as error:
-        raise _described(error) from error
-    except LookupError as error:
-        raise TextError(f"found a value that isn't of its tag (!!): {error}; needed one that is, or no tag") from error
+        return None if node is None else _constructor().construct_document(node)
+    except (YAMLError, ValueError, LookupError, RecursionError) as error:
+        raise _valueless(node) or _described(error) from error
+
+
+def _constructor() -> Any:
+    return YAML(typ="safe", pure=True).constructor
+
+
+def _valueless(root: Node | None) -> TextError | None:
+    """The error about the first single value within a node that is none of its kind."""
+    constructor = _constructor()
+    for node in _scalars(root):
+        try:
+            constructor.construct_document(node)
+        except (YAMLError, ValueError, LookupError):
+            kind = str(node.tag).rpartition(":")[2]
+            found = f"found {node.value!r}, which is no {kind}; needed one, or quotes around a text"
+            return TextError(found, line_of(node), node.start_mark.column + 1)
+    return None
+
+
+def _scalars(root: Node | None) -> Iterator[ScalarNode]:
+    """The single values within a node."""
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ScalarNode):
+            yield node
+        elif isinstance(node, SequenceNode):
+            stack.extend(reversed(node.value))
+        elif isinstance(node, MappingNode):
+            stack.extend(part for pair in reversed(node.value) for part in reversed(pair))
 
 
 def line_of(node: Node | NodeEvent) -> int:

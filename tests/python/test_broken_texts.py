@@ -83,6 +83,7 @@ CASES: list[tuple[str, str, Reader, str]] = [
     # Scenes
     ("z.yaml", SCENE.replace("[1, 2]}", "[1, 2"), load_scene, "z.yaml:6:1: found the end of the text; needed a comma"),
     ("aa.yaml", SCENE.replace("  - name", " name"), load_scene, "aa.yaml:5:10: found ':'; needed one key a line"),
+    ("ag.yaml", SCENE.replace("door", "2020-13-45"), load_scene, "ag.yaml:4:11: found '2020-13-45', which is no time"),
     ("ab.json", '{"camera": "a",\n "image" "b"}', load_scene, "ab.json:2:10: found '\"'; needed a colon after the"),
     ("ac.json", '{"camera": "a\n"}', load_scene, "ac.json:1:14: found the end of the line; needed a double quote"),
     ("ad.json", '{"camera": "C:\\data"}', load_scene, "ad.json:1:15: found '\\\\'; needed an escape of JSON's"),

@@ -64,9 +64,9 @@ BAD = {
     "a word that is not of its tag": (
         "image: image.png",
         "image: !!bool maybe",
-        ": found a value that isn't of its tag (!!): 'maybe'",
+        ":2:8: found 'maybe', which is no bool; needed one, or quotes around a text",
     ),
-    "a tag of nothing": ("image: image.png", 'image: !!int ""', ": found a value that isn't of its tag"),
+    "a tag of nothing": ("image: image.png", 'image: !!int ""', ":2:8: found '', which is no int"),
     "an alias": ("image: image.png", "image: *other", ":2: found an alias"),
     "an unknown solver": (
         "image: image.png",
