@@ -157,6 +157,20 @@ def test_the_scene_chooses_among_answers_that_fit_alike() -> None:
     assert after.warnings == ()
 
 
+def test_a_choice_that_leaves_doubt_is_no_longer_ambiguous() -> None:
+    after, settled = heard(estimate([0.4, 0.4], "ambiguous"), [0.0, 0.12])
+    assert len(settled) == 1 and 0.7 < after.confidence < 0.9
+    assert [warning.code for warning in after.warnings] == ["low-confidence"]
+    weak, _ = heard(estimate([0.4, 0.4], "ambiguous", "weak-geometry"), [0.0, 0.12])
+    assert [warning.code for warning in weak.warnings] == ["weak-geometry"]
+
+
+def test_a_scene_that_does_not_decide_leaves_the_answers_ambiguous() -> None:
+    for leads in ([0.05, 0.06], [0.0, 0.0]):
+        after, _ = heard(estimate([0.45, 0.45], "ambiguous"), leads)
+        assert "ambiguous" in [warning.code for warning in after.warnings]
+
+
 def test_an_answer_that_the_scene_contradicts_is_warned_of() -> None:
     after, settled = heard(estimate([0.95]), [0.0])
     assert settled == [] and after.confidence < 0.5

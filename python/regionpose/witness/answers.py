@@ -17,9 +17,9 @@ from regionpose.witness.odds import weighed
 
 Array = NDArray[np.float64]
 
-AGAINST = float(np.log(9.0))
-"""Logarithm of the odds against a pose from which on a warning reports it: those of the confidence of 90 % that it
-needs."""
+DECISIVE = float(np.log(9.0))
+"""Logarithm of the odds from which on they decide, against a pose or between two: those of the confidence of 90 % that
+a pose needs."""
 
 SURE = 0.9
 """Confidence from which on one of several answers is the answer: as above."""
@@ -106,7 +106,8 @@ def witnessed(
         for other, confidence in zip(estimate.alternatives, confidences[1:], strict=True)
     )
     judged = replace(estimate, confidence=float(confidences[0]), alternatives=others)
-    return Witnessed(replace(judged, warnings=_warnings(judged, witness)), witness)
+    lead = witness.log_odds - max((_log_odds(other) for other in alignments[1:]), default=np.inf)
+    return Witnessed(replace(judged, warnings=_warnings(judged, witness, lead)), witness)
 
 
 def _heard(
@@ -125,11 +126,14 @@ def _log_odds(alignments: Sequence[Alignment | None]) -> float:
     return sum(alignment.log_odds for alignment in alignments if alignment is not None)
 
 
-def _warnings(estimate: PoseEstimate, witness: SceneWitness) -> tuple[PoseWarning, ...]:
-    """The warnings of an estimate, its confidence being that after the rest of the scene was heard."""
+def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tuple[PoseWarning, ...]:
+    """The warnings of an estimate, its confidence being that after the rest of the scene was heard; `lead`: the
+    logarithm of the odds of its pose to the best of the others.
+    """
     sure = estimate.confidence >= SURE
-    kept = [warning for warning in estimate.warnings if not (sure and warning.code in OF_CONFIDENCE)]
-    if witness.log_odds < -AGAINST:
+    settled = OF_CONFIDENCE if sure else {"ambiguous"} if lead >= DECISIVE else set()
+    kept = [warning for warning in estimate.warnings if warning.code not in settled]
+    if witness.log_odds < -DECISIVE:
         kept.append(_disagreement(witness))
     elif not sure and not kept:
         text = f"the confidence is {100.0 * estimate.confidence:.1f} %"
