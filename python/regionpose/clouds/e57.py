@@ -36,17 +36,7 @@ def read_e57(path: Path, *, progress: Progress | None = None) -> Cloud:
         # pye57.E57 would try to delete a file that does not open.
         image = pye57.libe57.ImageFile(str(path), "r")
         try:
-            nodes = [image.root()["data3D"][index] for index in range(len(image.root()["data3D"]))]
-            headers = [pye57.ScanHeader(node) for node in nodes]
-            values = sum(int(header.point_count) * len(header.point_fields) for header in headers)
-            wrong = unfolding_error(path, values * np.dtype(np.float64).itemsize)
-            if wrong is not None:
-                raise CloudError(f"{path}: scans: {wrong}")
-            scans = [
-                _scan(pye57, image, header, told)
-                for header, told in zip(headers, _parts(headers, progress), strict=True)
-            ]
-            places = [_place(header) for header in headers]
+            scans, places = _scans(pye57, image, path, progress)
         finally:
             image.close()
     except CloudError:
@@ -54,13 +44,32 @@ def read_e57(path: Path, *, progress: Progress | None = None) -> Cloud:
     # Damage shows as the library's own errors, each of its own type.
     except Exception as error:
         raise cloud_error(path, "scans", f"{type(error).__name__}: {error}", "a whole E57 file") from error
+    cloud = _joined(path, scans)
+    return cloud if len(places) > 1 or places[0] is None else cloud.scanned_from(places[0])
+
+
+def _scans(
+    pye57: Any, image: Any, path: Path, progress: Progress | None
+) -> tuple[list[dict[str, Scalars]], list[Array | None]]:
+    """The columns of each scan of an open file, and where its scanner stood; CloudError for more than is likely."""
+    nodes = [image.root()["data3D"][index] for index in range(len(image.root()["data3D"]))]
+    headers = [pye57.ScanHeader(node) for node in nodes]
+    values = sum(int(header.point_count) * len(header.point_fields) for header in headers)
+    wrong = unfolding_error(path, values * np.dtype(np.float64).itemsize)
+    if wrong is not None:
+        raise CloudError(f"{path}: scans: {wrong}")
+    told = zip(headers, _parts(headers, progress), strict=True)
+    return [_scan(pye57, image, header, share) for header, share in told], [_place(header) for header in headers]
+
+
+def _joined(path: Path, scans: list[dict[str, Scalars]]) -> Cloud:
+    """The cloud of all scans: the columns that they share, and which scan a point is of where there are several."""
     if not scans:
         raise cloud_error(path, "scans", "none", "at least 1")
     if len(scans) > 1:
         scans = [scan | {SCAN: np.full(len(scan["x"]), index)} for index, scan in enumerate(scans)]
     shared = [name for name in scans[0] if all(name in scan for scan in scans)]
-    cloud = cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
-    return cloud if len(places) > 1 or places[0] is None else cloud.scanned_from(places[0])
+    return cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
 
 
 def _parts(headers: list[Any], progress: Progress | None) -> list[Progress | None]:
