@@ -61,7 +61,7 @@ impl Trust {
         }
     }
 
-    /// Weights and blurs of the clean and the disturbed parts.
+    /// Weights and blurs of the clean and the disturbed part.
     fn parts(&self, edge: Edge) -> [(f64, f64); 2] {
         let (_, labeled) = self.bounds(edge);
         [(labeled * (1.0 - self.disturbed), self.blur), (labeled * self.disturbed, self.wide)]
@@ -70,8 +70,12 @@ impl Trust {
     /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the
     /// contour is disturbed; of a margin with a normal distribution.
     pub fn label(&self, edge: Edge, mean: f64, variance: f64) -> Label {
-        let [clean, wide] =
-            self.parts(edge).map(|(weight, blur)| weight * cumulative(mean / (blur * blur + variance).sqrt()));
+        // Where stretches are of one kind or the other, there is no disturbed part.
+        let share = |(weight, blur): (f64, f64)| match weight > 0.0 {
+            true => weight * cumulative(mean / (blur * blur + variance).sqrt()),
+            false => 0.0,
+        };
+        let [clean, wide] = self.parts(edge).map(share);
         let all = self.bounds(edge).0 + clean + wide;
         // Of a margin that is certain to be right a label that was drawn at random agrees by half.
         let beyond = match edge {
@@ -161,7 +165,7 @@ impl Tilted {
     /// The label of a margin with a normal distribution (`docs/math.md`, eq. 17.6).
     fn new(mean: f64, variance: f64, trust: &Trust, edge: Edge) -> Self {
         let (mut probability, mut slope, mut bend) = (trust.bounds(edge).0, 0.0, 0.0);
-        for (weight, blur) in trust.parts(edge) {
+        for (weight, blur) in trust.parts(edge).into_iter().filter(|(weight, _)| *weight > 0.0) {
             let width = (blur * blur + variance).sqrt();
             let u = mean / width;
             let height = weight * density(u) / width;

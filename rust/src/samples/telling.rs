@@ -429,7 +429,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
             before = belief.mean;
             let way = belief.mean.dot(&information.solve(&belief.mean));
-            let pose = self.approached(&state.pose, &shortened(&(belief.mean * share), &state.pose), blur);
+            let step = shortened(&(belief.mean * share), &state.pose);
+            // A step within the belief stays where the lines are good.
+            let pose = if way < 1.0 { state.pose.moved(&step) } else { self.approached(&state.pose, &step, blur) };
             state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;

@@ -3,7 +3,7 @@
 use std::iter;
 
 use super::centroids::centroid_poses;
-use super::closed_form::WantedTurns;
+use super::closed_form::{WantedTurns, closed_form};
 use super::corners::corner_poses;
 use super::directions::direction_poses;
 use super::moments::{
@@ -185,10 +185,14 @@ impl Problem {
         }
     }
 
-    /// Where samples are led from: what is known beforehand and poses of centroids, as they are, since outlines of samples may
-    /// lead them astray, and those that the outlines gave.
+    /// Where samples are led from: what is known beforehand, poses of centroids and closed forms of the regions with samples, as
+    /// they are, since their outlines may lead these astray, and those that the outlines gave.
     fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
-        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).collect()
+        let closed = self.sampled().iter().flat_map(|sampled| {
+            let (region, world) = (&self.regions()[sampled.index()], &self.worlds()[sampled.index()]);
+            closed_form(region.chart(), region.outline(), world, self.origin(), WantedTurns::All)
+        });
+        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
     }
 
     /// Whether any region has hidden edges.

@@ -1,5 +1,7 @@
 //! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
 
+use nalgebra::{Rotation3, Vector3};
+
 use super::candidates::further_poses;
 use super::moments::Alone;
 use super::poses::{apart, distinct};
@@ -15,10 +17,14 @@ use crate::samples::posterior::{Led, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
-const MOST_STARTS: usize = 12;
+const MOST_STARTS: usize = 24;
 
-/// Poses nearer than this, rad and share of the distance, are one start.
-const SAME_START: f64 = 0.02;
+/// How far a start may be off, rad and share of the distance, and mostly still lead to the answer: starts nearer to one another
+/// than this are one.
+const BASIN: f64 = 0.2;
+
+/// Poses nearer than this, rad and share of the distance, came to one place.
+const SAME_PLACE: f64 = 0.02;
 
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
 const SAME_ANSWER: f64 = 9.0;
@@ -29,7 +35,8 @@ const ROUGH: f64 = 32.0;
 /// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
 const FOUND: f64 = 0.2;
 
-/// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up.
+/// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up, and one that
+/// is not led yet by as much again.
 const HOPELESS: f64 = 25.0;
 
 impl Problem {
@@ -68,26 +75,44 @@ impl Problem {
             let further = further_poses(self, &mut Alone::default());
             found.extend(self.posteriors_near(&further, &others));
         }
-        if let Some(best) = found.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) {
-            // A symmetric shape fits from several places, of which the starts may have missed one.
+        let mut looked = None;
+        // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
+        // the way to theirs.
+        while let Some(best) =
+            likeliest_of(&found).filter(|best| looked.is_none_or(|last| apart(&last, best, SAME_PLACE)))
+        {
             let (regions, step) = (self.sampled(), leading_step(self.sampled()));
             let misfit = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
-            found.extend(self.posteriors_near(&turned_about(self, &best.pose, misfit, HOPELESS), &others));
+            let turned = turned_about(self, &best, misfit, HOPELESS);
+            let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
+            found.extend(self.further_posteriors(&starts, &found, &others));
+            looked = Some(best);
         }
         likeliest(found, |_, _| false, |posterior| posterior.log_evidence, Posterior::is_same_as)
     }
 
     /// The posteriors of the likeliest starts.
     fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
+        self.further_posteriors(starts, &[], others)
+    }
+
+    /// The posteriors of the likeliest starts, but of those that some of the samples lead to a place that is found already.
+    fn further_posteriors(
+        &self,
+        starts: &[Pose],
+        found: &[Posterior],
+        others: &impl Fn(&Pose) -> Gaussian,
+    ) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
         let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
         let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
-        let starts = distinct(scored, MOST_STARTS, SAME_START, |pose| pose);
+        let starts = distinct(scored, MOST_STARTS, BASIN, |pose| pose);
         let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
-        let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= HOPELESS);
+        let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= 2.0 * HOPELESS);
         let leading = starts.take_while(|_| !effort::is_spent());
-        let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).collect();
-        let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_START);
+        let is_new = |led: &Led| found.iter().all(|other| apart(&other.pose, &led.pose, SAME_PLACE));
+        let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).filter(is_new).collect();
+        let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_PLACE);
         let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
         let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
         posteriors(regions, others, &likely, HOPELESS)
@@ -99,6 +124,19 @@ impl Problem {
         let contours = self.contours().iter().enumerate();
         contours.filter(|(index, _)| !has_samples(*index)).map(|(_, contour)| contour.clone()).collect()
     }
+}
+
+/// A pose turned by as much as a start may be off, about each of the camera's axes, where the problem's origin stays in place.
+fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
+    let turned = |turn: Vector3<f64>| Pose::new(Rotation3::new(turn) * pose.rotation, pose.translation);
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    axes.into_iter().flat_map(move |axis| [axis * BASIN, axis * -BASIN].map(turned))
+}
+
+/// The pose of the greatest evidence.
+fn likeliest_of(found: &[Posterior]) -> Option<Pose> {
+    let best = found.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+    Some(best.pose)
 }
 
 /// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.

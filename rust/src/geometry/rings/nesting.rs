@@ -37,15 +37,31 @@ pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
     if inside { Location::Inside } else { Location::Outside }
 }
 
-/// For each ring the rings that contain it; the rings have to be simple and apart.
+/// For each ring the rings that contain it, in order; the rings have to be simple and apart.
+///
+/// A line is swept upwards: a ring can lie only in those whose boxes it is in where the ring begins.
 pub(super) fn parents(rings: &[CleanRing]) -> Vec<Vec<usize>> {
-    let holds = |outer: usize, inner: usize| {
-        let ((outer_low, outer_high), (low, high)) = (rings[outer].bounds, rings[inner].bounds);
-        let within_box = (0..2).all(|k| outer_low[k] <= low[k] && high[k] <= outer_high[k]);
-        outer != inner && within_box && contains_ring(&rings[outer], &rings[inner].vertices)
-    };
-    let count = rings.len();
-    (0..count).map(|inner| (0..count).filter(|&outer| holds(outer, inner)).collect()).collect()
+    let low = |ring: usize| rings[ring].bounds.0.y;
+    let mut upwards: Vec<usize> = (0..rings.len()).collect();
+    upwards.sort_by(|&a, &b| low(a).total_cmp(&low(b)));
+    let mut to_come = upwards.iter().copied().peekable();
+    let (mut crossed, mut parents) = (Vec::new(), vec![Vec::new(); rings.len()]);
+    for &inner in &upwards {
+        while let Some(outer) = to_come.next_if(|&outer| low(outer) <= low(inner)) {
+            crossed.push(outer);
+        }
+        crossed.retain(|&outer| rings[outer].bounds.1.y >= low(inner));
+        parents[inner] = crossed.iter().copied().filter(|&outer| holds(&rings[outer], &rings[inner])).collect();
+        parents[inner].sort_unstable();
+    }
+    parents
+}
+
+/// Whether a ring contains another one.
+fn holds(outer: &CleanRing, inner: &CleanRing) -> bool {
+    let ((outer_low, outer_high), (low, high)) = (outer.bounds, inner.bounds);
+    let within_box = (0..2).all(|k| outer_low[k] <= low[k] && high[k] <= outer_high[k]);
+    !std::ptr::eq(outer, inner) && within_box && contains_ring(outer, &inner.vertices)
 }
 
 /// Whether the first edge of `inner` runs inside `outer`; it may start on the boundary.
