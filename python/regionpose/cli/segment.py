@@ -150,14 +150,14 @@ def _segment_scene(
 ) -> dict[str, Any]:
     if seed is not None:
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
-    from regionpose.scene import Stages, scene_sides
+    from regionpose.scene import scene_sides
     from regionpose.scene.loading import named_regions
 
     scene = scene_with(path, segmenter)
     names = [name(index, region.name) for index, region in enumerate(named_regions(scene)) for name in NAMES]
     names.append(SCENE_FILE)
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
-        sides = scene_sides(scene, Stages(progress.begin, progress.share))
+        sides = scene_sides(scene, progress.stages)
         claim.write(_scene_writers(scene, sides, out))
     remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}

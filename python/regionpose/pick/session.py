@@ -19,11 +19,12 @@ from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart,
 from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
 from regionpose.pick.sketch import Sketch
-from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
+from regionpose.progress import told_each
+from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
-from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
+from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.segmentation.segmenters import Segmenter
 
@@ -64,17 +65,25 @@ class Session:
         self._saved = self.sketch
 
     @classmethod
-    def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
-        """A session without regions, to be saved at `path`; errors as of reading a scene's files."""
+    def create(
+        cls, path: Path, *, image: Path, camera: Path, cloud: Path, stages: Stages | None = None, **extra: Any
+    ) -> Session:
+        """A session without regions, to be saved at `path`; errors as of reading a scene's files.
+
+        `stages` is told how much of the files is read.
+        """
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
         base = {key: relative(file, folder) for key, file in files.items()}
-        return cls._with_sensors(path, {**base, **extra})
+        return cls._with_sensors(path, {**base, **extra}, stages or Stages())
 
     @classmethod
-    def open(cls, path: Path) -> Session:
-        """The session of a scene file, with its regions; errors as of `load_scene` and of its files."""
-        scene = load_scene(path)
+    def open(cls, path: Path, *, stages: Stages | None = None) -> Session:
+        """The session of a scene file, with its regions; errors as of `load_scene` and of its files.
+
+        `stages` is told how much of files and regions is read.
+        """
+        scene, stages = load_scene(path), stages or Stages()
         values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
         if scene.model.frames:
             raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
@@ -82,18 +91,17 @@ class Session:
         lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
         if scene.model.cloud is None:
             raise scene.error((), "found no cloud; needed the key cloud, to pick in")
-        session = cls._with_sensors(path, values)
-        for held in lists.values():
-            for written in held:
+        session = cls._with_sensors(path, values, stages)
+        with stages.stage("regions"):
+            for written, _ in told_each([region for held in lists.values() for region in held], stages.progress):
                 session._read(written)
         session._saved = session.sketch = replace(session.sketch, selected=None)
         return session
 
     @classmethod
-    def _with_sensors(cls, path: Path, base: dict[str, Any]) -> Session:
+    def _with_sensors(cls, path: Path, base: dict[str, Any], stages: Stages) -> Session:
         scene = scene_of(path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
-        image = scene_image(scene)
-        camera, cloud = fitted_camera(scene, scene_camera(scene), image), scene_cloud(scene)
+        image, camera, cloud = read_sensors(scene, stages)
         if cloud is None:
             raise SceneError(f"{path}: found no cloud; needed one to pick in")
         scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
