@@ -34,7 +34,8 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
 
 PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
-    ("arrays", "outputs", "progress", "reading", "yaml_text"),
+    ("arrays", "extras", "outputs", "progress", "reading", "yaml_text"),
+    ("bags",),
     ("cameras", "clouds", "pose"),
     ("calibration", "kernels", "regions"),
     ("estimation", "exporting", "segmentation", "witness"),

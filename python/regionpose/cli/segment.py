@@ -65,7 +65,7 @@ def segment(
     suffix = source.suffix.lower()
     if suffix in SCENE_SUFFIXES:
         facts = _segment_scene(source, seed, segmenter, out or Path(f"{source.stem}-regions"), force, quiet)
-    elif suffix in IMAGE_SUFFIXES:
+    elif suffix in IMAGE_SUFFIXES or _is_picture(source):
         grow = _grower(tolerance, segmenter)
         facts = _segment_image(
             source, numbers_of("--seed", seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet
@@ -79,6 +79,19 @@ def segment(
         say_rows(shown, indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
         say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
+
+
+def _is_picture(path: Path) -> bool:
+    """Whether a path names a picture in a bag."""
+    from regionpose.bags.place import bag_place
+
+    place = bag_place(path)
+    if place is None:
+        return False
+    from regionpose.bags.messages import kind_of
+    from regionpose.bags.pictures import KINDS
+
+    return kind_of(place) in KINDS
 
 
 def _grower(tolerance: float | None, segmenter: str | None) -> Grower:

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.bags.pictures import read_bag_picture
+from regionpose.bags.place import bag_place
 from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.cameras.base import resize_factor
@@ -127,8 +129,11 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 
 def read_picture(path: Path) -> Picture:
-    """The picture (h, w, 3) uint8 of an image file; errors as of `read_pixels`."""
-    return read_pixels(path, "RGB", per_pixel=3).values
+    """The picture (h, w, 3) uint8 of an image file, or of a bag's message; errors as of `read_pixels` and
+    `read_bag_picture`.
+    """
+    place = bag_place(path)
+    return read_pixels(path, "RGB", per_pixel=3).values if place is None else read_bag_picture(place)
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
