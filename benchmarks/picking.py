@@ -31,9 +31,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from click_masks import filled, pixels_of
 from image_segmentation import deepest
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 from real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 from regionpose.pick.range_view import RangeView
 from regionpose.pick.session import Session
@@ -89,7 +89,7 @@ class User:
             return False
         choices = self.session.regions[-1].image
         assert choices is not None
-        overlaps = [overlap(choices.at(k).chosen.levels > 127, drawn) for k in range(len(choices))]
+        overlaps = [overlap(pixels_of(choices.at(k).chosen, drawn.shape), drawn) for k in range(len(choices))]
         best = int(np.argmax(overlaps))
         if overlaps[best] >= GOOD_MASK:
             self._choose("image", best, choices.index)
@@ -144,13 +144,6 @@ class Row(NamedTuple):
     def is_reached(self) -> bool:
         """Whether the pose is trusted within the clicks that are allowed."""
         return self.level == TRUSTED and self.clicks <= MOST_CLICKS
-
-
-def filled(polygon: list[list[float]], shape: tuple[int, ...]) -> Mask:
-    """The pixels (h, w) of a polygon."""
-    canvas = Image.new("L", shape[1::-1])
-    ImageDraw.Draw(canvas).polygon([tuple(vertex) for vertex in polygon], fill=1)
-    return np.asarray(canvas) > 0
 
 
 def overlap(one: Mask, other: Mask) -> float:

@@ -362,7 +362,7 @@ class Page:
     async def _key_of_region(self, selected: Picked, key: str) -> None:
         if key == "delete":
             await self._edit(lambda session: session.remove(selected.key))
-        elif key in ("1", "2", "3") and selected.image is not None and len(selected.image) >= int(key):
+        elif key in ("1", "2", "3", "4", "5") and selected.image is not None and len(selected.image) >= int(key):
             await self._choose(selected.key, "image", int(key) - 1)
 
 
