@@ -35,13 +35,13 @@ LEAST_SHARE = 0.02
 """Share of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
 
 SIZE_POWER = 0.15
-"""Power of the area by which a larger quadrilateral is preferred. Chosen on the 37 faces of `benchmarks/click_masks.py`:
-quadrilaterals meet 8 of them, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less: chosen on the
-other kinds of scenes, these constants meet 5."""
+"""Power of the area by which a larger quadrilateral is preferred. Chosen on the faces of `benchmarks/click_masks.py`:
+quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less: chosen on
+the other kinds of scenes, these constants meet 5."""
 
 SHOWN_SHARE = 0.6
-"""Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met with
-0.5, 0.7 and 0.8."""
+"""Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met
+with 0.5, 0.7 and 0.8."""
 
 OTHER_OVERLAP = 0.75
 """Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
