@@ -20,6 +20,7 @@ import numpy as np
 from image_segmentation import FAILED_IOU, deepest
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from regionpose.pick.parts import ImagePart
 from regionpose.pick.proposals import mask_choices
 
 Mask = NDArray[np.bool_]
@@ -43,10 +44,20 @@ def faces(data: Path, kinds: list[str] | None) -> Iterator[Face]:
         image = np.asarray(Image.open(path.parent / "image.png").convert("RGB"))
         held = json.loads(path.read_text(encoding="utf-8"))
         for region in held["regions"] if isinstance(held, dict) else held:
-            canvas = Image.new("L", image.shape[1::-1])
-            ImageDraw.Draw(canvas).polygon([tuple(vertex) for vertex in region["image_polygon"]], fill=1)
             scene = "/".join(path.parts[-3:-1])
-            yield Face(scene, region["name"], image, np.asarray(canvas) > 0)
+            yield Face(scene, region["name"], image, filled(region["image_polygon"], image.shape))
+
+
+def pixels_of(part: ImagePart, shape: tuple[int, ...]) -> Mask:
+    """The pixels (h, w) of a proposal."""
+    return filled(part.rings[0], shape) if part.is_polygon else part.levels > 127
+
+
+def filled(polygon: list[list[float]], shape: tuple[int, ...]) -> Mask:
+    """The pixels (h, w) of a polygon."""
+    canvas = Image.new("L", shape[1::-1])
+    ImageDraw.Draw(canvas).polygon([tuple(vertex) for vertex in polygon], fill=1)
+    return np.asarray(canvas) > 0
 
 
 def overlaps(face: Face) -> list[float]:
@@ -55,7 +66,7 @@ def overlaps(face: Face) -> list[float]:
         choices = mask_choices(face.image, deepest(face.mask))
     except ValueError:
         return []
-    masks = [choices.at(index).chosen.levels > 127 for index in range(len(choices.makers))]
+    masks = [pixels_of(choices.at(index).chosen, face.image.shape) for index in range(len(choices))]
     return [float((mask & face.mask).sum() / (mask | face.mask).sum()) for mask in masks]
 
 

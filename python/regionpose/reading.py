@@ -75,14 +75,15 @@ def unfolding_error(path: Path, bytes_promised: int) -> str | None:
     return f"found {bytes_promised} bytes in a file of {path.stat().st_size}; needed at most {most}"
 
 
-def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1) -> Pixels:
+def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, content: IO[bytes] | None = None) -> Pixels:
     """The first picture of an image file, converted to Pillow's `mode` where one is given.
 
     `per_pixel`: a quarter of the bytes that the caller makes of each pixel, where that is more than it has in the file.
+    `content`: the picture's own bytes, where the file holds more than it.
     FileError where it is damaged, none, or larger than twice `PIL.Image.MAX_IMAGE_PIXELS`, which raises the limit, or
     than its file makes likely. FileNotFoundError.
     """
-    with _opened(path, per_pixel) as picture:
+    with _opened(path, per_pixel, content) as picture:
         values = np.array(picture if mode is None else picture.convert(mode))
         return Pixels(values, picture.mode, picture.format)
 
@@ -94,12 +95,12 @@ def picture_header(path: Path) -> PictureHeader:
 
 
 @contextmanager
-def _opened(path: Path, per_pixel: int) -> Iterator[Image.Image]:
+def _opened(path: Path, per_pixel: int, content: IO[bytes] | None = None) -> Iterator[Image.Image]:
     """A picture whose pixels fit the budget; whatever fails inside is the file's fault."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as picture:
+            with Image.open(path if content is None else content) as picture:
                 _check_pixels(path, picture, per_pixel)
                 yield picture
     except (FileNotFoundError, FileError):

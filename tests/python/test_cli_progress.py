@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
 from rich.console import Console
-from scene_files import write_scene
+from scene_files import scene_values, write_scene
 
 pty = pytest.importorskip("pty")
 
@@ -107,15 +107,43 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_reading_shows_a_bar_with_its_rate_at_a_terminal_alone(cloud: Path) -> None:
     seen = at_terminal("info", cloud, "--json")
-    size = cloud.stat().st_size / 1e6
-    assert seen.code == 0
-    assert any(re.search(rf"read cloud +[━╸╺]+ +[\d.]+/{size:.1f} MB +[\d.]+ MB/s", line) for line in seen.lines)
+    assert seen.code == 0 and shows_bytes(seen, "read cloud", cloud)
     assert any("spacing of 600000 points" in line for line in seen.lines)
     assert all(len(line) <= 80 for line in seen.lines)
     piped = subprocess.run(
         [sys.executable, "-c", AT_ONCE, "info", str(cloud), "--json"], capture_output=True, text=True, check=True
     )
     assert piped.stderr == "" and piped.stdout == seen.output
+
+
+def shows_bytes(seen: Seen, stage: str, cloud: Path) -> bool:
+    """Whether the stage had a bar of the bytes of the cloud's file."""
+    size = cloud.stat().st_size / 1e6
+    return any(re.search(rf"{stage} +[━╸╺]+ +[\d.]+/{size:.1f} MB +[\d.]+ MB/s", line) for line in seen.lines)
+
+
+def test_a_scene_file_shows_the_bytes_of_its_cloud(cloud: Path, tmp_path: Path) -> None:
+    scene = write_scene(tmp_path, scene_values() | {"cloud": str(cloud)})
+    seen = at_terminal("segment", scene, "--out", tmp_path / "out")
+    assert seen.code == 0 and shows_bytes(seen, "read files", cloud)
+    assert remains(seen.terminal) == " at 0, 0"
+
+
+def test_picking_shows_what_it_reads_until_the_page_is_there(cloud: Path, tmp_path: Path) -> None:
+    pytest.importorskip("nicegui", reason="needs the extra pick")
+    scene = write_scene(tmp_path, scene_values() | {"cloud": str(cloud)})
+
+    left: list[str] = []
+
+    def end(got: str, process: subprocess.Popen[str]) -> None:
+        if SHOW_CURSOR in got and remains(got) == " at 0, 0" and not left:
+            left.append(got)
+            process.send_signal(signal.SIGINT)
+
+    seen = at_terminal("pick", scene, "--no-browser", end=end)
+    assert shows_bytes(seen, "read files", cloud)
+    assert any("pictures of 600000 points" in line for line in seen.lines)
+    assert left, "the bars are gone before the page is served"
 
 
 def test_nothing_of_the_bars_is_left(cloud: Path) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.demo.scene import folder
 from regionpose.pick.desk import Desk
@@ -363,3 +365,75 @@ def test_only_a_single_scan_around_zero_proposes_a_place() -> None:
     generator = np.random.default_rng(0)
     assert proposed_scanner(Cloud(generator.normal(0.0, 3.0, (20_000, 3)))) is None
     assert proposed_scanner(Cloud(points[:1])) is None
+
+
+def inside_of(session: Session, margin: float) -> Callable[[NDArray[np.float64]], NDArray[np.bool_]]:
+    """Says which points lie within a distance, meters, of where the board was clicked."""
+    return lambda points: np.linalg.norm(points + session.cloud.origin - BOARD[1], axis=1) < margin
+
+
+def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tmp_path: Path) -> None:
+    session.click_photo(BOARD[0])
+    session.click_cloud(BOARD[1])
+    session.choose(0, "world", 1)
+    whole = session.regions[0].world
+    assert whole is not None and whole.chosen.side.indices is not None
+    session.cut_cloud(0, inside_of(session, 0.5))
+    cut = session.regions[0].world
+    assert cut is not None and cut.chosen.side.indices is not None
+    assert set(cut.chosen.side.indices) < set(whole.chosen.side.indices)
+    written = session.save()
+    assert [path.suffix for path in written] == [".png", ".npy", ".yaml"]
+    read = Session.open(tmp_path / "scene.yaml").regions[0].world
+    assert read is not None
+    np.testing.assert_array_equal(read.chosen.side.indices, cut.chosen.side.indices)
+    session.set_scanner([0.5, 0.0, 0.0])
+    session.save()
+    assert not session.is_changed
+    session.undo()
+    session.undo()
+    assert session.regions[0].world is whole
+
+
+def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
+    session.click_photo(BOARD[0])
+    with pytest.raises(ValueError, match="region 1 has no points of the cloud yet"):
+        session.cut_cloud(0, inside_of(session, 1.0))
+    session.click_cloud(BOARD[1])
+    before = session.sketch
+    with pytest.raises(ValueError, match="found 0 points of region 1 inside; needed at least 3"):
+        session.cut_cloud(0, inside_of(session, 0.0))
+    session.cut_cloud(0, inside_of(session, 100.0))
+    assert session.sketch is before
+
+
+def test_an_outline_in_the_range_image_cuts_the_selected_region(session: Session) -> None:
+    desk = Desk(session)
+    try:
+        session.click_cloud(CHALKBOARD[1])
+        world = session.regions[0].world
+        assert world is not None
+        indices = world.chosen.side.indices
+        assert indices is not None
+        pixels = desk.range_view.pixels(session.cloud.local_points[indices])
+        low, high = pixels.min(axis=0) - 1.0, pixels.max(axis=0) + 1.0
+        middle = float(np.median(pixels[:, 0]))
+        ring = [[low[0], low[1]], [middle, low[1]], [middle, high[1]], [low[0], high[1]]]
+        desk.edit(desk.cut_in_range(ring))
+        cut = session.regions[0].world
+        assert cut is not None and cut.chosen.side.indices is not None
+        np.testing.assert_array_equal(cut.chosen.side.indices, indices[pixels[:, 0] < middle])
+        with pytest.raises(ValueError, match="edges that cross"):
+            desk.edit(desk.cut_in_range([ring[0], ring[2], ring[1], ring[3]]))
+        desk.edit(lambda held: held.select(None))
+        with pytest.raises(ValueError, match="no region that is selected"):
+            desk.edit(desk.cut_in_range(ring))
+    finally:
+        desk.close()
+
+
+def test_edges_are_hidden_as_they_are_drawn(session: Session) -> None:
+    session.draw_polygon(SQUARE, hidden=[2, 0])
+    part = session.regions[0].image
+    assert part is not None
+    assert part.chosen.written["hidden_edges"] == [0, 2]

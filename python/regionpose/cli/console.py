@@ -16,6 +16,7 @@ import typer
 if TYPE_CHECKING:
     from regionpose.cli.bars import StageLine
     from regionpose.clouds import Cloud
+    from regionpose.scene import Stages
 
 Item = TypeVar("Item")
 
@@ -35,7 +36,7 @@ class Progress:
         """Show nothing yet."""
         self._quiet = quiet
         self._line: StageLine | None = None
-        self._size_bytes: int | None = None
+        self._size_bytes = 0
 
     def __enter__(self) -> Self:
         """Start the line where there is a terminal."""
@@ -53,11 +54,22 @@ class Progress:
         if self._line is not None:
             self._line.stop()
 
-    def begin(self, stage: str, *, size_bytes: int | None = None) -> None:
-        """Say that a stage begins; shares of it are shown as bytes where it has a size."""
-        self._size_bytes = size_bytes
+    def begin(self, stage: str) -> None:
+        """Say that a stage begins."""
+        self._size_bytes = 0
         if self._line is not None:
             self._line.begin(stage)
+
+    def of_bytes(self, size_bytes: int) -> None:
+        """Show the shares of the stage as bytes of so many; as percent where these are none."""
+        self._size_bytes = size_bytes
+
+    @property
+    def stages(self) -> Stages:
+        """The stages of a scene's run, shown as they come."""
+        from regionpose.scene import Stages
+
+        return Stages(self.begin, self.share, self.of_bytes)
 
     def share(self, share: float) -> None:
         """Say which share of the stage is done, from 0 to 1."""
@@ -87,8 +99,10 @@ class Progress:
     def read_cloud(self, path: Path) -> Cloud:
         """The cloud of a file, as a stage that shows how much is read."""
         from regionpose.clouds import read_cloud
+        from regionpose.clouds.kinds import file_size
 
-        self.begin("read cloud", size_bytes=path.stat().st_size)
+        self.begin("read cloud")
+        self.of_bytes(file_size(path))
         return read_cloud(path, progress=self.share)
 
 

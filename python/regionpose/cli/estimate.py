@@ -61,13 +61,13 @@ def run_scene(
     extra: Mapping[str, Writer] | None = None,
 ) -> None:
     """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and say the result."""
-    from regionpose.scene import Stages, estimate_scene
+    from regionpose.scene import estimate_scene
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.verdict import DOUBTFUL, verdict
 
     more = dict(extra or {})
     with claimed(out, [*more, *file_names(scene)], force=force) as claim, Progress(quiet) as progress:
-        stages = Stages(progress.begin, progress.share)
+        stages = progress.stages
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth)
         written = claim.write({**more, **files.writers})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,7 @@ from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, CameraModel, CameraName, Quiet
 
 if TYPE_CHECKING:
+    from regionpose.bags.place import BagPlace
     from regionpose.clouds import Cloud
     from regionpose.scene.loading import NamedRegion
 
@@ -64,13 +64,19 @@ def file_facts(
     progress: Progress | None = None,
 ) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
+    from regionpose.bags.messages import kind_of
+    from regionpose.bags.place import bag_place
+    from regionpose.clouds.ros import KINDS as CLOUDS
     from regionpose.reading import IMAGE_SUFFIXES
 
+    suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
+    place = bag_place(path)
+    if place is not None:
+        return _cloud_facts(path, said) if kind_of(place) in CLOUDS else _picture_facts(place)
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
-    suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
     if suffix in IMAGE_SUFFIXES:
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
@@ -121,6 +127,14 @@ def _image_facts(path: Path) -> Facts:
 
     width, height, mode, form = picture_header(path)
     return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
+
+
+def _picture_facts(place: BagPlace) -> Facts:
+    """The facts about a picture in a bag."""
+    from regionpose.bags.pictures import read_bag_picture
+
+    height, width = read_bag_picture(place).shape[:2]
+    return {"kind": "image of a bag", "width_px": width, "height_px": height}
 
 
 def _cloud_facts(path: Path, progress: Progress) -> Facts:
@@ -202,6 +216,7 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
 
 
 def _scene_facts(path: Path) -> Facts:
+    from regionpose.bags.place import is_there
     from regionpose.scene.inputs import named_files
     from regionpose.scene.loading import load_scene, named_regions
 
@@ -211,7 +226,7 @@ def _scene_facts(path: Path) -> Facts:
         "kind": "scene file",
         "regions": [_region_line(frame.name, region) for frame in scene.frames for region in named_regions(frame)],
         "files": files,
-        "missing_files": [name for name in files.values() if not os.path.exists(name)],
+        "missing_files": [name for name in files.values() if not is_there(name)],
         "solver": scene.model.solver.model_dump(),
     }
 

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from regionpose.cli.options import CAMERA_HELP, SegmenterName
+from regionpose.cli.console import Progress
+from regionpose.cli.options import CAMERA_HELP, Quiet, SegmenterName
 
 if TYPE_CHECKING:
     from regionpose.pick.session import Session
+    from regionpose.scene import Stages
 
 
 def pick(
@@ -22,6 +24,7 @@ def pick(
     segmenter: SegmenterName = None,
     port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    quiet: Quiet = False,
 ) -> None:
     """Click regions in photo and cloud; the pose follows every click.
 
@@ -39,13 +42,16 @@ def pick(
     from regionpose.pick.server import serve
     from regionpose.segmentation.segmenters import load_segmenter
 
-    session = _session(scene, {"--image": image, "--camera": camera, "--cloud": cloud}, demo)
-    if segmenter is not None:
-        session.segmenter = load_segmenter(segmenter)
-    serve(Desk(session), port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+    with Progress(quiet) as progress:
+        session = _session(scene, {"--image": image, "--camera": camera, "--cloud": cloud}, demo, progress.stages)
+        if segmenter is not None:
+            session.segmenter = load_segmenter(segmenter)
+        progress.begin(f"pictures of {len(session.cloud)} points")
+        desk = Desk(session)
+    serve(desk, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
 
 
-def _session(scene: Path, files: dict[str, Path | None], demo: bool) -> Session:
+def _session(scene: Path, files: dict[str, Path | None], demo: bool, stages: Stages) -> Session:
     """The session of a scene file, or of the files of a new one."""
     from regionpose.pick.session import Session
 
@@ -57,13 +63,13 @@ def _session(scene: Path, files: dict[str, Path | None], demo: bool) -> Session:
 
         held = folder()
         paths = {"image": held / "image.jpg", "camera": held / "camera_info.yaml", "cloud": held / "cloud.ply"}
-        return Session.create(scene, **paths, sensor_origin=[0, 0, 0])
+        return Session.create(scene, **paths, stages=stages, sensor_origin=[0, 0, 0])
     if not given:
         if not scene.exists():
             raise FileNotFoundError(f"{scene}: no such file; needed a scene file, or --image, --camera and --cloud")
-        return Session.open(scene)
+        return Session.open(scene, stages=stages)
     paths = {name.removeprefix("--"): path for name, path in files.items() if path is not None}
     if len(paths) < len(files):
         missing = next(name for name, path in files.items() if path is None)
         raise ValueError(f"{missing}: found nothing; needed --image, --camera and --cloud for a new scene")
-    return Session.create(scene, **paths)
+    return Session.create(scene, **paths, stages=stages)

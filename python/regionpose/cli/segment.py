@@ -65,7 +65,7 @@ def segment(
     suffix = source.suffix.lower()
     if suffix in SCENE_SUFFIXES:
         facts = _segment_scene(source, seed, segmenter, out or Path(f"{source.stem}-regions"), force, quiet)
-    elif suffix in IMAGE_SUFFIXES:
+    elif suffix in IMAGE_SUFFIXES or _is_picture(source):
         grow = _grower(tolerance, segmenter)
         facts = _segment_image(
             source, numbers_of("--seed", seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet
@@ -79,6 +79,19 @@ def segment(
         say_rows(shown, indent="")
         say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
         say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
+
+
+def _is_picture(path: Path) -> bool:
+    """Whether a path names a picture in a bag."""
+    from regionpose.bags.place import bag_place
+
+    place = bag_place(path)
+    if place is None:
+        return False
+    from regionpose.bags.messages import kind_of
+    from regionpose.bags.pictures import KINDS
+
+    return kind_of(place) in KINDS
 
 
 def _grower(tolerance: float | None, segmenter: str | None) -> Grower:
@@ -150,14 +163,14 @@ def _segment_scene(
 ) -> dict[str, Any]:
     if seed is not None:
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
-    from regionpose.scene import Stages, scene_sides
+    from regionpose.scene import scene_sides
     from regionpose.scene.loading import named_regions
 
     scene = scene_with(path, segmenter)
     names = [name(index, region.name) for index, region in enumerate(named_regions(scene)) for name in NAMES]
     names.append(SCENE_FILE)
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
-        sides = scene_sides(scene, Stages(progress.begin, progress.share))
+        sides = scene_sides(scene, progress.stages)
         claim.write(_scene_writers(scene, sides, out))
     remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}

@@ -10,8 +10,9 @@ import numpy as np
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
 from regionpose.clouds.columns import COORDINATES, cloud_of_columns
-from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error
 from regionpose.clouds.pieces import PIECE_POINTS
+from regionpose.extras import load_extra
 from regionpose.progress import Progress, part
 from regionpose.reading import unfolding_error
 

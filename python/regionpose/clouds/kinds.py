@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from regionpose.bags.place import bag_place
 from regionpose.clouds.arrays import read_bin, read_npy, read_npz
 from regionpose.clouds.cloud import Cloud
 from regionpose.clouds.e57 import read_e57
@@ -14,8 +15,10 @@ from regionpose.clouds.las import read_las
 from regionpose.clouds.meshes import read_mesh
 from regionpose.clouds.pcd import is_pcd, read_pcd
 from regionpose.clouds.ply import read_ply
+from regionpose.clouds.ros import read_bag_cloud
 from regionpose.clouds.text import read_text
 from regionpose.progress import Progress
+from regionpose.reading import FileError
 
 Reader = Callable[..., Cloud]
 
@@ -58,14 +61,16 @@ PIECEWISE_READERS: frozenset[Reader] = frozenset((read_ply, read_pcd, read_las, 
 
 
 def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progress: Progress | None = None) -> Cloud:
-    """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, or a mesh (OBJ, STL, GLB, PLY).
+    """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, a mesh (OBJ, STL, GLB, PLY), or a bag.
 
     The content decides the kind, or the name's ending where it cannot. Points that are not finite are dropped.
 
     Parameters
     ----------
     path : str or Path
-        Of the file.
+        Of the file. Of a bag of ROS or an MCAP file as `bag.mcap#/topic@12.5x10`: 10 scans from the one nearest to 12.5
+        seconds on, counted from the bag's beginning, or since 1970; the first scan without a time, one without a
+        number. They are joined as they are, in the scanner's frame.
     columns : sequence of str, optional
         Names of the columns of files that don't name them (text, .npy, .bin), as in `("x", "y", "z", "intensity",
         "ring")`; "_" leaves one out.
@@ -82,6 +87,11 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
     FileNotFoundError
         Where it is missing.
     """
+    place = bag_place(path)
+    if place is not None:
+        if columns is not None:
+            raise cloud_error(str(place), "columns", "names given", "none, since a bag names its own")
+        return read_bag_cloud(place, progress=progress)
     location = Path(path)
     if location.is_dir():
         raise cloud_error(location, "path", "a directory", "a file")
@@ -96,6 +106,15 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
     if columns is not None:
         raise cloud_error(location, "columns", "names given", "none, since the file names its own")
     return reader(location, **told)
+
+
+def file_size(path: Path) -> int:
+    """The bytes of a cloud's file, for who waits; 0 of a bag's messages, and where it is missing or misnamed."""
+    try:
+        # Of a bag a few messages are read, and their number is told.
+        return 0 if bag_place(path) is not None else path.stat().st_size
+    except (OSError, FileError):
+        return 0
 
 
 def _reader(path: Path, start: bytes) -> Reader:

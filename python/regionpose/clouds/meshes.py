@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from regionpose.clouds.cloud import Array, Cloud, Scalars
-from regionpose.clouds.errors import CloudError, cloud_error, load_extra
+from regionpose.clouds.errors import CloudError, cloud_error
+from regionpose.extras import load_extra
 from regionpose.json_text import json_value
 from regionpose.reading import unfolding_error
 

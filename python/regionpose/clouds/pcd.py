@@ -63,7 +63,7 @@ def read_pcd(path: Path, *, progress: Progress | None = None) -> Cloud:
     readers = {"ascii": _text_columns, "binary": _binary_columns, "binary_compressed": _compressed_columns}
     if header.storage not in readers:
         raise cloud_error(path, "DATA", header.storage, "ascii, binary or binary_compressed")
-    cloud = cloud_of_columns(path, _named_columns(readers[header.storage](path, header, progress)))
+    cloud = cloud_of_columns(path, named_columns(readers[header.storage](path, header, progress)))
     return cloud if header.sensor_origin is None else cloud.scanned_from(header.sensor_origin)
 
 
@@ -189,7 +189,7 @@ def _check_size(path: Path, item: str, data: Scalars, needed: int) -> None:
         raise cloud_error(path, item, f"{len(data)} bytes", f"{needed}, as the header says")
 
 
-def _named_columns(columns: dict[str, Scalars]) -> dict[str, Scalars]:
+def named_columns(columns: dict[str, Scalars]) -> dict[str, Scalars]:
     """Columns (n,): packed colors apart, wide fields numbered, padding left out."""
     named: dict[str, Scalars] = {}
     for name, values in columns.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -142,6 +142,19 @@ class Desk:
         if index is None:
             raise ValueError("no point of the cloud is there; click on a surface")
         return self._world(index)
+
+    def cut_in_range(self, ring: Sequence[Sequence[float]]) -> Callable[[Session], None]:
+        """The edit that keeps of the selected region's points those inside a ring (k, 2) of the range image's pixels;
+        ValueError, when it is made, without such a region.
+        """
+        view = self.range_view
+
+        def cut(session: Session) -> None:
+            if session.sketch.selected is None:
+                raise ValueError("found no region that is selected; needed one, to cut its points out of its plane")
+            session.cut_cloud(session.sketch.selected, lambda points: view.inside(ring, points))
+
+        return cut
 
     def point_on_ray(self, origin: Array, direction: Array) -> Array:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""

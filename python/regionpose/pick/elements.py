@@ -10,7 +10,8 @@ from nicegui.element import Element
 class PictureView(Element, component="picture_view.js"):
     """A picture with outlines over it, for clicks, polygons and their vertices.
 
-    Events: `pick` {x, y, again}, `polygon` {ring}, `rings` {key, rings, hidden}; pixels, an integer a pixel's center.
+    Events: `pick` {x, y, again}, `polygon` {ring, hidden}, `rings` {key, rings, hidden}; pixels, an integer a pixel's
+    center.
     """
 
     def __init__(self, size: tuple[int, int], *, least: float = 0.0) -> None:

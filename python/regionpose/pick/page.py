@@ -29,6 +29,7 @@ MASK_TO_POLYGON_PX = 1.0
 
 STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 MODES = {"click": "Click", "polygon": "Polygon", "hide": "Hidden edges"}
+CLOUD_MODES = {"click": "Click", "cut": "Cut out"}
 
 
 class Page:
@@ -96,6 +97,7 @@ class Page:
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Cloud</span>', sanitize=False)
+                self.cloud_modes = _toggle(CLOUD_MODES, "click", self._choose_cloud_mode)
                 self.tabs = _toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
                 ui.element("div").classes("rp-grow")
                 self.scanner = ScannerDialog(desk, self._set_scanner)
@@ -103,6 +105,7 @@ class Page:
             with ui.element("div").classes("rp-view"):
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
+                self.range.on("polygon", lambda e: self._cut(e.args))
                 self.solid = CloudView(eye=eye.tolist(), zenith=up.tolist(), reach=reach)
                 self.solid.on("pick", lambda e: self._click_solid(e.args))
                 self.solid.set_visibility(False)
@@ -157,7 +160,7 @@ class Page:
         width, height = self.desk.range_view.size
         self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes(), width=width, height=height)
         self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.desk.solid_shapes())
-        self.cloud_hint.set_content(cloud_hint(self.selected))
+        self.cloud_hint.set_content(cloud_hint(self.selected, self.cloud_modes.value == "cut"))
 
     def _show_rows(self) -> None:
         regions = self.session.regions
@@ -270,8 +273,12 @@ class Page:
         await self._grow(self.range, "looking from there …", lambda session: session.set_scanner(place))
 
     async def _drawn(self, args: dict[str, Any]) -> None:
-        await self._edit(lambda session: session.draw_polygon(args["ring"]))
+        await self._edit(lambda session: session.draw_polygon(args["ring"], hidden=args["hidden"]))
         self.modes.set_value("click")
+
+    async def _cut(self, args: dict[str, Any]) -> None:
+        await self._edit(self.desk.cut_in_range(args["ring"]))
+        self.cloud_modes.set_value("click")
 
     async def _moved(self, args: dict[str, Any]) -> None:
         await self._edit(lambda session: session.edit_polygon(int(args["key"]), args["rings"], args["hidden"]))
@@ -311,7 +318,16 @@ class Page:
         self.mode = str(self.modes.value)
         self._show_photo()
 
+    def _choose_cloud_mode(self) -> None:
+        cuts = self.cloud_modes.value == "cut"
+        if cuts:
+            self.tabs.set_value("range")
+        self.range.show(mode="polygon" if cuts else "click")
+        self._show_cloud()
+
     def _choose_tab(self) -> None:
+        if self.tabs.value == "solid":
+            self.cloud_modes.set_value("click")
         self.solid.set_visibility(self.tabs.value == "solid")
         self.range.set_visibility(self.tabs.value == "range")
 
@@ -328,6 +344,8 @@ class Page:
             await self._command("y" if key == "z" and event.modifiers.shift else key)
         elif key in ("c", "p", "h"):
             self.modes.set_value({"c": "click", "p": "polygon", "h": "hide"}[key])
+        elif key == "x":
+            self.cloud_modes.set_value("click" if self.cloud_modes.value == "cut" else "cut")
         elif key == "o":
             self.outlines.set_value(not self.outlines.value)
         elif key == "n":
@@ -344,7 +362,7 @@ class Page:
     async def _key_of_region(self, selected: Picked, key: str) -> None:
         if key == "delete":
             await self._edit(lambda session: session.remove(selected.key))
-        elif key in ("1", "2", "3") and selected.image is not None and len(selected.image) >= int(key):
+        elif key in ("1", "2", "3", "4", "5") and selected.image is not None and len(selected.image) >= int(key):
             await self._choose(selected.key, "image", int(key) - 1)
 
 

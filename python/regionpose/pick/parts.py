@@ -69,11 +69,15 @@ class ImagePart:
 
 @dataclass(frozen=True, eq=False)
 class WorldPart:
-    """A region's side in the cloud: what the scene file says of it, and what that makes."""
+    """A region's side in the cloud: what the scene file says of it, and what that makes.
+
+    `picked`: whether it says the indices of points, which `save` writes to a file of their own.
+    """
 
     written: dict[str, Any]
     side: WorldSide
     label: str = ""
+    picked: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ export default {
             <path :d="path(s.lines, false)" fill="none" stroke="#fff" stroke-width="1.7" stroke-dasharray="7 5" vector-effect="non-scaling-stroke"/>
           </template>
         </g>
+        <path v-if="covered.length" :d="path(covered.map(i => [draft[i], draft[i + 1]]), false)" fill="none" stroke="#11151b" stroke-width="4.4"
+              vector-effect="non-scaling-stroke"/>
         <path v-if="draft.length" :d="path([draft.concat(cursor ? [cursor] : [])], false)" fill="none" stroke="#fff" stroke-width="2"
               stroke-dasharray="5 4" vector-effect="non-scaling-stroke"/>
       </svg>
@@ -41,7 +43,7 @@ export default {
   </div>`,
   props: {src: String, width: Number, height: Number, shapes: Array, projected: Array, mode: String, loupe: Boolean,
           showProjected: Boolean, showOutlines: Boolean, busy: String, least: Number},
-  data: () => ({zoom: 1, left: 0, top: 0, fit: 1, held: null, draft: [], cursor: null, glass: false, glassLeft: false, edited: null, hover: null}),
+  data: () => ({zoom: 1, left: 0, top: 0, fit: 1, held: null, draft: [], covered: [], cursor: null, glass: false, glassLeft: false, edited: null, hover: null}),
   computed: {
     stage() {
       return {width: this.width * this.zoom + 'px', height: this.height * this.zoom + 'px', transform: `translate(${this.left}px,${this.top}px)`};
@@ -57,7 +59,7 @@ export default {
   },
   watch: {
     shapes: { handler() { this.takeUp(); }, deep: false },
-    mode() { this.draft = []; },
+    mode() { this.forget(); },
     width() { this.reset(); },
     height() { this.reset(); },
   },
@@ -152,20 +154,28 @@ export default {
       if (!h) return;
       if (h.vertex) { if (h.moved) this.send(); return; }
       if (h.moved || h.button !== 0 || !this.inside(p)) return;
-      if (this.mode === 'polygon') this.corner(p);
+      if (this.mode === 'polygon') this.corner(p, e.shiftKey);
       else if (this.mode === 'hide') this.mark(p);
       else this.$emit('pick', {x: p[0], y: p[1], again: e.shiftKey});
     },
-    corner(p) {
+    // With Shift, the edge that ends at the corner is hidden.
+    corner(p, hidden) {
       const first = this.draft[0];
-      if (this.draft.length > 2 && Math.hypot(first[0] - p[0], first[1] - p[1]) * this.zoom < NEAR) { this.close(); return; }
+      if (this.draft.length > 2 && Math.hypot(first[0] - p[0], first[1] - p[1]) * this.zoom < NEAR) { this.close(hidden); return; }
+      if (hidden && this.draft.length) this.covered.push(this.draft.length - 1);
       this.draft.push(p);
     },
-    close() {
+    close(hidden) {
       const last = this.draft.length - 1;
-      if (last > 0 && Math.hypot(this.draft[last][0] - this.draft[last - 1][0], this.draft[last][1] - this.draft[last - 1][1]) * this.zoom < 2) this.draft.pop();
-      if (this.draft.length > 2) this.$emit('polygon', {ring: this.draft});
-      if (this.draft.length > 2) this.draft = [];
+      if (last > 0 && Math.hypot(this.draft[last][0] - this.draft[last - 1][0], this.draft[last][1] - this.draft[last - 1][1]) * this.zoom < 2) this.pop();
+      if (this.draft.length < 3) return;
+      this.$emit('polygon', {ring: this.draft, hidden: hidden === true ? [...this.covered, this.draft.length - 1] : this.covered});
+      this.forget();
+    },
+    forget() { this.draft = []; this.covered = []; },
+    pop() {
+      this.draft.pop();
+      this.covered = this.covered.filter(i => i < this.draft.length - 1);
     },
     mark(p) {
       if (!this.edited) return;
@@ -184,9 +194,9 @@ export default {
     send() { this.$emit('rings', {key: this.edited.key, rings: this.edited.rings, hidden: this.edited.hidden}); },
     key(e) {
       if (['INPUT', 'TEXTAREA'].includes(e.target.tagName)) return;
-      if (e.key === 'Escape') this.draft = [];
-      if (e.key === 'Enter') this.close();
-      if (e.key === 'Backspace' && this.draft.length) { this.draft.pop(); e.preventDefault(); }
+      if (e.key === 'Escape') this.forget();
+      if (e.key === 'Enter') this.close(e.shiftKey);
+      if (e.key === 'Backspace' && this.draft.length) { this.pop(); e.preventDefault(); }
       if (e.key === '0') this.reset();
     },
     leave() { this.glass = false; this.cursor = null; },

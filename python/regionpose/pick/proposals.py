@@ -13,18 +13,20 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from regionpose.pick.parts import Choices, ImagePart, WorldPart
+from regionpose.pick.parts import Choices, ImagePart, WorldPart, only
+from regionpose.regions.image import ImageRegion
 from regionpose.scene import Scene
 from regionpose.scene.sensors import Picture
 from regionpose.scene.sides import Scan, world_side
 from regionpose.segmentation.cloud import grow_plane
 from regionpose.segmentation.image import grow_image_region, stable_tolerances
+from regionpose.segmentation.quads import quads_around
 from regionpose.segmentation.segmenters import Segmenter, segmented
 
 Array = NDArray[np.float64]
 
 MOST_MASKS = 3
-"""Masks that a click proposes: as many as a glance takes in."""
+"""Grown masks that a click proposes: as many as a glance takes in."""
 
 SHADES = (1 / 16, 1 / 8, 1 / 4)
 """Tolerances of the intensity that are tried, over the cloud's range of intensities; from noise to plain contrast."""
@@ -44,17 +46,50 @@ NEAREST_AND_SELF = NEIGHBORS + 1
 
 
 def mask_choices(image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
-    """Masks around a pixel (x, y), in order of size; the one that `grow_image_region` would choose is taken.
+    """Masks around a pixel (x, y), and quadrilaterals whose sides the photo shows, in order of size.
 
-    ValueError for a seed outside the image, or one around which nothing grows.
+    The mask that `grow_image_region` would choose is taken, or the clearest quadrilateral where nothing grows.
+    ValueError for a seed outside the image, or one around which there is neither.
     """
     place = (float(seed[0]), float(seed[1]))
     tolerances = stable_tolerances(image, place, most=MOST_MASKS)
-    best = min(range(len(tolerances)), key=lambda index: abs(tolerances[index][1] - 1.0))
-    makers = tuple(partial(_mask, image, place, tolerance) for tolerance, _ in tolerances)
-    choices = Choices(makers, best)
-    _ = choices.chosen
-    return choices
+    quads = [only(part) for part in _quad_parts(image, place)]
+    masks = Choices(tuple(partial(_mask, image, place, tolerance) for tolerance, _ in tolerances))
+    own = masks.at(min(range(len(masks)), key=lambda index: abs(tolerances[index][1] - 1.0)))
+    try:
+        area = own.chosen.region.area
+    except ValueError:
+        if not quads:
+            raise
+        return _by_size(quads, [quad.chosen.region.area for quad in quads], quads[0])
+    sized = [ratio * area for _, ratio in tolerances] + [quad.chosen.region.area for quad in quads]
+    return _by_size([own if k == own.index else masks.at(k) for k in range(len(masks))] + quads, sized, own)
+
+
+def _by_size(parts: list[Choices[ImagePart]], areas: list[float], taken: Choices[ImagePart]) -> Choices[ImagePart]:
+    """The chosen ones of some proposals as one list, in order of their areas; one of them is taken."""
+    order = np.argsort(areas, kind="stable").tolist()
+    makers = tuple(partial(_chosen_part, parts[index]) for index in order)
+    return Choices(makers, order.index(next(k for k, part in enumerate(parts) if part is taken)))
+
+
+def _chosen_part(choices: Choices[ImagePart]) -> ImagePart:
+    return choices.chosen
+
+
+def _quad_parts(image: Picture, seed: tuple[float, float]) -> list[ImagePart]:
+    """The quadrilaterals around a pixel, as polygons within the photo."""
+    import shapely
+
+    height, width = image.shape[:2]
+    photo = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
+    parts = []
+    for corners in quads_around(image, seed):
+        inside = shapely.Polygon(corners).intersection(photo)
+        ring = shapely.get_coordinates(shapely.get_exterior_ring(inside))[:-1]
+        written = [[round(float(value), 2) for value in vertex] for vertex in ring]
+        parts.append(ImagePart({"polygon": written}, ImageRegion.from_polygon(written), label="edges of the photo"))
+    return parts
 
 
 def segmenter_choices(segmenter: Segmenter, image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -124,6 +125,18 @@ class RangeView:
         width = self.size[0] * self.step
         azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
         return np.stack([azimuth / self.step - 0.5, (self.start[1] - angles[:, 1]) / self.step - 0.5], axis=1)
+
+    def inside(self, ring: Sequence[Sequence[float]], points: Array) -> Mask:
+        """Which of some points (n, 3) about the cloud's local origin are seen inside a ring (k, 2) of pixels.
+
+        ValueError for a ring that crosses itself or has no area.
+        """
+        import shapely
+
+        outline = shapely.Polygon(ring) if len(ring) > 2 else None
+        if outline is None or not outline.is_valid or not outline.area:
+            raise ValueError(f"found {len(ring)} corners, or edges that cross; needed an outline of 3 corners or more")
+        return np.asarray(shapely.contains_xy(outline, self.pixels(points)))
 
     def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colors (n, 3), edges of depth shaded.

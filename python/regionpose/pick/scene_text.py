@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from regionpose.pick.parts import ImagePart, Picked
+import numpy as np
+
+from regionpose.pick.parts import ImagePart, Picked, WorldPart
 from regionpose.scene import Scene
 from regionpose.scene.document import Document
 from regionpose.scene.models import SceneModel
@@ -27,7 +29,7 @@ def region_values(picked: Picked, path: Path) -> dict[str, Any]:
     if picked.image is not None:
         values["image"] = image_values(picked.image.chosen, path)
     if picked.world is not None:
-        values["world"] = dict(picked.world.chosen.written)
+        values["world"] = world_values(picked.world.chosen, path)
     return values
 
 
@@ -36,10 +38,23 @@ def image_values(part: ImagePart, path: Path) -> dict[str, Any]:
     return {"mask": mask_name(part, path), **part.written} if part.picked else dict(part.written)
 
 
+def world_values(part: WorldPart, path: Path) -> dict[str, Any]:
+    """What the scene file at `path` says of a side in the cloud."""
+    return {**part.written, "points": points_name(part, path)} if part.picked else dict(part.written)
+
+
+def points_name(part: WorldPart, path: Path) -> str:
+    """The name of the file of picked points, beside the scene file."""
+    return f"{path.stem}-points-{_digest(np.asarray(part.written['points'], dtype=np.int64).tobytes())}.npy"
+
+
 def mask_name(part: ImagePart, path: Path) -> str:
     """The name of the file of a picked mask, beside the scene file."""
-    digest = hashlib.sha256(part.levels.tobytes()).hexdigest()[:12]
-    return f"{path.stem}-mask-{digest}.png"
+    return f"{path.stem}-mask-{_digest(part.levels.tobytes())}.png"
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:12]
 
 
 def region_lists(regions: Sequence[Picked], path: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import webbrowser
 from collections.abc import Callable
 from threading import Timer
 
-from regionpose.clouds.errors import load_extra
+from regionpose.extras import load_extra
 from regionpose.pick.desk import Desk
 from regionpose.pick.guard import MOST_BYTES, Guard
 

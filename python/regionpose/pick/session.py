@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -17,13 +17,14 @@ from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
-from regionpose.pick.scene_text import mask_name, region_lists, scene_of, scene_text
+from regionpose.pick.scene_text import mask_name, points_name, region_lists, scene_of, scene_text
 from regionpose.pick.sketch import Sketch
-from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, estimate_sides, load_scene
+from regionpose.progress import told_each
+from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
-from regionpose.scene.sensors import Picture, fitted_camera, scene_camera, scene_cloud, scene_image, sensor_origin
+from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.segmentation.segmenters import Segmenter
 
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 
 MOST_UNDO = 200
 """Steps that can be undone; each holds references to its regions, not copies."""
+
+LEAST_POINTS = 3
+"""Points that a plane has at the least."""
 
 NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
 
@@ -64,17 +68,25 @@ class Session:
         self._saved = self.sketch
 
     @classmethod
-    def create(cls, path: Path, *, image: Path, camera: Path, cloud: Path, **extra: Any) -> Session:
-        """A session without regions, to be saved at `path`; errors as of reading a scene's files."""
+    def create(
+        cls, path: Path, *, image: Path, camera: Path, cloud: Path, stages: Stages | None = None, **extra: Any
+    ) -> Session:
+        """A session without regions, to be saved at `path`; errors as of reading a scene's files.
+
+        `stages` is told how much of the files is read.
+        """
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
         base = {key: relative(file, folder) for key, file in files.items()}
-        return cls._with_sensors(path, {**base, **extra})
+        return cls._with_sensors(path, {**base, **extra}, stages or Stages())
 
     @classmethod
-    def open(cls, path: Path) -> Session:
-        """The session of a scene file, with its regions; errors as of `load_scene` and of its files."""
-        scene = load_scene(path)
+    def open(cls, path: Path, *, stages: Stages | None = None) -> Session:
+        """The session of a scene file, with its regions; errors as of `load_scene` and of its files.
+
+        `stages` is told how much of files and regions is read.
+        """
+        scene, stages = load_scene(path), stages or Stages()
         values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
         if scene.model.frames:
             raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
@@ -82,18 +94,17 @@ class Session:
         lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
         if scene.model.cloud is None:
             raise scene.error((), "found no cloud; needed the key cloud, to pick in")
-        session = cls._with_sensors(path, values)
-        for held in lists.values():
-            for written in held:
+        session = cls._with_sensors(path, values, stages)
+        with stages.stage("regions"):
+            for written, _ in told_each([region for held in lists.values() for region in held], stages.progress):
                 session._read(written)
         session._saved = session.sketch = replace(session.sketch, selected=None)
         return session
 
     @classmethod
-    def _with_sensors(cls, path: Path, base: dict[str, Any]) -> Session:
+    def _with_sensors(cls, path: Path, base: dict[str, Any], stages: Stages) -> Session:
         scene = scene_of(path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
-        image = scene_image(scene)
-        camera, cloud = fitted_camera(scene, scene_camera(scene), image), scene_cloud(scene)
+        image, camera, cloud = read_sensors(scene, stages)
         if cloud is None:
             raise SceneError(f"{path}: found no cloud; needed one to pick in")
         scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
@@ -165,7 +176,8 @@ class Session:
         if picked.world is None:
             return picked
         part = picked.world.chosen
-        return replace(picked, world=only(self._world_part(part.written, part.label)))
+        again = replace(self._world_part(part.written, part.label), picked=part.picked)
+        return replace(picked, world=only(again))
 
     @property
     def regions(self) -> tuple[Picked, ...]:
@@ -228,15 +240,33 @@ class Session:
         ask = mask_choices if self.segmenter is None else partial(segmenter_choices, self.segmenter)
         self._give("image", ask(self.image, pixel), again)
 
-    def draw_polygon(self, ring: Sequence[Sequence[float]], *, again: bool = False) -> None:
-        """Give the selected region, or a new one, a polygon of pixels (n, 2)."""
-        written = {"polygon": [[round(float(value), 2) for value in vertex] for vertex in ring]}
+    def draw_polygon(self, ring: Sequence[Sequence[float]], *, hidden: Sequence[int] = (), again: bool = False) -> None:
+        """Give the selected region, or a new one, a polygon of pixels (n, 2), some of whose edges are hidden."""
+        written: dict[str, Any] = {"polygon": [[round(float(value), 2) for value in vertex] for vertex in ring]}
+        if hidden:
+            written["hidden_edges"] = sorted(int(edge) for edge in hidden)
         self._give("image", only(self._image_part(written)), again)
 
     def click_cloud(self, place: Sequence[float] | Array, *, again: bool = False) -> None:
         """Grow the plane around a point (3,) of the world for the selected region, or for a new one, as above."""
         choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
         self._give("world", choices, again)
+
+    def cut_cloud(self, key: int, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
+        """Keep those of a region's points for which `inside` says so, of local points (n, 3) of the cloud.
+
+        ValueError for a region without points of the cloud, or where none or too few are left.
+        """
+        region = self.sketch.region(key)
+        indices = None if region.world is None else region.world.chosen.side.indices
+        if indices is None:
+            raise ValueError(f"{region.name} has no points of the cloud yet; click it in the cloud first")
+        kept = indices[inside(self.cloud.local_points[indices])]
+        if len(kept) < LEAST_POINTS:
+            raise ValueError(f"found {len(kept)} points of {region.name} inside; needed at least {LEAST_POINTS}")
+        if len(kept) < len(indices):
+            part = replace(self._world_part({"points": kept.tolist()}, "cut out"), picked=True)
+            self._change(self.sketch.with_region(region.with_side("world", only(part))))
 
     def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
         selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)
@@ -393,9 +423,10 @@ class Session:
         return [keys[name] for name in names]
 
     def save(self) -> list[Path]:
-        """Write the scene file and its masks, whole or not at all, and return their paths.
+        """Write the scene file, its masks and its points, whole or not at all, and return their paths.
 
-        A mask has a name of its own for what it holds, so that none is replaced; the scene file goes last.
+        A mask, or a file of points, has a name of its own for what it holds, so that none is replaced; the scene file
+        goes last.
         """
         values = self.values()
         if not self.can_estimate:
@@ -406,6 +437,9 @@ class Session:
             if picked.image is not None and picked.image.chosen.picked:
                 part = picked.image.chosen
                 writers[mask_name(part, self.path)] = partial(_write_mask, part.levels)
+            if picked.world is not None and picked.world.chosen.picked:
+                cut = picked.world.chosen
+                writers[points_name(cut, self.path)] = partial(_write_points, cut.written["points"])
         writers[self.path.name] = text_writer(scene_text(values))
         with claimed(self.path.parent, list(writers), force=True) as claim:
             written = claim.write(writers)
@@ -429,6 +463,11 @@ def _flattened(written: dict[str, Any]) -> dict[str, Any]:
     if len(written["polygon"]) > 1:
         return written
     return {key: value[0] for key, value in written.items()}
+
+
+def _write_points(indices: list[int], path: Path) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.asarray(indices, dtype=np.int64))
 
 
 def _write_mask(levels: Levels, path: Path) -> None:

@@ -81,7 +81,7 @@ def photo_hint(selected: Picked | None, mode: str) -> str:
     """What the next click in the photo does."""
     if mode == "polygon":
         ends = "the first one again or Enter closes it, Backspace takes one back, Esc all"
-        return f"<b>Polygon:</b> click the corners; {ends}."
+        return f"<b>Polygon:</b> click the corners, with Shift where the edge to them is hidden; {ends}."
     if mode == "hide":
         editable = selected is not None and selected.image is not None and selected.image.chosen.is_polygon
         if editable:
@@ -90,8 +90,14 @@ def photo_hint(selected: Picked | None, mode: str) -> str:
     return f"<b>Click</b> on a flat face {_whose(selected, 'image')}. Wheel zooms, drag shifts, Shift-click replaces."
 
 
-def cloud_hint(selected: Picked | None) -> str:
+def cloud_hint(selected: Picked | None, cuts: bool) -> str:
     """What the next click in the cloud does."""
+    if cuts and selected is not None and selected.world is not None:
+        return (
+            f"<b>Cut out:</b> draw around the points of <b>{escape(selected.name)}</b> that are the face's; Enter ends."
+        )
+    if cuts:
+        return "<b>Cut out:</b> select a region with points of the cloud first."
     return f"<b>Click</b> on the same face in the cloud {_whose(selected, 'world')}."
 
 

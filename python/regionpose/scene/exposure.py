@@ -22,15 +22,7 @@ from regionpose.scene.document import Place
 from regionpose.scene.known import scene_prior, scene_solver
 from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import ImageSide, RegionItem, WorldRegionItem
-from regionpose.scene.sensors import (
-    Picture,
-    SensorOrigin,
-    fitted_camera,
-    scene_camera,
-    scene_cloud,
-    scene_image,
-    sensor_origin,
-)
+from regionpose.scene.sensors import Picture, SensorOrigin, read_sensors, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin, world_side
 from regionpose.scene.stages import Stages
 
@@ -101,10 +93,7 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
     stages = stages or Stages()
     if scene.model.frames:
         raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
-    with stages.stage("read files"):
-        image = scene_image(scene)
-        camera = fitted_camera(scene, scene_camera(scene), image)
-        cloud = scene_cloud(scene, progress=stages.progress)
+    image, camera, cloud = read_sensors(scene, stages)
     if cloud is not None and origin is not None:
         cloud = cloud.about(origin)
     center = scene_origin(scene, cloud) if origin is None else origin

@@ -9,6 +9,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from regionpose.bags.messages import digest
+from regionpose.bags.place import bag_place
 from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
 
@@ -22,10 +24,14 @@ def input_values(scene: Scene) -> list[dict[str, Any]]:
     roles: dict[str, list[str]] = {}
     for role, name in named_files(scene).items():
         roles.setdefault(name, []).append(role)
-    return [own] + [
-        {"roles": held, "path": name, "bytes": scene.file(name).stat().st_size, "sha256": file_hash(scene.file(name))}
-        for name, held in roles.items()
-    ]
+    return [own] + [{"roles": held, "path": name, **_content(scene.file(name))} for name, held in roles.items()]
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """Size and SHA-256 of a file, or of the messages of a bag that a path names."""
+    place = bag_place(path)
+    size, digested = (path.stat().st_size, file_hash(path)) if place is None else digest(place)
+    return {"bytes": size, "sha256": digested}
 
 
 def named_files(scene: Scene) -> dict[str, str]:

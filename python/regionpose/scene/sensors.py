@@ -10,10 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.bags.pictures import read_bag_picture
+from regionpose.bags.place import bag_place
 from regionpose.calibration import load_camera
 from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.clouds.kinds import file_size
 from regionpose.progress import Progress
 from regionpose.reading import read_pixels
 from regionpose.scene.document import Place
@@ -26,6 +29,7 @@ from regionpose.scene.models import (
     InlinePinhole,
     InlineUnified,
 )
+from regionpose.scene.stages import Stages
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -85,10 +89,25 @@ def other_size(camera: Camera, size: tuple[int, int]) -> str | None:
     return f"found {size[0]} x {size[1]} pixels ({how}); {needed}"
 
 
+def cloud_bytes(scene: Scene) -> int:
+    """The bytes of the file of the scene's cloud; 0 where it names none, or one that isn't there."""
+    name = scene.model.cloud
+    return 0 if name is None else file_size(scene.file(name))
+
+
 def scene_cloud(scene: Scene, *, progress: Progress | None = None) -> Cloud | None:
     """The scene's cloud, None when it names none; `progress` as of `read_cloud`."""
     name = scene.model.cloud
     return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name), progress=progress))
+
+
+def read_sensors(scene: Scene, stages: Stages) -> tuple[Picture, Camera, Cloud | None]:
+    """Photo, the camera for it, and cloud of a scene of one photo, as the stage "read files"; SceneErrors as above."""
+    with stages.stage("read files"):
+        image = scene_image(scene)
+        camera = fitted_camera(scene, scene_camera(scene), image)
+        stages.of_bytes(cloud_bytes(scene))
+        return image, camera, scene_cloud(scene, progress=stages.progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +129,11 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 
 def read_picture(path: Path) -> Picture:
-    """The picture (h, w, 3) uint8 of an image file; errors as of `read_pixels`."""
-    return read_pixels(path, "RGB", per_pixel=3).values
+    """The picture (h, w, 3) uint8 of an image file, or of a bag's message; errors as of `read_pixels` and
+    `read_bag_picture`.
+    """
+    place = bag_place(path)
+    return read_pixels(path, "RGB", per_pixel=3).values if place is None else read_bag_picture(place)
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:

@@ -14,12 +14,13 @@ from regionpose.progress import Progress
 class Stages:
     """The seconds that each stage of a run took.
 
-    `begin` is told its name when it begins, and of what it is; `progress` which share of it is done, where that is
-    known.
+    `begin` is told its name when it begins, and of what it is; `of_bytes` then the bytes of what it reads, where it
+    reads a cloud; `progress` which share of it is done, where that is known.
     """
 
     begin: Callable[[str], object] = lambda name: None
     progress: Progress = lambda share: None
+    of_bytes: Callable[[int], object] = lambda size_bytes: None
     seconds: dict[str, float] = field(default_factory=dict)
     _whose: str = ""
 

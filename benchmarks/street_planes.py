@@ -1,0 +1,116 @@
+"""Pairs that `world_regions: planes` finds on real frames, where the photo's faces are drawn and the planes are not.
+
+The scenes are folders as of `benchmarks/picking.py`. Each is a scene file whose image regions are the drawn faces with
+their hidden edges, and whose world regions are all planes of the cloud. The right plane of a face is the one that holds
+most of its labeled points, if it holds half of them; "pure" is the share of such a plane's points that are labeled. A
+line each: faces, those with a right plane, pairs found, those that are right, the error of the pose, and its warnings.
+
+    python benchmarks/street_planes.py [--data ../shared/data] [--only natural kitti]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from picking import frames
+from real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of, scanner_of
+from regionpose.pose import Pose
+from regionpose.scene import SceneSides, estimate_scene, load_scene, scene_sides
+from regionpose.scene.models import PLANES
+from regionpose.yaml_text import to_yaml
+
+LEAST_HELD = 0.5
+"""Share of a face's labeled points that its plane holds."""
+
+
+class Right(NamedTuple):
+    """The plane of a face, and the share of the plane's points that are labeled as the face's."""
+
+    plane: str
+    pure: float
+
+
+def scene_file(folder: Path, out: Path) -> Path:
+    """Write the scene file of a frame."""
+    calibration = json.loads((folder / "calib.json").read_text())
+    faces = json.loads((folder / "regions.json").read_text())
+    scene = {
+        "camera": camera_item(calibration),
+        "image": str(folder / "image.png"),
+        "cloud": str(cloud_file(folder)),
+        "sensor_origin": scanner_of(folder, calibration),
+        "image_regions": [
+            {
+                "name": face["name"],
+                "image": {"polygon": face["image_polygon"], "hidden_edges": face.get("hidden_edges", [])},
+            }
+            for face in faces
+        ],
+        "world_regions": PLANES,
+    }
+    path = out / "scene.yaml"
+    path.write_text(to_yaml(scene), encoding="utf-8")
+    return path
+
+
+def right_planes(folder: Path, sides: SceneSides) -> dict[str, Right]:
+    """The right planes of the faces that have one, by the faces' names."""
+    found: dict[str, Right] = {}
+    planes = dict(zip(sides.unpaired.world_names, sides.unpaired.world_sides, strict=True))
+    for face in json.loads((folder / "regions.json").read_text()):
+        labels: NDArray[np.int64] = np.load(folder / face["point_indices"])
+        held = {name: len(np.intersect1d(side.indices, labels)) for name, side in planes.items()}
+        name = max(held, key=lambda each: held[each])
+        indices = planes[name].indices
+        if held[name] >= LEAST_HELD * len(labels) and indices is not None:
+            found[face["name"]] = Right(name, held[name] / len(indices))
+    return found
+
+
+def line_of(folder: Path, path: Path) -> tuple[str, NDArray[np.int64]]:
+    """A frame's line, and its numbers of faces, those with a right plane, pairs and right pairs."""
+    scene = load_scene(path)
+    sides = scene_sides(scene)
+    right = right_planes(folder, sides)
+    pure = " ".join(f"{each.pure:.2f}" for each in right.values())
+    pairs: tuple[tuple[str, str], ...] = ()
+    try:
+        run = estimate_scene(scene)
+        calibration: dict[str, Any] = json.loads((folder / "calib.json").read_text())
+        truth = Pose.from_parts(calibration["R"], calibration["t"])
+        errors = errors_of(run.estimate.pose, run.estimate.covariance, truth)
+        pairs = () if run.sides.matching is None else run.sides.matching.pairs
+        codes = " ".join(dict.fromkeys(warning.code for warning in run.estimate.warnings))
+        said = f"{errors.rotation:7.2f} deg {errors.center:6.2f} m  {codes or 'trusted'}"
+    except ValueError as error:
+        said = f"no pose: {str(error)[:60]}"
+    met = sum(face in right and right[face].plane == plane for face, plane in pairs)
+    counts = np.array([len(sides.unpaired.image_names), len(right), len(pairs), met])
+    planes = len(sides.unpaired.world_names)
+    shown = f"{planes:3} planes, {counts[0]} faces, {counts[1]} have one (pure {pure}), {counts[2]} pairs, {met} right"
+    return f"{shown}  {said}", counts
+
+
+def main() -> None:
+    """Print a line for each frame, and the sums."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--only", nargs="+", default=["kitti", "natural"], help="kinds of scenes")
+    options = parser.parse_args()
+    total = np.zeros(4, dtype=np.int64)
+    for folder in frames(options.data, options.only):
+        with tempfile.TemporaryDirectory() as place:
+            line, counts = line_of(folder, scene_file(folder, Path(place)))
+        total += counts
+        print(f"{'/'.join(folder.parts[-2:]):24} {line}", flush=True)
+    print(f"{total[0]} faces, {total[1]} have a plane; {total[2]} pairs found, {total[3]} right")
+
+
+if __name__ == "__main__":
+    main()

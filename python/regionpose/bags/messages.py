@@ -1,0 +1,104 @@
+"""Messages of ROS bags, through rosbags (extra `ros`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from hashlib import sha256
+from itertools import islice
+from typing import Any, NamedTuple
+
+from regionpose.bags.place import NANOSECONDS, BagPlace
+from regionpose.extras import load_extra
+from regionpose.progress import Progress
+from regionpose.reading import FileError
+
+ABSOLUTE_NS = 10**8 * NANOSECONDS
+"""Times from here on count since 1970: 3 March 1973, and longer than any recording. A convention."""
+
+SEARCHED_NS = NANOSECONDS
+"""How far from a time its message may lie: sensors send several a second."""
+
+
+class Message(NamedTuple):
+    """A message, its type as `sensor_msgs/msg/PointCloud2`, and its bytes in the bag."""
+
+    content: Any
+    kind: str
+    raw: bytes
+
+
+def read_messages(place: BagPlace, kinds: Sequence[str], *, progress: Progress | None = None) -> list[Message]:
+    """The messages of a place, whose type is one of `kinds`, without their package.
+
+    FileError for a bag that is damaged, without the topic, or with too few messages from there on; FileNotFoundError;
+    MissingExtraError without rosbags.
+    """
+    with _opened(place) as reader:
+        connections = _connections(place, reader, kinds)
+        start = _start(place, reader, connections)
+        found = []
+        for connection, _, raw in islice(reader.messages(connections, start=start), place.count):
+            found.append(Message(reader.deserialize(raw, connection.msgtype), connection.msgtype, bytes(raw)))
+            if progress is not None:
+                progress(len(found) / place.count)
+    if len(found) < place.count:
+        raise FileError(f"{place}: found {len(found)} messages from there on; needed {place.count}")
+    return found
+
+
+def kind_of(place: BagPlace) -> str:
+    """The type of a place's messages, without its package; errors as of `read_messages`."""
+    with _opened(place) as reader:
+        return str(_connections(place, reader, ())[0].msgtype).rpartition("/")[2]
+
+
+def digest(place: BagPlace) -> tuple[int, str]:
+    """The number of bytes of a place's messages, and their SHA-256, hexadecimal; errors as of `read_messages`."""
+    content = b"".join(message.raw for message in read_messages(place, ()))
+    return len(content), sha256(content).hexdigest()
+
+
+@contextmanager
+def _opened(place: BagPlace) -> Iterator[Any]:
+    """The reader of a bag; whatever fails inside is the bag's fault."""
+    highlevel = load_extra("rosbags.highlevel", "ros", f"{place}: ROS")
+    typesys = load_extra("rosbags.typesys", "ros", f"{place}: ROS")
+    if not place.bag.exists():
+        raise FileNotFoundError(2, "No such file or directory", str(place.bag))
+    # Bags of older releases of ROS 2 in SQLite don't hold their types.
+    known = typesys.get_typestore(typesys.Stores.LATEST)
+    try:
+        with highlevel.AnyReader([place.bag], default_typestore=known) as reader:
+            yield reader
+    except FileError:
+        raise
+    # Damage shows as errors of rosbags, of its decompressors, and of SQLite, each of its own type.
+    except Exception as error:
+        described = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise FileError(f"{place}: found damage ({described}); needed a whole bag of ROS 1, ROS 2 or MCAP") from error
+
+
+def _connections(place: BagPlace, reader: Any, kinds: Sequence[str]) -> list[Any]:
+    """The connections of a place's topic."""
+    found = [each for each in reader.connections if each.topic == place.topic]
+    if not found:
+        needed = ", ".join(sorted({each.topic for each in reader.connections})) or "one with topics"
+        raise FileError(f"{place}: found no such topic; needed one of the bag's: {needed}")
+    wrong = next((each.msgtype for each in found if kinds and each.msgtype.rpartition("/")[2] not in kinds), None)
+    if wrong is not None:
+        raise FileError(f"{place}: found {wrong}; needed {' or '.join(kinds)}")
+    return found
+
+
+def _start(place: BagPlace, reader: Any, connections: list[Any]) -> int | None:
+    """The time of the message that is nearest to a place's, nanoseconds; None for the first one."""
+    if place.time_ns is None:
+        return None
+    wanted = place.time_ns + (0 if place.time_ns >= ABSOLUTE_NS else reader.start_time)
+    around = reader.messages(connections, start=wanted - SEARCHED_NS, stop=wanted + SEARCHED_NS)
+    times = [time for _, time, _ in around]
+    if not times:
+        span = f"0 to {reader.duration / NANOSECONDS:.3f} s, or {reader.start_time / NANOSECONDS:.3f} s since 1970 on"
+        raise FileError(f"{place}: found no message within a second of the time; needed a time from {span}")
+    return int(min(times, key=lambda time: abs(time - wanted)))

@@ -1,0 +1,71 @@
+"""Clouds of a bag's messages, PointCloud2, in the scanner's frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from regionpose.bags.messages import read_messages
+from regionpose.bags.place import BagPlace
+from regionpose.clouds.cloud import Cloud, Scalars
+from regionpose.clouds.columns import cloud_of_columns
+from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.pcd import named_columns
+from regionpose.progress import Progress
+
+KINDS = ("PointCloud2",)
+
+NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""The numbers of a PointField's `datatype`."""
+
+SCAN = "scan"
+"""The field that numbers the scans of a cloud of several, from 0."""
+
+
+def read_bag_cloud(place: BagPlace, *, progress: Progress | None = None) -> Cloud:
+    """The cloud of a place's messages, one after the other, in their frame, whose zero is the scanner.
+
+    Fields that only some of the messages have are left out. CloudError for messages of several frames, or whose fields
+    aren't in their bytes; else as of `read_messages`.
+    """
+    messages = [message.content for message in read_messages(place, KINDS, progress=progress)]
+    frames = sorted({str(message.header.frame_id) for message in messages})
+    if len(frames) > 1:
+        raise cloud_error(str(place), "frames", ", ".join(frames), "scans in one frame")
+    scans = [named_columns(_columns(place, message)) for message in messages]
+    if len(scans) > 1:
+        scans = [scan | {SCAN: np.full(len(scan["x"]), k)} for k, scan in enumerate(scans) if "x" in scan]
+    shared = [name for name in scans[0] if all(name in scan for scan in scans)] if scans else []
+    cloud = cloud_of_columns(place.bag, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+    return cloud.scanned_from(np.zeros(3))
+
+
+def _columns(place: BagPlace, message: Any) -> dict[str, Scalars]:
+    """The columns of a message as they are stored; CloudError where its bytes don't hold them."""
+    row, step = _row(place, message), int(message.row_step)
+    height, width = int(message.height), int(message.width)
+    data = np.asarray(message.data, dtype=np.uint8)
+    if not (width * row.itemsize <= step and height * step <= len(data)):
+        needed = f"{height} rows of {width} points of {row.itemsize} bytes"
+        raise cloud_error(str(place), "data", f"{len(data)} bytes in rows of {step}", needed)
+    rows = data[: height * step].reshape(height, step)[:, : width * row.itemsize]
+    points = np.ascontiguousarray(rows).reshape(-1).view(row)
+    return {name: points[name] for name in row.names or ()}
+
+
+def _row(place: BagPlace, message: Any) -> np.dtype[np.void]:
+    """What the bytes of a point are."""
+    order, size = ">" if message.is_bigendian else "<", int(message.point_step)
+    names, kinds, offsets = [], [], []
+    for field in message.fields:
+        number, count = NUMBERS.get(int(field.datatype)), max(1, int(field.count))
+        if number is None:
+            raise cloud_error(str(place), f"field {field.name}", f"datatype {field.datatype}", "one from 1 to 8")
+        names.append(str(field.name))
+        kinds.append(np.dtype((order + number, (count,) if count > 1 else ())))
+        offsets.append(int(field.offset))
+    try:
+        return np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": size})
+    except ValueError as error:
+        raise cloud_error(str(place), "fields", str(error), f"different ones within {size} bytes a point") from error

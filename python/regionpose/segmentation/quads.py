@@ -1,0 +1,202 @@
+"""Quadrilaterals around a pixel whose sides a photo shows: doors, boards, posters and walls, windows and all."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+from scipy.optimize import least_squares
+
+from regionpose.segmentation.image_lines import Floats, Lines, edges_of, smooth_lab, straight_lines, window_around
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
+"""Half the sides of the windows around the seed that lines are looked for in, over the photo's longer side: the longest
+lines of the whole photo aren't those of a small face."""
+
+SMALLEST_WINDOW = 16
+"""Pixels of a window's shorter side below which it is passed over."""
+
+OPPOSITE_DEG, ADJACENT_DEG = 35.0, 25.0
+"""Angles between the lines of opposite sides at the most, and of adjacent sides at the least: rectangles seen from the
+side have wide ones. A convention."""
+
+SHORTEST_SIDE = 8.0
+"""Pixels of a window: shorter sides have edges by chance."""
+
+BEYOND_PX = 3.0
+"""Pixels of a window that a corner may lie beyond it."""
+
+LEAST_SHARE = 0.02
+"""Share of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
+
+SIZE_POWER = 0.15
+"""Power of the area by which a larger quadrilateral is preferred. Chosen on the faces of `benchmarks/click_masks.py`:
+quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less: chosen on
+the other kinds of scenes, these constants meet 5."""
+
+SHOWN_SHARE = 0.6
+"""Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met
+with 0.5, 0.7 and 0.8."""
+
+OTHER_OVERLAP = 0.75
+"""Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
+
+MOST_OF_WINDOW = 150
+"""Quadrilaterals of a window that are looked at further, of either kind."""
+
+REFINED_PX, REFINED_ROUNDS = 3.0, 3
+"""Pixels across a side within which its edge is looked for, less in each round, to the last pixel and a half."""
+
+SIDE_SAMPLES = 200
+"""Places along a side, at the most, at which its edge is looked for."""
+
+
+class Quads(NamedTuple):
+    """Corners (n, 4, 2), and the shares (n, 4) of their sides that show an edge."""
+
+    corners: Array
+    shares: Array
+
+    @property
+    def areas(self) -> Array:
+        """Their areas (n,)."""
+        x, y = np.moveaxis(self.corners, 2, 0)
+        return np.asarray(0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)))
+
+    @property
+    def clear(self) -> Array:
+        """How clearly they show (n,): the geometric mean of the shares, times a power of the area."""
+        means = np.exp(np.log(np.clip(self.shares, LEAST_SHARE, 1.0)).mean(axis=1))
+        return np.asarray(means * self.areas**SIZE_POWER)
+
+    @property
+    def large(self) -> Array:
+        """Their areas (n,), 0 where a side is hardly shown."""
+        return np.where(self.shares.min(axis=1) >= SHOWN_SHARE, self.areas, 0.0)
+
+    def taken(self, which: Indices) -> Quads:
+        """Some of them."""
+        return Quads(self.corners[which], self.shares[which])
+
+
+def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
+    """Up to two quadrilaterals (4, 2), pixels, around a pixel (x, y) of a photo (h, w, 3) uint8.
+
+    The one that shows most clearly, and the largest one all of whose sides show. Their sides are refined on the photo.
+    """
+    reach = max(image.shape[:2])
+    found = [_window_quads(image, seed, share * reach) for share in WINDOWS]
+    quads = Quads(np.concatenate([each.corners for each in found]), np.concatenate([each.shares for each in found]))
+    chosen: list[Array] = []
+    for scores in (quads.clear, quads.large):
+        for index in np.argsort(-scores, kind="stable"):
+            if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in chosen):
+                chosen.append(quads.corners[index])
+                break
+    return [_refined(image, corners) for corners in chosen]
+
+
+def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Quads:
+    """The quadrilaterals of a window that show most clearly, and the largest ones."""
+    window = window_around(image, seed, half)
+    if min(window.values.shape[:2]) < SMALLEST_WINDOW:
+        return Quads(np.empty((0, 4, 2)), np.empty((0, 4)))
+    lines, place = straight_lines(edges_of(window.values)), window.inside(np.array(seed))
+    quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
+    best = np.argsort(-np.stack([quads.clear, quads.large]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
+    kept = quads.taken(np.unique(best))
+    return Quads(window.outside(kept.corners), kept.shares)
+
+
+def _opposite(lines: Lines, place: Array) -> Indices:
+    """Pairs of lines (m, 2) of about one direction, with a place between them."""
+    alike = lines.normals @ lines.normals.T
+    sides = np.sign(lines.normals @ place - lines.offsets)
+    between = sides[:, None] * sides * np.sign(alike) < 0.0
+    return np.argwhere(np.triu(between & (np.abs(alike) >= np.cos(np.radians(OPPOSITE_DEG))), 1))
+
+
+def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
+    """The quadrilaterals within a window of a size (width, height), between two pairs of lines, around a place."""
+    first, second = np.triu_indices(len(pairs), 1)
+    sides = np.stack([pairs[first, 0], pairs[second, 0], pairs[first, 1], pairs[second, 1]], axis=1)
+    steep = np.abs(lines.normals @ lines.normals.T) <= np.cos(np.radians(ADJACENT_DEG))
+    after = np.roll(sides, -1, axis=1)
+    sides = sides[steep[sides, after].all(axis=1)]
+    corners = _corners(lines, sides)
+    within = ((corners > -BEYOND_PX) & (corners < size + BEYOND_PX)).all(axis=(1, 2))
+    edges, to_place = np.roll(corners, -1, axis=1) - corners, place - corners
+    turns = edges[..., 0] * to_place[..., 1] - edges[..., 1] * to_place[..., 0]
+    around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
+    kept = within & around & (np.hypot(edges[..., 0], edges[..., 1]).min(axis=1) > SHORTEST_SIDE)
+    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]))
+
+
+def _corners(lines: Lines, sides: Indices) -> Array:
+    """Where each side (n, 4) of a quadrilateral meets the one before it, (n, 4, 2)."""
+    before = np.roll(sides, 1, axis=1)
+    (x1, y1), (x2, y2) = np.moveaxis(lines.normals[before], 2, 0), np.moveaxis(lines.normals[sides], 2, 0)
+    one, two = lines.offsets[before], lines.offsets[sides]
+    turned = x1 * y2 - y1 * x2
+    return np.stack([(one * y2 - two * y1) / turned, (x1 * two - x2 * one) / turned], axis=2)
+
+
+def _shares(lines: Lines, sides: Indices, corners: Array) -> Array:
+    """The share (n, 4) of each side that shows an edge; side k begins at corner k."""
+    normals = lines.normals[sides]
+    tangents = np.stack([-normals[..., 1], normals[..., 0]], axis=2)
+    ends = np.stack([(tangents * corners).sum(axis=2), (tangents * np.roll(corners, -1, axis=1)).sum(axis=2)])
+    low, high = np.clip(np.sort(ends, axis=0) + lines.reach, 0, 2 * lines.reach).astype(np.intp)
+    shown = lines.shown[sides, high] - lines.shown[sides, low]
+    return np.asarray(np.minimum(shown / np.maximum(np.abs(ends[1] - ends[0]), 1.0), 1.0))
+
+
+def _overlap(one: Array, other: Array) -> float:
+    """IoU of two quadrilaterals."""
+    import shapely
+
+    first, second = shapely.Polygon(one), shapely.Polygon(other)
+    return float(first.intersection(second).area / first.union(second).area)
+
+
+def _refined(image: NDArray[np.uint8], corners: Array) -> Array:
+    """The quadrilateral with its sides on the edges beside them; as it is where these don't make one around it."""
+    margin = 2.0 * REFINED_PX
+    low = np.maximum(np.floor(corners.min(axis=0) - margin), 0.0).astype(np.intp)
+    high = np.ceil(corners.max(axis=0) + margin).astype(np.intp) + 1
+    lab = smooth_lab(image[low[1] : high[1], low[0] : high[0]])
+    refined = corners - low
+    for reach in np.linspace(REFINED_PX, 0.5 * REFINED_PX, REFINED_ROUNDS):
+        lines = [_refined_side(lab, refined[k], refined[(k + 1) % 4], reach) for k in range(4)]
+        held = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
+        refined = _corners(held, np.arange(4)[None])[0]
+    refined = refined + low
+    return refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners
+
+
+def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[Array, float]:
+    """Normal (2,) and offset of the line along the strongest edges within `reach` of a side, outliers weighted down."""
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    normal = np.array([-along[1], along[0]])
+    places = np.linspace(0.05, 0.95, int(np.clip(length, SHORTEST_SIDE, SIDE_SAMPLES)))
+    across = np.arange(-reach, reach + 0.25, 0.5)
+    pixels = start + places[:, None, None] * (end - start) + across[:, None] * normal
+    shades = [map_coordinates(lab[..., k], [pixels[..., 1], pixels[..., 0]], order=1, mode="nearest") for k in range(3)]
+    steps = np.sqrt(sum(np.gradient(shade, axis=1) ** 2 for shade in shades))
+    offs, strength = across[np.argmax(steps, axis=1)], steps.max(axis=1)
+    weights = np.minimum(strength / max(float(np.median(strength)), 1e-9), 1.0)
+    lever = places - 0.5
+
+    def residuals(line: Array) -> Array:
+        return np.asarray(weights * (line[0] + line[1] * lever - offs))
+
+    shift, slope = least_squares(residuals, np.zeros(2), loss="cauchy").x
+    direction = (end - start) + slope * normal
+    turned = np.array([-direction[1], direction[0]]) / np.hypot(*direction)
+    return turned, float(turned @ (0.5 * (start + end) + shift * normal))

@@ -1,0 +1,303 @@
+"""Clouds and pictures of ROS bags, written by rosbags and read back."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+from numpy.typing import NDArray
+from PIL import Image
+from regionpose.bags.pictures import read_bag_picture
+from regionpose.bags.place import BagPlace, bag_place, is_there
+from regionpose.clouds import CloudError, MissingExtraError, read_cloud
+from regionpose.reading import FileError
+from regionpose.scene import load_scene, scene_sides
+from regionpose.scene.result import input_values
+from regionpose.scene.sensors import read_picture
+from scene_files import scene_values, write_scene
+
+SECOND, BEGIN = 10**9, 1_700_000_000 * 10**9
+SCANS = 5
+"""Scans in a bag, ten a second."""
+
+highlevel = pytest.importorskip("rosbags.highlevel", reason="needs the extra ros")
+rosbag1 = pytest.importorskip("rosbags.rosbag1")
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+
+KINDS = ("ros1", "sqlite", "mcap", "mcap file")
+
+
+def points_of(scan: int) -> NDArray[np.void]:
+    """The points of a scan: x, y, z, intensity and packed color, in rows of 24 bytes."""
+    layout: Any = {"names": ["x", "y", "z", "intensity", "rgb"], "formats": ["<f4"] * 4 + ["<u4"], "itemsize": 24}
+    layout["offsets"] = [0, 4, 8, 12, 16]
+    kind = np.dtype(layout)
+    points = np.zeros(6, dtype=kind)
+    for axis, name in enumerate("xyz"):
+        points[name] = np.arange(6) * (axis + 1.0) + scan
+    points["intensity"], points["rgb"] = np.arange(6) * 10.0, 0x102030
+    return points
+
+
+class Bag:
+    """The messages that a bag gets, of one of the kinds."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        stores = typesys.Stores
+        self.store = typesys.get_typestore(stores.ROS1_NOETIC if kind == "ros1" else stores.ROS2_HUMBLE)
+        self.written: list[tuple[str, int, Any]] = []
+
+    def make(self, kind: str, /, **values: Any) -> Any:
+        return self.store.types[kind](**values)
+
+    def header(self, at: int, frame: str = "lidar") -> Any:
+        stamp = self.make("builtin_interfaces/msg/Time", sec=at // SECOND, nanosec=at % SECOND)
+        extra = {"seq": 0} if self.kind == "ros1" else {}
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
+
+    def scan(self, at: int, points: NDArray[np.void], *, frame: str = "lidar", **changed: Any) -> None:
+        named = points.dtype.fields
+        assert named is not None
+        fields = [
+            self.make(
+                "sensor_msgs/msg/PointField",
+                name=name,
+                offset=named[name][1],
+                datatype=6 if name == "rgb" else 7,
+                count=1,
+            )
+            for name in points.dtype.names or ()
+        ]
+        step = points.dtype.itemsize
+        values = {"header": self.header(at, frame), "height": 1, "width": len(points), "fields": fields}
+        values |= {"is_bigendian": False, "point_step": step, "row_step": step * len(points)}
+        values |= {"data": np.frombuffer(points.tobytes(), dtype=np.uint8), "is_dense": True}
+        self.written.append(("/points", at, self.make("sensor_msgs/msg/PointCloud2", **(values | changed))))
+
+    def picture(self, at: int, pixels: NDArray[Any], encoding: str, *, topic: str = "/camera", pad: int = 0) -> None:
+        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+        padded = np.pad(rows, ((0, 0), (0, pad)))
+        values = {"header": self.header(at), "height": len(pixels), "width": pixels.shape[1], "encoding": encoding}
+        values |= {"is_bigendian": 0, "step": padded.shape[1], "data": padded.ravel()}
+        self.written.append((topic, at, self.make("sensor_msgs/msg/Image", **values)))
+
+    def compressed(self, at: int, pixels: NDArray[np.uint8]) -> None:
+        held = io.BytesIO()
+        Image.fromarray(pixels).save(held, format="PNG")
+        data = np.frombuffer(held.getvalue(), dtype=np.uint8)
+        message = self.make("sensor_msgs/msg/CompressedImage", header=self.header(at), format="png", data=data)
+        self.written.append(("/compressed", at, message))
+
+    def write(self, folder: Path) -> Path:
+        """Write it to a folder; the path of the bag."""
+        path = folder / ("bag.bag" if self.kind == "ros1" else "bag")
+        with self._writer(path) as writer:
+            topics: dict[str, Any] = {}
+            for topic, at, message in self.written:
+                if topic not in topics:
+                    topics[topic] = writer.add_connection(topic, message.__msgtype__, typestore=self.store)
+                serialize = self.store.serialize_ros1 if self.kind == "ros1" else self.store.serialize_cdr
+                writer.write(topics[topic], at, serialize(message, message.__msgtype__))
+        return next(path.glob("*.mcap")) if self.kind == "mcap file" else path
+
+    def _writer(self, path: Path) -> Any:
+        if self.kind == "ros1":
+            return rosbag1.Writer(path)
+        plugins = rosbag2.StoragePlugin
+        return rosbag2.Writer(
+            path, version=9, storage_plugin=plugins.SQLITE3 if self.kind == "sqlite" else plugins.MCAP
+        )
+
+
+PIXELS = np.random.default_rng(0).integers(0, 256, (5, 7, 3), dtype=np.uint8)
+
+
+def filled(kind: str) -> Bag:
+    """A bag of five scans, and pictures."""
+    bag = Bag(kind)
+    for scan in range(SCANS):
+        bag.scan(BEGIN + scan * SECOND // 10, points_of(scan))
+    bag.picture(BEGIN + SECOND // 4, PIXELS, "rgb8", pad=3)
+    bag.compressed(BEGIN + SECOND // 4, PIXELS)
+    return bag
+
+
+@pytest.fixture(params=KINDS)
+def bag(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The path of such a bag, of each kind."""
+    return filled(request.param).write(tmp_path)
+
+
+def test_a_scan_is_the_cloud_of_its_message(bag: Path) -> None:
+    cloud = read_cloud(f"{bag}#/points@0.2")
+    given = points_of(2)
+    np.testing.assert_array_equal(cloud.points, np.stack([given[name] for name in "xyz"], axis=1))
+    assert cloud.intensity is not None and cloud.colors is not None and cloud.sensor_origin is not None
+    np.testing.assert_array_equal(cloud.intensity, given["intensity"])
+    assert cloud.colors[0].tolist() == [0x10, 0x20, 0x30]
+    assert cloud.sensor_origin.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("when", "first"),
+    [("", 0), ("@0", 0), ("@0.14", 1), ("@0.16", 2), ("@1.3", 4), ("@1700000000.29", 3), ("@1700000000.300000001", 3)],
+)
+def test_the_message_nearest_to_a_time_is_read(when: str, first: int, bag: Path) -> None:
+    assert read_cloud(f"{bag}#/points{when}").points[0, 0] == first
+
+
+def test_scans_are_joined_and_numbered(bag: Path) -> None:
+    told: list[float] = []
+    cloud = read_cloud(f"{bag}#/points@0.1x3", progress=told.append)
+    np.testing.assert_array_equal(cloud.fields["scan"], np.repeat([0, 1, 2], 6))
+    np.testing.assert_array_equal(cloud.points[::6, 0], [1.0, 2.0, 3.0])
+    assert told == pytest.approx([1 / 3, 2 / 3, 1.0])
+    with pytest.raises(FileError, match="found 2 messages from there on; needed 3"):
+        read_cloud(f"{bag}#/points@0.3x3")
+
+
+def test_pictures_raw_and_compressed_are_the_same(bag: Path) -> None:
+    np.testing.assert_array_equal(read_picture(Path(f"{bag}#/camera@0.25")), PIXELS)
+    np.testing.assert_array_equal(read_picture(Path(f"{bag}#/compressed")), PIXELS)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixels", "expected"),
+    [
+        ("bgr8", PIXELS, PIXELS[..., ::-1]),
+        ("rgba8", np.dstack([PIXELS, PIXELS[..., :1]]), PIXELS),
+        ("bgra8", np.dstack([PIXELS[..., ::-1], PIXELS[..., :1]]), PIXELS),
+        ("mono8", PIXELS[..., 0], np.repeat(PIXELS[..., :1], 3, axis=2)),
+        ("mono16", PIXELS[..., 0].astype("<u2") * 257, np.repeat(PIXELS[..., :1], 3, axis=2)),
+    ],
+)
+def test_pictures_of_each_encoding(
+    encoding: str, pixels: NDArray[Any], expected: NDArray[np.uint8], tmp_path: Path
+) -> None:
+    made = Bag("mcap")
+    made.picture(BEGIN, pixels, encoding)
+    np.testing.assert_array_equal(read_picture(Path(f"{made.write(tmp_path)}#/camera")), expected)
+
+
+def test_what_is_not_there_is_named(bag: Path, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"#/scans: found no such topic; needed one of the bag's: /camera, /compressed"):
+        read_cloud(f"{bag}#/scans")
+    with pytest.raises(FileError, match=r"found sensor_msgs/msg/Image; needed PointCloud2"):
+        read_cloud(f"{bag}#/camera")
+    with pytest.raises(FileError, match=r"found sensor_msgs/msg/PointCloud2; needed Image or CompressedImage"):
+        read_picture(Path(f"{bag}#/points"))
+    with pytest.raises(FileError, match=r"found no message within a second of the time; needed a time from 0 to 0\.4"):
+        read_cloud(f"{bag}#/points@20")
+    with pytest.raises(FileError, match="found 'noon' after @; needed seconds"):
+        read_cloud(f"{bag}#/points@noon")
+    with pytest.raises(FileError, match="found no topic"):
+        read_cloud(f"{bag}#/")
+    with pytest.raises(FileError, match="found 2 messages asked for; needed one"):
+        read_picture(Path(f"{bag}#/camera@0x2"))
+    with pytest.raises(FileNotFoundError):
+        read_cloud(tmp_path / "none.mcap#/points")
+    with pytest.raises(CloudError, match="columns: found names given"):
+        read_cloud(f"{bag}#/points", columns=("x", "y", "z"))
+
+
+def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
+    made = Bag("ros1")
+    made.picture(BEGIN, PIXELS[..., 0], "bayer_rggb8")
+    with pytest.raises(FileError, match=r"found the encoding 'bayer_rggb8'; needed rgb8, .* or a CompressedImage"):
+        read_picture(Path(f"{made.write(tmp_path)}#/camera"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"width": 7}, "data: found 144 bytes in rows of 144; needed 1 rows of 7 points of 24 bytes"),
+        ({"height": 2}, "data: found 144 bytes"),
+        ({"point_step": 12}, "fields: found"),
+        ({"fields": []}, "columns: found none; needed x, y and z"),
+    ],
+)
+def test_messages_that_contradict_themselves_are_refused(changed: dict[str, Any], message: str, tmp_path: Path) -> None:
+    made = Bag("mcap")
+    made.scan(BEGIN, points_of(0), **changed)
+    with pytest.raises(CloudError, match=message):
+        read_cloud(f"{made.write(tmp_path)}#/points")
+
+
+def test_scans_of_several_frames_are_not_joined(tmp_path: Path) -> None:
+    made = Bag("mcap")
+    made.scan(BEGIN, points_of(0))
+    made.scan(BEGIN + 1, points_of(1), frame="map")
+    with pytest.raises(CloudError, match="frames: found lidar, map; needed scans in one frame"):
+        read_cloud(f"{made.write(tmp_path)}#/points@0x2")
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap file"])
+def test_damaged_bags_are_refused(kind: str, tmp_path: Path) -> None:
+    path = filled(kind).write(tmp_path)
+    content = path.read_bytes()
+    for size in (0, 10, len(content) // 3, len(content) // 2):
+        path.write_bytes(content[:size])
+        with pytest.raises(FileError, match=r"found damage .* needed a whole bag"):
+            read_cloud(f"{path}#/points")
+
+
+def test_paths_that_name_no_bag_are_files(tmp_path: Path) -> None:
+    assert bag_place("scan.ply") is None and bag_place("odd#/scan.ply") is None
+    (tmp_path / "a.bag#").mkdir()
+    (tmp_path / "a.bag#" / "scan.ply").write_text("")
+    assert bag_place(tmp_path / "a.bag#" / "scan.ply") is None
+    assert bag_place("a.mcap#/os/points@1.5x20") == BagPlace(Path("a.mcap"), "/os/points", 1_500_000_000, 20)
+    assert not is_there("a.mcap#/points") and is_there(tmp_path)
+
+
+def test_without_rosbags_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    for name in [name for name in sys.modules if name.startswith("rosbags.")]:
+        monkeypatch.delitem(sys.modules, name)
+    with pytest.raises(MissingExtraError, match=r'ROS needs the package rosbags.*"regionpose\[ros\]"'):
+        read_bag_picture(BagPlace(Path("a.bag"), "/camera"))
+
+
+def test_a_scene_file_names_messages(tmp_path: Path) -> None:
+    made = Bag("mcap file")
+    made.scan(BEGIN, points_of(0))
+    scene = write_scene(tmp_path)
+    pixels = read_picture(tmp_path / "image.png")
+    made.picture(BEGIN, pixels, "rgb8")
+    path = made.write(tmp_path)
+    name = path.relative_to(tmp_path)
+    values = scene_values() | {"image": f"{name}#/camera", "cloud": f"{name}#/points@0"}
+    scene = write_scene(tmp_path, values)
+    sides = scene_sides(load_scene(scene))
+    np.testing.assert_array_equal(sides.image, pixels)
+    assert sides.cloud is not None and sides.sensor_origin is not None
+    assert sides.sensor_origin.place.tolist() == [0.0, 0.0, 0.0]
+    held = {entry["path"]: entry for entry in input_values(load_scene(scene))}
+    assert held[f"{name}#/points@0"]["bytes"] > 144 and len(held[f"{name}#/camera"]["sha256"]) == 64
+
+
+def test_commands_take_messages(tmp_path: Path) -> None:
+    made, plain = filled("mcap"), np.zeros((60, 80, 3), dtype=np.uint8)
+    plain[15:45, 20:60] = 200
+    made.picture(BEGIN, plain, "rgb8", topic="/plain")
+    path = made.write(tmp_path)
+
+    def said(*words: str) -> dict[str, Any]:
+        command = [sys.executable, "-m", "regionpose", *words, "--json"]
+        ended = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+        return dict(json.loads(ended.stdout))
+
+    cloud = said("info", f"{path}#/points@0x2")
+    assert cloud["points"] == 12 and cloud["sensor_origin_m"] == [0.0, 0.0, 0.0]
+    assert said("info", f"{path}#/camera") == {"kind": "image of a bag", "width_px": 7, "height_px": 5}
+    assert said("segment", f"{path}#/plain", "--seed", "40,30")["pixels"] == pytest.approx(30 * 40, abs=60)
+    assert rp.read_cloud(f"{path}#/points").source == path
