@@ -19,7 +19,7 @@ from regionpose.bags.place import BagPlace, bag_place, is_there
 from regionpose.clouds import CloudError, MissingExtraError, read_cloud
 from regionpose.reading import FileError
 from regionpose.scene import load_scene, scene_sides
-from regionpose.scene.result import input_values
+from regionpose.scene.inputs import input_values
 from regionpose.scene.sensors import read_picture
 from scene_files import scene_values, write_scene
 

@@ -36,8 +36,7 @@ LEAST_SHARE = 0.02
 
 SIZE_POWER = 0.15
 """Power of the area by which a larger quadrilateral is preferred. Chosen on the faces of `benchmarks/click_masks.py`:
-quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less: chosen on
-the other kinds of scenes, these constants meet 5."""
+quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
 
 SHOWN_SHARE = 0.6
 """Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met
