@@ -116,6 +116,6 @@ class StageLine(Progress):
             if not done:
                 # The rate counts from the first sample, which rich takes of what is more than nothing.
                 self.advance(self.task_ids[-1], 0)
-        # At once: the thread that draws by itself may wait long for a reader that is busy. Not within the lock, which that
-        # thread takes after the drawing's.
+        # At once: the thread that draws by itself may wait long for a reader that is busy.
+        # Not within the lock, which that thread takes after the drawing's.
         self.refresh()
