@@ -20,7 +20,8 @@ use crate::search::candidates::{AMBIGUITY, LOOSE};
 const MOST_STARTS: usize = 24;
 
 /// How far a start may be off, rad and share of the distance, and mostly still lead to the answer: starts nearer to one another
-/// than this are one.
+/// than this are one. A convention: turns of 0.07 to 0.3 rad lead about as often to the answer (`regionpose evaluate lidar --only
+/// lidar_beams=16 --only scan=samples`).
 const BASIN: f64 = 0.2;
 
 /// Poses nearer than this, rad and share of the distance, came to one place.
