@@ -3,12 +3,12 @@
 
 mod support;
 
-use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3, Vector6};
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, SMatrix, SVector, U6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
-use regionpose::samples::belief::Belief;
+use regionpose::samples::belief::{Belief, JOINT};
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
 use regionpose::samples::readings::{Reading, Sight};
@@ -83,6 +83,17 @@ fn a_hole_is_outside() {
     let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[], 100.0);
     assert!((field.nearest(&Vector2::zeros()).distance + 0.5).abs() < 1e-12);
     assert!((field.nearest(&Vector2::new(0.8, 0.0)).distance - 0.3).abs() < 1e-12);
+}
+
+/// Along a side from its start to its end; a hole goes the other way around.
+#[test]
+fn a_point_lies_along_its_stretch() {
+    let hole: Vec<_> = rectangle(1.0, 1.0).into_iter().rev().collect();
+    let field = SignedField::new(&[rectangle(4.0, 4.0), hole], &[], 100.0);
+    let along = |x: f64, y: f64| field.nearest(&Vector2::new(x, y)).along;
+    assert!((along(-1.0, -1.9) - 0.25).abs() < 1e-12 && (along(1.0, -2.5) - 0.75).abs() < 1e-12);
+    let (left, right) = (along(-0.25, -0.6), along(0.25, -0.6));
+    assert!((left + right - 1.0).abs() < 1e-12 && (left - 0.75).abs() < 1e-12);
 }
 
 /// A square has four sides, whatever steps a mask makes of them; a circle has a stretch for each twentieth of its size
@@ -162,9 +173,9 @@ fn margins_have_exact_derivatives() {
     }
 }
 
-/// A sample whose margin grows by `outwards` for each pixel that its contour or its stretch is off.
+/// A sample whose margin grows by `outwards` for each pixel that its contour or the start of its stretch is off.
 fn site(slope: Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Site {
-    Site::new(&Sight { margin, slope, outwards, edge: Edge::Own, stretch: 0 }, trust)
+    Site::new(&Sight { margin, slope, outwards, along: 0.0, edge: Edge::Own, stretch: 0 }, trust)
 }
 
 /// A normal prior of this deviation in all directions.
@@ -280,8 +291,21 @@ fn grid(density: impl Fn(f64) -> f64) -> Vec<(i32, f64)> {
     (-OFFSETS..=OFFSETS).map(|k| (k, SPACING * density(SPACING * f64::from(k)))).collect()
 }
 
-/// Six labels beside each of five stretches, of two contours, which are off by so many pixels; against draws of the
-/// prior, of which what the contours are off is integrated by itself.
+/// Between its ends a stretch is off by so much of either as it is near.
+#[test]
+fn a_stretch_is_off_between_its_ends() {
+    let mean = SVector::<f64, JOINT>::from([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 4.0, 8.0]);
+    let belief = Belief { mean, covariance: SMatrix::zeros() };
+    for (along, off) in [(0.0, 4.5), (0.25, 5.5), (1.0, 8.5)] {
+        let inside = Site { along, ..site(Vector6::zeros(), 1.0, 2.0, CLEAN) };
+        assert_eq!(inside.margin_under(&belief).0, 2.0 + off);
+        let outside = Site { along, ..site(Vector6::zeros(), -1.0, 2.0, CLEAN) };
+        assert_eq!(outside.margin_under(&belief).0, 2.0 - off);
+    }
+}
+
+/// Three labels beside either end of each of five stretches, of two contours, which are off by so many pixels; against
+/// draws of the prior, of which what the contours are off is integrated by itself.
 fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     let mut random = Random::new(9);
     let kinds = [Kind { share: 0.8, off: 0.5 }, Kind { share: 0.2, off: 6.0 }];
@@ -295,13 +319,17 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
             labels.push((slope * side, side, -place * side));
         }
     }
-    let mut sites: Vec<Site> = labels.iter().map(|(slope, side, margin)| site(*slope, *side, *margin, trust)).collect();
+    let end = |(k, (slope, side, margin)): (usize, &(Vector6<f64>, f64, f64))| Site {
+        along: if k % 6 < 3 { 0.0 } else { 1.0 },
+        ..site(*slope, *side, *margin, trust)
+    };
+    let mut sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
     let stretches = |numbers: std::ops::Range<usize>| {
         numbers.map(|k| Stretch::new(k, (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect()
     };
     let mut outlines = [0..3, 3..5].map(|numbers| Outline { region: 0, growth, stretches: stretches(numbers) });
     let found = propagated(&prior(1.0), &Gaussian::default(), &mut sites, &mut outlines).unwrap();
-    let offsets = grid(|d| spread(&kinds, d));
+    let offsets = kinds.map(|kind| (kind.share, grid(|d| density(d / kind.off) / kind.off)));
     // A growth that is narrower than the spacing is none.
     let growths = if growth < SPACING { vec![(0, 1.0)] } else { grid(|d| density(d / growth) / growth) };
     let growths: Vec<_> = growths.into_iter().filter(|(_, weight)| *weight > 1e-6).collect();
@@ -315,15 +343,21 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
             let at = |d: f64| labels.iter().map(|each| label(d, each)).sum::<f64>().exp();
             (-2 * OFFSETS..=2 * OFFSETS).map(|k| at(SPACING * f64::from(k))).collect()
         };
-        let stretches: Vec<Vec<f64>> = labels.chunks(6).map(beside).collect();
-        let stretch = |grown: i32, at: &Vec<f64>| -> f64 {
+        let ends: Vec<Vec<f64>> = labels.chunks(3).map(beside).collect();
+        let end = |offsets: &[(i32, f64)], grown: i32, at: &Vec<f64>| -> f64 {
             offsets.iter().map(|(k, weight)| weight * at[(k + grown + 2 * OFFSETS) as usize]).sum()
         };
-        let contour = |stretches: &[Vec<f64>]| -> f64 {
-            let all = |grown: i32| stretches.iter().map(|at| stretch(grown, at)).product::<f64>();
+        let stretch = |grown: i32, ends: &[Vec<f64>]| -> f64 {
+            let of_kind = |(share, offsets): &(f64, Vec<(i32, f64)>)| {
+                share * ends.iter().map(|at| end(offsets, grown, at)).product::<f64>()
+            };
+            offsets.iter().map(of_kind).sum()
+        };
+        let contour = |ends: &[Vec<f64>]| -> f64 {
+            let all = |grown: i32| ends.chunks(2).map(|both| stretch(grown, both)).product::<f64>();
             growths.iter().map(|(grown, weight)| weight * all(*grown)).sum()
         };
-        let weight = contour(&stretches[..3]) * contour(&stretches[3..]);
+        let weight = contour(&ends[..6]) * contour(&ends[6..]);
         all += weight;
         first += x * weight;
         second += x * x.transpose() * weight;
@@ -347,11 +381,6 @@ fn stretches_that_are_off_are_those_of_sampling() {
 #[test]
 fn contours_that_are_grown_are_those_of_sampling() {
     agree_with_sampling(1.0, [2.0, 0.0], [0.0; 5]);
-}
-
-/// The density of an offset by its definition.
-fn spread(kinds: &[Kind], offset: f64) -> f64 {
-    kinds.iter().map(|kind| kind.share * density(offset / kind.off) / kind.off).sum()
 }
 
 /// Outlines a tenth too small put the pose off; the samples don't.

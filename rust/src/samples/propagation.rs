@@ -3,7 +3,7 @@
 
 use nalgebra::{SVector, Vector6};
 
-use super::belief::{Belief, INCREMENT};
+use super::belief::{Belief, INCREMENT, WHOLE};
 use super::normal::{cumulative, density};
 use super::readings::Sight;
 use super::stretch::{Heard, KINDS, Outline, View};
@@ -13,8 +13,8 @@ use crate::prior::Gaussian;
 /// Sweeps over all sites at most.
 pub(super) const SWEEPS: usize = 6;
 
-/// What a sweep counts as for each site, in edges that are looked at: 8 x 8 entries of each kind of stretch.
-pub(super) const EDGES_OF_SWEEP: usize = 64 * KINDS;
+/// What a sweep counts as for each site, in edges that are looked at: 9 x 9 entries of each kind of stretch.
+pub(super) const EDGES_OF_SWEEP: usize = 81 * KINDS;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the
 /// last.
@@ -123,14 +123,17 @@ impl std::ops::Add for Label {
     }
 }
 
-/// A sample: its margin on the right side of the contour is `margin + slope . x + outwards (g + d)` pixels, linear in
-/// the left increment `x`, the growth `g` of its contour and the offset `d` of the stretch that it lies beside.
+/// A sample: its margin on the right side of the contour is `margin + slope . x + outwards (g + (1 - along) d + along e)`
+/// pixels, linear in the left increment `x`, the growth `g` of its contour and the offsets `d` and `e` of the ends of the
+/// stretch that it lies beside.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
     /// Derivative of the margin by the increment.
     pub slope: Vector6<f64>,
-    /// The same by growth and offset.
+    /// The same by growth, and by the offset where it lies.
     pub outwards: f64,
+    /// Where it lies along its stretch, 0 at the start and 1 at the end.
+    pub along: f64,
     /// The margin at zero, pixels.
     pub margin: f64,
     /// Variance of the margin about that line, squared pixels, which adds to the blur's.
@@ -193,8 +196,8 @@ impl AsMut<Site> for Site {
 impl Site {
     /// A sample where it is seen, whose factor is not known yet.
     pub fn new(sight: &Sight, trust: Trust) -> Self {
-        let Sight { margin, slope, outwards, edge, .. } = *sight;
-        Self { slope, outwards, margin, bent: 0.0, edge, trust, factors: Default::default() }
+        let Sight { margin, slope, outwards, along, edge, .. } = *sight;
+        Self { slope, outwards, along, margin, bent: 0.0, edge, trust, factors: Default::default() }
     }
 
     /// The same with the derivative by the increment and the margin that it has from there.
@@ -207,9 +210,14 @@ impl Site {
         Self { factors: other.factors, ..self }
     }
 
-    /// Derivative of the margin by the increment and by growth and offset, as far as they are among the components.
+    /// Derivative of the margin by the increment, the growth and the offsets, as far as they are among the components.
     fn row<const D: usize>(&self) -> SVector<f64, D> {
-        SVector::from_fn(|row, _| if row < INCREMENT { self.slope[row] } else { self.outwards })
+        SVector::from_fn(|row, _| match row {
+            INCREMENT => self.outwards,
+            WHOLE => self.outwards * (1.0 - self.along),
+            row if row > WHOLE => self.outwards * self.along,
+            row => self.slope[row],
+        })
     }
 
     /// Mean and variance of the margin under a distribution of the increment, and of what the contour is off.

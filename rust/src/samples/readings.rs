@@ -55,8 +55,10 @@ pub struct Sight {
     pub margin: f64,
     /// Derivative of the margin by the left increment.
     pub slope: Vector6<f64>,
-    /// The same by the pixels that the contour or a stretch of it is off outwards.
+    /// The same by the pixels that the contour is off outwards there.
     pub outwards: f64,
+    /// Where on its stretch the nearest point lies, 0 at the start and 1 at the end.
+    pub along: f64,
     /// Whether the nearest edge is the region's own.
     pub edge: Edge,
     /// The stretch of the contour that this lies on, by number.
@@ -149,6 +151,7 @@ impl SampledRegion {
         let (turning, moving) = (back * seen.cross(&moving), back * moving);
         let derivative = Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z);
         let margin = scale * nearest.distance;
-        Reading::Seen(Sight { margin, slope: derivative, outwards: scale.signum(), edge, stretch: nearest.stretch })
+        let (outwards, along, stretch) = (scale.signum(), nearest.along, nearest.stretch);
+        Reading::Seen(Sight { margin, slope: derivative, outwards, along, edge, stretch })
     }
 }

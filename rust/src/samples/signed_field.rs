@@ -19,6 +19,8 @@ pub struct SignedField {
     edges: Vec<Edge>,
     /// The stretch of the boundary that each edge belongs to, by number.
     stretches: Vec<usize>,
+    /// Where on its stretch each edge starts and how much of it it is.
+    places: Vec<[f64; 2]>,
 }
 
 /// Where a point lies from the boundary.
@@ -33,6 +35,8 @@ pub struct Nearest {
     /// The stretch of the boundary that it lies on, by number: a straight side, or a part of about the twentieth of the
     /// size of its ring.
     pub stretch: usize,
+    /// Where on it, 0 at its start and 1 at its end.
+    pub along: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -53,9 +57,12 @@ impl SignedField {
     /// whether it is marked (none where it is empty).
     pub fn new(rings: &[Vec<Vector2<f64>>], marks: &[Vec<bool>], pixels: f64) -> Self {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
-        let edges = rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
-        let stretches = rings.iter().flat_map(|ring| stretches(ring, STRAIGHT / pixels)).scan(0, numbered).collect();
-        Self { field: EdgeField::new(rings), edges, stretches }
+        let edges: Vec<Edge> =
+            rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
+        let begins = rings.iter().flat_map(|ring| stretches(ring, STRAIGHT / pixels));
+        let stretches: Vec<usize> = begins.scan(0, numbered).collect();
+        let places = places(&edges, &stretches);
+        Self { field: EdgeField::new(rings), edges, stretches, places }
     }
 
     /// Signed distance of a point, its gradient and where it is measured from.
@@ -63,15 +70,22 @@ impl SignedField {
         let number = self.field.nearest_edge(point);
         let edge = &self.edges[number];
         let (distance, gradient) = edge.distance(point);
-        Nearest { distance, gradient, marked: edge.marked, stretch: self.stretches[number] }
+        let [start, length] = self.places[number];
+        let along = start + edge.share(point).clamp(0.0, 1.0) * length;
+        Nearest { distance, gradient, marked: edge.marked, stretch: self.stretches[number], along }
     }
 }
 
 impl Edge {
+    /// How far along it a point lies, as a share of its length.
+    fn share(&self, point: &Vector2<f64>) -> f64 {
+        (point - self.start).dot(&self.step) * self.inverse
+    }
+
     /// Signed distance of a point that is nearest to this edge, and its gradient.
     fn distance(&self, point: &Vector2<f64>) -> (f64, Vector2<f64>) {
         let offset = point - self.start;
-        let share = offset.dot(&self.step) * self.inverse;
+        let share = self.share(point);
         if share > 0.0 && share < 1.0 {
             return (offset.dot(&self.inward), self.inward);
         }
@@ -128,6 +142,19 @@ fn seen_from(way: &Vector2<f64>, radius: f64) -> Option<[Vector2<f64>; 2]> {
     let reach = (distance * distance - radius * radius).sqrt();
     let aside = Vector2::new(-way.y, way.x) * (radius / distance);
     (distance > radius).then(|| [way * (reach / distance) - aside, way * (reach / distance) + aside])
+}
+
+/// Where on its stretch each edge starts, and how much of it it is.
+fn places(edges: &[Edge], stretches: &[usize]) -> Vec<[f64; 2]> {
+    let mut lengths = vec![0.0; stretches.last().map_or(0, |last| last + 1)];
+    let mut starts = Vec::with_capacity(edges.len());
+    for (edge, &stretch) in edges.iter().zip(stretches) {
+        starts.push(lengths[stretch]);
+        lengths[stretch] += edge.step.norm();
+    }
+    let all = |stretch: usize| f64::max(lengths[stretch], f64::MIN_POSITIVE);
+    let place = |((edge, &stretch), start): ((&Edge, &usize), f64)| [start, edge.step.norm()].map(|x| x / all(stretch));
+    edges.iter().zip(stretches).zip(starts).map(place).collect()
 }
 
 /// The number of a stretch, one more than the last where it begins.

@@ -1,4 +1,4 @@
-//! Observed contours that are off: grown all around, and each stretch of them as a whole (`docs/math.md`, eq. 17.4).
+//! Observed contours that are off: grown all around, and each stretch of them at either end (`docs/math.md`, eq. 17.4).
 
 use std::f64::consts::PI;
 
@@ -22,7 +22,7 @@ const MOST_ROTATIONS: usize = 100;
 pub struct Kind {
     /// Share of the stretches.
     pub share: f64,
-    /// Standard deviation of their offsets, pixels.
+    /// Standard deviation of the offset of either end, pixels.
     pub off: f64,
 }
 
@@ -67,7 +67,7 @@ pub struct View {
     pub log_probability: f64,
 }
 
-/// What is believed of an increment, the growth of a contour and the offset of a stretch of it of one kind.
+/// What is believed of an increment, the growth of a contour and the offsets of a stretch of it of one kind.
 #[derive(Debug, Clone, Copy)]
 pub struct KindView {
     /// All of them together.
@@ -77,9 +77,10 @@ pub struct KindView {
 }
 
 impl KindView {
-    /// Mean square of the offset.
+    /// Mean square of the offsets of both ends.
     pub fn square(&self) -> f64 {
-        self.belief.mean[WHOLE].powi(2) + self.belief.covariance[(WHOLE, WHOLE)]
+        let square = |end: usize| self.belief.mean[end].powi(2) + self.belief.covariance[(end, end)];
+        0.5 * (square(WHOLE) + square(WHOLE + 1))
     }
 }
 
@@ -90,9 +91,10 @@ impl Stretch {
         Self { number, members, kinds, odds }
     }
 
-    /// The product of the factors of the offset and of all samples, if the stretch is of this kind.
+    /// The product of the factors of the offsets and of all samples, if the stretch is of this kind.
     fn product<S: AsRef<Site>>(&self, kind: usize, sites: &[S]) -> Gaussian<JOINT> {
-        let mut factor = Gaussian::<JOINT>::of_component(WHOLE, self.kinds[kind].off);
+        let off = self.kinds[kind].off;
+        let mut factor = Gaussian::<JOINT>::of_component(WHOLE, off) + Gaussian::of_component(WHOLE + 1, off);
         self.members.iter().for_each(|&member| sites[member].as_ref().factor_into(kind, &mut factor));
         factor
     }
