@@ -92,9 +92,10 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 }
 
 /// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
-/// off. First the blur falls on from there, then contours may be grown and then stretches off farther and farther, and
-/// where they are the blur falls again: what is off looks blurred to those who do not know of it. A start that is
-/// behind the best by more than `hopeless`, in logarithms of the evidence, goes no farther.
+/// off. First the blur falls on from there, then contours may be grown farther and farther. What is off looks blurred
+/// to those who do not know of it: the blur falls once more from the start with stretches that are off as far as they
+/// may be, these are then off less, and where anything is off the blur falls again. A start that is behind the best by
+/// more than `hopeless`, in logarithms of the evidence, goes no farther.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
@@ -103,6 +104,7 @@ pub fn posteriors(
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
     let [least, more @ ..] = SCALES;
+    let [between @ .., most] = more;
     for blur in blurs() {
         go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: least, off: least }));
     }
@@ -110,8 +112,12 @@ pub fn posteriors(
     for growth in more {
         go_on(&mut all, hopeless, |one| Some(Setting { growth, ..one.likeliest()? }));
     }
+    all.iter_mut().for_each(Going::start_again);
+    for blur in blurs() {
+        go_on(&mut all, hopeless, |one| Some(Setting { blur, growth: one.growth(), off: most }));
+    }
     all.retain_mut(|one| one.go_back().is_some());
-    for off in more {
+    for off in between {
         go_on(&mut all, hopeless, |one| Some(Setting { off, ..one.likeliest()? }));
     }
     all.retain_mut(|one| one.go_back().is_some());
@@ -158,6 +164,8 @@ pub(super) struct Setting {
 struct Going<'a, F> {
     samples: Samples<'a, F>,
     state: State,
+    /// What it started from.
+    first: (State, Samples<'a, F>),
     /// Where it was with each setting.
     found: Vec<(State, Setting)>,
     /// The likeliest of these, and the samples then.
@@ -168,7 +176,17 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
         let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
         let samples = Samples::all(regions, others, from.pose, from.trust.clone());
-        Self { samples, state, found: Vec::new(), best: None }
+        Self { first: (state, samples.clone()), samples, state, found: Vec::new(), best: None }
+    }
+
+    /// How far contours are grown in the likeliest setting.
+    fn growth(&self) -> f64 {
+        self.best.as_ref().map_or(SCALES[0], |(_, setting, _)| setting.growth)
+    }
+
+    /// Goes back to its start.
+    fn start_again(&mut self) {
+        (self.state, self.samples) = self.first.clone();
     }
 
     /// The greatest logarithm of the evidence so far.
