@@ -462,13 +462,32 @@ def test_what_is_drawn_around_holds_the_points_that_growing_did_not_reach(sessio
     whole = session.cloud.local_points[world.chosen.side.indices]
     low, high = whole.min(axis=0), whole.max(axis=0)
     middle = 0.5 * (low + high)
-    session.cut_cloud(0, lambda points: points[:, 1] < middle[1])
+    session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1))
     half = session.regions[0].world
     assert half is not None and half.chosen.side.indices is not None
     session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1))
     again = session.regions[0].world
     assert again is not None and again.chosen.side.indices is not None
     assert len(again.chosen.side.indices) > 1.5 * len(half.chosen.side.indices)
+
+
+def near_chalkboard(session: Session, reach: float) -> Callable[[NDArray[np.float64]], NDArray[np.bool_]]:
+    """Says which points lie within a distance, meters, of where the chalkboard was clicked."""
+    return lambda points: np.linalg.norm(points + session.cloud.origin - CHALKBOARD[1], axis=1) < reach
+
+
+def test_what_is_drawn_around_does_not_depend_on_how_far_the_plane_grew(session: Session) -> None:
+    cuts = []
+    for margin in (0.3, 5.0):
+        session.select(None)
+        session.click_cloud(CHALKBOARD[1])
+        key = session.regions[-1].key
+        for reach in (margin, 0.45):
+            session.cut_cloud(key, near_chalkboard(session, reach))
+        world = session.regions[-1].world
+        assert world is not None and world.chosen.side.indices is not None
+        cuts.append(world.chosen.side.indices.tolist())
+    assert cuts[0] == cuts[1]
 
 
 def test_edges_are_hidden_as_they_are_drawn(session: Session) -> None:

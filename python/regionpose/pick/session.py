@@ -37,6 +37,9 @@ MOST_UNDO = 200
 LEAST_POINTS = 3
 """Points that a plane has at the least."""
 
+MOST_REFITS = 10
+"""Fits of a plane to the points that it holds at the most, as many as `robust_plane` takes."""
+
 NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
 
 STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
@@ -256,9 +259,10 @@ class Session:
     def cut_cloud(self, key: int, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
         """Make a region of the points on its plane for which `inside` says so, of local points (n, 3) of the cloud.
 
-        The plane is that of the region's points inside. All of the cloud's count, also those that growing did not
-        reach: beyond a window, or on a scan line that is off. ValueError for a region without points of the cloud, or
-        with none or too few inside.
+        The plane is that of the region's points inside, fitted anew to what it holds until that stays, so that it does
+        not depend on how far the region was grown. All of the cloud's points count, also those that were not reached:
+        beyond a window, or on a scan line that is off. ValueError for a region without points of the cloud, or with
+        none or too few inside.
         """
         region = self.sketch.region(key)
         indices = None if region.world is None else region.world.chosen.side.indices
@@ -268,9 +272,12 @@ class Session:
         held = indices[inside(points[indices])]
         if len(held) < LEAST_POINTS:
             raise ValueError(f"found {len(held)} points of {region.name} inside; needed at least {LEAST_POINTS}")
-        on_plane = points_on_plane(points, held, self.scan.scanner)
-        kept = on_plane[inside(points[on_plane])]
-        part = replace(self._world_part({"points": kept.tolist()}, "cut out"), picked=True)
+        for _ in range(MOST_REFITS):
+            on_plane = points_on_plane(points, held, self.scan.scanner)
+            before, held = held, on_plane[inside(points[on_plane])]
+            if np.array_equal(held, before):
+                break
+        part = replace(self._world_part({"points": held.tolist()}, "cut out"), picked=True)
         self._change(self.sketch.with_region(region.with_side("world", only(part))))
 
     def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
