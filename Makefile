@@ -28,13 +28,12 @@ lint: $(STAMP)
 	$(BIN)/codespell
 	$(BIN)/proselint --config .proselintrc.json check README.md CONTRIBUTING.md CHANGELOG.md docs/*.md docs/*/*.md
 
-# Mutated files through every reader and random inputs through the crate, for SECONDS together with the build, which shares
-# that of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
+# Mutated files through every reader and random inputs through the crate, each for half of SECONDS after a build that shares that
+# of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
 fuzz: $(STAMP)
-	end=$$(($$(date +%s) + $(SECONDS))); \
-	cargo build --quiet --profile test --example fuzz && \
-	$(BIN)/python fuzz/readers.py --seconds $$(((end - $$(date +%s)) / 2)) --seed $(SEED) --keep fuzz/found && \
-	cargo run --quiet --profile test --example fuzz -- --seconds $$((end - $$(date +%s))) --seed $(SEED)
+	cargo build --quiet --profile test --example fuzz
+	$(BIN)/python fuzz/readers.py --seconds $$(($(SECONDS) / 2)) --seed $(SEED) --keep fuzz/found
+	cargo run --quiet --profile test --example fuzz -- --seconds $$(($(SECONDS) / 2)) --seed $(SEED)
 
 # Very many estimates, files and commands in one process: memory and handles stay as they are.
 soak: $(STAMP)

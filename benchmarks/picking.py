@@ -1,20 +1,19 @@
 """Clicks from a photo and a cloud to a pose, on the labeled faces of real frames, as `regionpose pick` takes them.
 
 The scenes are folders with calib.json, regions.json, image.png, and labeled points of a lidar's cloud below --data. A
-user is played who knows nothing but where the faces are, works on them in order of their size in the photo, and stops
-at the first trusted pose. Of each face
+user is played who sees where the faces are in both pictures, and nothing of the pose, works on them in order of their
+size in the photo, and stops at the first trusted pose. Of each face
 
-1. a click in the photo, on the pixel deepest inside the drawn face. The proposed mask that overlaps the face best is
-   taken with the slider, a click, if it reaches an IoU of 0.9. Otherwise the step is undone, and the face drawn: a
-   click on each vertex of the coarsest polygon with an IoU of 0.97 to the labeled one, with Shift where an edge is
-   hidden.
+1. its outline in the photo: a click on each corner of its own edges, which are followed to a pixel, and a Shift-drag
+   along each stretch of hidden ones that has corners, as around a car; an image border's straight one takes a
+   Shift-click on the corner at its end, which is counted already.
 2. a click in the range image, on the pixel deepest inside the labeled points. Of the proposals, the one that overlaps
-   these best is taken. If it reaches less than an IoU of 0.8, the face's points are cut out of it: a click on each
-   corner of the outline drawn around them, their convex hull to 2 px.
+   these best is taken with the slider, a click. If it reaches less than an IoU of 0.95, the face's points are drawn
+   around with a Shift-drag, halfway to the next ones.
 
-All of this counts, undoing too; the keys that choose a tool don't. It is done with the calls that the page makes for
-each. A line each: clicks, faces, verdict, errors of rotation and of the camera's center, and the warnings. Then the
-share of frames whose pose is trusted within 20 clicks.
+Each click and each drag counts, and so does that on the scanner's place; the keys that choose a tool don't. It is done
+with the calls that the page makes for each. A line each: clicks and drags, faces, verdict, errors of rotation and of
+the camera's center, and the warnings. Then the share of frames whose pose is trusted within 20.
 
     python benchmarks/picking.py [--data ../shared/data] [--only natural kitti]
 """
@@ -31,29 +30,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from click_masks import filled, pixels_of
 from image_segmentation import deepest
 from numpy.typing import NDArray
 from real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
-from regionpose.pick.range_view import RangeView
+from regionpose.pick.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.pick.session import Session
 from regionpose.pose import Pose
 from regionpose.scene import SceneEstimate
 from regionpose.scene.verdict import TRUSTED, verdict
 from regionpose.yaml_text import to_yaml
 
-Mask = NDArray[np.bool_]
 Plain = dict[str, Any]
 
 MOST_CLICKS = 20
-GOOD_MASK, GOOD_DRAWING, GOOD_POINTS = 0.9, 0.97, 0.8
-"""Overlaps (IoU) that the user settles for: of a proposed mask, of a drawn polygon, of proposed points."""
+GOOD_POINTS = 0.95
+"""Overlap (IoU) of proposed points that the user settles for: a drag costs no more than the slider."""
 
-AROUND_PX = 2.0
-"""Pixels of the range image between the points and the outline drawn around them, and to which that is straight."""
+OWN_PX, HIDDEN_PX = 1.0, 2.0
+"""Pixels to which a drawn outline follows a face's own edges, which a loupe shows, and a hand's drag the others."""
 
-COARSEST_PX, FINER = 32.0, 2.0**0.5
-"""Distance of the coarsest polygon that is tried from the labeled one, and the ratio to the next."""
+HALFWAY_PX = 0.5 * PIXELS_PER_SPACING
+"""Pixels of the range image between a face's points and the outline drawn around them: halfway to the next ones."""
+
+BRIDGED_PX = 4.0 * PIXELS_PER_SPACING
+"""Gaps between points up to twice this are inside that outline: those between scan lines, which are four times as far
+apart as points along them (HDL-64), and windows of a few points."""
 
 
 @dataclass
@@ -73,30 +74,9 @@ class User:
         self.faces += 1
 
     def _photo(self, face: Plain) -> None:
-        drawn = filled(face["image_polygon"], self.session.image.shape[:2])
-        self.clicks += 1
-        if self._grown(drawn):
-            return
-        ring = coarser(face["image_polygon"])
-        self.clicks += len(ring)
-        self.session.draw_polygon(ring, hidden=hidden_edges(ring, face))
-
-    def _grown(self, drawn: Mask) -> bool:
-        """Whether a click proposes the drawn face, which is taken then; nothing is left of it otherwise."""
-        try:
-            self.session.click_photo(deepest(drawn))
-        except ValueError:
-            return False
-        choices = self.session.regions[-1].image
-        assert choices is not None
-        overlaps = [overlap(pixels_of(choices.at(k).chosen, drawn.shape), drawn) for k in range(len(choices))]
-        best = int(np.argmax(overlaps))
-        if overlaps[best] >= GOOD_MASK:
-            self._choose("image", best, choices.index)
-            return True
-        self.clicks += 1
-        self.session.undo()
-        return False
+        drawn = drawing(face["image_polygon"], face.get("hidden_edges", []))
+        self.clicks += drawn.clicks
+        self.session.draw_polygon(drawn.ring, hidden=drawn.hidden)
 
     def _cloud(self, labels: NDArray[np.int64]) -> None:
         shown = np.isin(self.view.indices, labels)
@@ -108,26 +88,33 @@ class User:
         assert choices is not None
         sides = [choices.at(k).chosen.side for k in range(len(choices))]
         overlaps = [points_overlap(side.indices, labels) for side in sides]
-        self._choose("world", int(np.argmax(overlaps)), choices.index)
         if max(overlaps) < GOOD_POINTS:
             self._cut(labels)
+        else:
+            self._choose(int(np.argmax(overlaps)), choices.index)
 
     def _cut(self, labels: NDArray[np.int64]) -> None:
-        pixels = self.view.pixels(self.session.cloud.local_points[labels])
-        hull = shapely.MultiPoint(pixels).convex_hull.buffer(AROUND_PX).simplify(AROUND_PX)
-        ring = [list(corner) for corner in hull.exterior.coords[:-1]]
-        self.clicks += len(ring)
+        ring = around(self.view.pixels(self.session.cloud.local_points[labels]))
+        self.clicks += 1
         self.session.cut_cloud(self._key, lambda points: self.view.inside(ring, points))
 
-    def _choose(self, side: str, index: int, taken: int) -> None:
+    def _choose(self, index: int, taken: int) -> None:
         if index != taken:
             self.clicks += 1
-            self.session.choose(self._key, side, index)
+            self.session.choose(self._key, "world", index)
 
     @property
     def _key(self) -> int:
         assert self.session.sketch.selected is not None
         return self.session.sketch.selected
+
+
+class Drawing(NamedTuple):
+    """A drawn polygon (n, 2), its hidden edges, and the clicks and drags that it took."""
+
+    ring: list[list[float]]
+    hidden: list[int]
+    clicks: int
 
 
 class Row(NamedTuple):
@@ -146,11 +133,6 @@ class Row(NamedTuple):
         return self.level == TRUSTED and self.clicks <= MOST_CLICKS
 
 
-def overlap(one: Mask, other: Mask) -> float:
-    """IoU of two masks."""
-    return float((one & other).sum() / max(1, (one | other).sum()))
-
-
 def points_overlap(indices: NDArray[np.intp] | None, labels: NDArray[np.int64]) -> float:
     """IoU of two sets of points."""
     found = np.array([], dtype=np.intp) if indices is None else indices
@@ -158,30 +140,33 @@ def points_overlap(indices: NDArray[np.intp] | None, labels: NDArray[np.int64]) 
     return shared / (len(found) + len(labels) - shared)
 
 
-def coarser(polygon: list[list[float]]) -> list[list[float]]:
-    """The polygon of the fewest vertices that a user would draw of a labeled one."""
-    whole, tolerance = shapely.Polygon(polygon).buffer(0), COARSEST_PX
-    while True:
-        simple = shapely.Polygon(shapely.LinearRing(polygon).simplify(tolerance))
-        valid = shapely.Polygon() if not simple.is_valid else simple
-        if valid.intersection(whole).area >= GOOD_DRAWING * valid.union(whole).area:
-            return [list(vertex) for vertex in valid.exterior.coords[:-1]]
-        tolerance /= FINER
+def drawing(polygon: list[list[float]], hidden: list[int]) -> Drawing:
+    """How a user draws a labeled polygon whose edges `hidden` are not the face's own."""
+    count = len(polygon)
+    if not hidden:
+        ring = [list(vertex) for vertex in shapely.LinearRing(polygon).simplify(OWN_PX).coords[:-1]]
+        return Drawing(ring, [], len(ring))
+    is_hidden = np.isin(np.arange(count), hidden)
+    starts = np.flatnonzero(is_hidden != np.roll(is_hidden, 1)).tolist() or [0]
+    ring, marked, clicks = [], [], 0
+    for start, end in zip(starts, [*starts[1:], starts[0] + count], strict=True):
+        stretch = shapely.LineString([polygon[k % count] for k in range(start, end + 1)])
+        kept = [list(vertex) for vertex in stretch.simplify(HIDDEN_PX if is_hidden[start] else OWN_PX).coords]
+        if is_hidden[start]:
+            marked += range(len(ring), len(ring) + len(kept) - 1)
+            clicks += len(kept) > 2
+        else:
+            clicks += len(kept)
+        # The corner at its end is that at which the next stretch begins.
+        ring += kept[:-1]
+    return Drawing(ring, marked, clicks)
 
 
-def hidden_edges(ring: list[list[float]], face: Plain) -> list[int]:
-    """The edges of a ring that lie along hidden edges of a face for more than half of their length."""
-    labeled, marked = face["image_polygon"], face.get("hidden_edges", [])
-    edges = [shapely.LineString([labeled[k], labeled[(k + 1) % len(labeled)]]) for k in range(len(labeled))]
-    places = np.linspace(0.05, 0.95, 19)
-    found = []
-    for k in range(len(ring)):
-        edge = shapely.LineString([ring[k], ring[(k + 1) % len(ring)]])
-        points = [edge.interpolate(place, normalized=True) for place in places]
-        nearest = [int(np.argmin([other.distance(point) for other in edges])) for point in points]
-        if np.mean(np.isin(nearest, marked)) > 0.5:
-            found.append(k)
-    return found
+def around(pixels: NDArray[np.float64]) -> list[list[float]]:
+    """The outline (k, 2) that a user draws around pixels (n, 2) of the range image."""
+    near = shapely.MultiPoint(pixels).buffer(BRIDGED_PX).buffer(HALFWAY_PX - BRIDGED_PX)
+    outline = near if near.geom_type == "Polygon" else shapely.MultiPoint(pixels).convex_hull.buffer(HALFWAY_PX)
+    return [list(corner) for corner in outline.exterior.coords[:-1]]
 
 
 def camera_info(folder: Path, out: Path) -> Path:

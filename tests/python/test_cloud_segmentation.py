@@ -266,3 +266,14 @@ def test_bad_cloud_is_named() -> None:
         nearest_to_ray(np.eye(3), np.zeros(3), [-1.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="direction is"):
         nearest_to_ray(np.eye(3), np.zeros(3), [0.0, 0.0, 0.0])
+
+
+def test_noise_that_grows_away_from_the_seed_does_not_widen_the_patch_step_by_step() -> None:
+    # A smooth disc in a field that gets rougher outwards: by less than a third from one neighborhood to the next, but
+    # fourfold in all. Points belong to the disc's plane by the disc's noise, 5 mm.
+    generator = np.random.default_rng(0)
+    flat = generator.uniform(-1.4, 1.4, (4000, 2))
+    sigma = 0.005 * np.maximum(np.linalg.norm(flat, axis=1) / 0.3, 1.0) ** 0.9
+    cloud = np.column_stack([flat, sigma * generator.standard_normal(4000)])
+    members = grow_plane(cloud, [0.0, 0.0, 0.0])
+    assert np.abs(cloud[members, 2]).max() < 0.022

@@ -19,6 +19,7 @@ from regionpose.demo.scene import folder
 from regionpose.pick.guard import MOST_BYTES
 from regionpose.pick.range_view import RangeView
 from regionpose.scene.bundle import read_truth, truth_errors
+from regionpose.yaml_text import plain_value, yaml_node
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 pytest.importorskip("nicegui", reason="needs the extra pick")
@@ -80,11 +81,26 @@ class Hand:
         x, y = self.range.pixels(np.array([place]))[0].tolist()
         self._click(1, (x, y), self.range.size)
 
+    def stroke(self, view: int, pixels: list[tuple[float, float]], size: tuple[int, int]) -> None:
+        """Shift-drag from pixel to pixel."""
+        self.clicks += 1
+        mouse = self.page.mouse
+        self.page.keyboard.down("Shift")
+        mouse.move(*self._place(view, pixels[0], size))
+        mouse.down()
+        for pixel in pixels[1:]:
+            mouse.move(*self._place(view, pixel, size), steps=5)
+        mouse.up()
+        self.page.keyboard.up("Shift")
+
     def _click(self, view: int, pixel: tuple[float, float], size: tuple[int, int]) -> None:
         self.clicks += 1
+        self.page.mouse.click(*self._place(view, pixel, size))
+
+    def _place(self, view: int, pixel: tuple[float, float], size: tuple[int, int]) -> tuple[float, float]:
         box = self.page.locator(".pv-stage").nth(view).bounding_box()
         across, down = ((at + 0.5) / length for at, length in zip(pixel, size, strict=True))
-        self.page.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
+        return box["x"] + across * box["width"], box["y"] + down * box["height"]
 
     def wait(self, script: str) -> None:
         self.page.wait_for_function(script, timeout=WAIT_MS)
@@ -179,6 +195,70 @@ def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> 
     one.wait("document.querySelectorAll('.rp-row').length == 0")
     first.keyboard.press("Control+y")
     other.wait_for_rows(1)
+    assert odd == []
+
+
+def saved_region(hand: Hand, folder_of_scene: Path) -> dict[str, Any]:
+    """The only region of the scene file, after it is saved."""
+    hand.page.keyboard.press("Control+s")
+    hand.page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    value: Any = plain_value(yaml_node((folder_of_scene / "scene.yaml").read_text(encoding="utf-8")))
+    return dict(value["regions"][0])
+
+
+@pytest.mark.parametrize("is_stroke", [True, False])
+def test_points_are_cut_out_by_a_stroke_or_by_corners(
+    server: str, browser: Any, tmp_path: Path, is_stroke: bool
+) -> None:
+    page, odd = opened(browser, server)
+    hand = Hand(page)
+    hand.photo(CHALKBOARD[0])
+    hand.wait_for_rows(1)
+    hand.cloud(CHALKBOARD[1])
+    hand.wait_for_points(1)
+    x, y = hand.range.pixels(np.array([CHALKBOARD[1]]))[0].tolist()
+    corners = [(x - 10.0, y - 10.0), (x + 10.0, y - 10.0), (x + 10.0, y + 10.0), (x - 10.0, y + 10.0)]
+    page.keyboard.press("x")
+    hand.wait("document.querySelector('.pv-cut')")
+    if is_stroke:
+        hand.stroke(1, [*corners, corners[0]], hand.range.size)
+    else:
+        for corner in corners:
+            hand._click(1, corner, hand.range.size)
+        page.keyboard.press("Enter")
+    hand.wait("document.querySelectorAll('.rp-row')[1].innerText.includes('cut out')")
+    hand.shot("10-cut-out")
+    points = np.load(tmp_path / str(saved_region(hand, tmp_path)["world"]["points"]))
+    pixels = hand.range.pixels(read_cloud(folder() / "cloud.ply").local_points[points])
+    assert len(points) > 20
+    assert (np.abs(pixels - [x, y]) < 11.0).all()
+    assert odd == []
+
+
+def test_edges_are_hidden_with_shift_as_they_are_drawn(server: str, browser: Any, tmp_path: Path) -> None:
+    page, odd = opened(browser, server)
+    hand = Hand(page)
+    page.keyboard.press("p")
+    hand.wait("document.querySelector('.pv-polygon')")
+    hand.photo((200.0, 200.0))
+    hand.photo((400.0, 200.0))
+    page.keyboard.down("Shift")
+    hand.photo((400.0, 300.0))
+    page.keyboard.up("Shift")
+    hand.stroke(0, [(400.0, 300.0), (350.0, 350.0), (300.0, 300.0)], SIZE)
+    hand.photo((200.0, 300.0))
+    hand.shot("11-hidden")
+    page.keyboard.press("Enter")
+    hand.wait_for_rows(1)
+    hand.cloud(BOARD[1])
+    hand.wait_for_points(1)
+    image = saved_region(hand, tmp_path)["image"]
+    ring, hidden = np.array(image["polygon"]), image["hidden_edges"]
+    assert len(ring) > 6
+    # The edge that ends at a corner with Shift, and the stroke; not what leaves its end, nor the last edge.
+    assert hidden == list(range(1, len(ring) - 2))
+    low = ring[np.argmax(ring[:, 1])]
+    assert np.abs(low - [350.0, 350.0]).max() < 6.0
     assert odd == []
 
 

@@ -381,7 +381,8 @@ def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tm
     session.cut_cloud(0, inside_of(session, 0.5))
     cut = session.regions[0].world
     assert cut is not None and cut.chosen.side.indices is not None
-    assert set(cut.chosen.side.indices) < set(whole.chosen.side.indices)
+    assert len(cut.chosen.side.indices) < len(whole.chosen.side.indices)
+    assert inside_of(session, 0.5)(session.cloud.local_points[cut.chosen.side.indices]).all()
     written = session.save()
     assert [path.suffix for path in written] == [".png", ".npy", ".yaml"]
     read = Session.open(tmp_path / "scene.yaml").regions[0].world
@@ -403,7 +404,6 @@ def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
     before = session.sketch
     with pytest.raises(ValueError, match="found 0 points of region 1 inside; needed at least 3"):
         session.cut_cloud(0, inside_of(session, 0.0))
-    session.cut_cloud(0, inside_of(session, 100.0))
     assert session.sketch is before
 
 
@@ -422,14 +422,72 @@ def test_an_outline_in_the_range_image_cuts_the_selected_region(session: Session
         desk.edit(desk.cut_in_range(ring))
         cut = session.regions[0].world
         assert cut is not None and cut.chosen.side.indices is not None
-        np.testing.assert_array_equal(cut.chosen.side.indices, indices[pixels[:, 0] < middle])
-        with pytest.raises(ValueError, match="edges that cross"):
-            desk.edit(desk.cut_in_range([ring[0], ring[2], ring[1], ring[3]]))
+        kept = desk.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
+        assert (kept[:, 0] < middle).all()
+        held = np.isin(indices[pixels[:, 0] < middle], cut.chosen.side.indices)
+        assert held.mean() > 0.95
+        with pytest.raises(ValueError, match="found 2 corners around no area"):
+            desk.edit(desk.cut_in_range(ring[:2]))
         desk.edit(lambda held: held.select(None))
         with pytest.raises(ValueError, match="no region that is selected"):
             desk.edit(desk.cut_in_range(ring))
     finally:
         desk.close()
+
+
+def test_an_outline_that_crosses_itself_holds_all_that_it_goes_around(session: Session) -> None:
+    desk = Desk(session)
+    try:
+        session.click_cloud(CHALKBOARD[1])
+        world = session.regions[0].world
+        assert world is not None and world.chosen.side.indices is not None
+        pixels = desk.range_view.pixels(session.cloud.local_points[world.chosen.side.indices])
+        low, high = pixels.min(axis=0) - 1.0, pixels.max(axis=0) + 1.0
+        middle = 0.5 * (low + high)
+        # Two triangles that meet in the middle.
+        desk.edit(desk.cut_in_range([[low[0], low[1]], [high[0], high[1]], [high[0], low[1]], [low[0], high[1]]]))
+        cut = session.regions[0].world
+        assert cut is not None and cut.chosen.side.indices is not None
+        kept = desk.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
+        assert (kept[:, 0] < middle[0]).any() and (kept[:, 0] > middle[0]).any()
+        assert not ((np.abs(kept[:, 0] - middle[0]) < 2.0) & (np.abs(kept[:, 1] - low[1]) < 2.0)).any()
+    finally:
+        desk.close()
+
+
+def test_what_is_drawn_around_holds_the_points_that_growing_did_not_reach(session: Session) -> None:
+    session.click_cloud(CHALKBOARD[1])
+    world = session.regions[0].world
+    assert world is not None and world.chosen.side.indices is not None
+    whole = session.cloud.local_points[world.chosen.side.indices]
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    middle = 0.5 * (low + high)
+    session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1))
+    half = session.regions[0].world
+    assert half is not None and half.chosen.side.indices is not None
+    session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1))
+    again = session.regions[0].world
+    assert again is not None and again.chosen.side.indices is not None
+    assert len(again.chosen.side.indices) > 1.5 * len(half.chosen.side.indices)
+
+
+def near_chalkboard(session: Session, reach: float) -> Callable[[NDArray[np.float64]], NDArray[np.bool_]]:
+    """Says which points lie within a distance, meters, of where the chalkboard was clicked."""
+    return lambda points: np.linalg.norm(points + session.cloud.origin - CHALKBOARD[1], axis=1) < reach
+
+
+def test_what_is_drawn_around_does_not_depend_on_how_far_the_plane_grew(session: Session) -> None:
+    cuts = []
+    for margin in (0.3, 5.0):
+        session.select(None)
+        session.click_cloud(CHALKBOARD[1])
+        key = session.regions[-1].key
+        for reach in (margin, 0.45):
+            session.cut_cloud(key, near_chalkboard(session, reach))
+        world = session.regions[-1].world
+        assert world is not None and world.chosen.side.indices is not None
+        cuts.append(world.chosen.side.indices.tolist())
+    assert cuts[0] == cuts[1]
 
 
 def test_edges_are_hidden_as_they_are_drawn(session: Session) -> None:

@@ -25,7 +25,7 @@ from regionpose.clouds import CloudError, cloud_from_depth, read_cloud
 from regionpose.reading import FileError, read_array, read_json
 from regionpose.scene import SceneError, load_scene, scene_sides
 from regionpose.scene.sensors import read_picture
-from regionpose.segmentation.masks import masks_from_file
+from regionpose.segmentation.masks import coverage_from_file, masks_from_file
 from scene_files import scene_values, write_scene
 
 ROOT = Path(__file__).parents[2]
@@ -238,6 +238,16 @@ def test_a_large_mask_of_few_bytes_is_read(tmp_path: Path) -> None:
     Image.fromarray(mask).save(tmp_path / "mask.png")
     (found,) = masks_from_file(tmp_path / "mask.png").values()
     assert np.array_equal(found, mask > 0)
+
+
+def test_a_mask_of_shares_counts_as_what_its_region_keeps(tmp_path: Path) -> None:
+    """Shares take eight times the bytes of their levels: 60 megapixels in 60 kB are too many."""
+    levels = np.zeros((7000, 9000), dtype=np.uint8)
+    levels[100:200, 100:200] = 128
+    path = tmp_path / "shares.png"
+    Image.fromarray(levels).save(path)
+    with pytest.raises(FileError, match=r"shares\.png: 9000 x 7000 pixels: found 126000000 bytes in a file of \d+; needed"):
+        coverage_from_file(path, levels.shape)
 
 
 OF_ALL_LABELS = """

@@ -257,6 +257,38 @@ proptest! {
     }
 
     #[test]
+    fn many_rings_turn_by_how_many_are_around_them(
+        shapes in proptest::collection::vec((0..12_i32, 0..12_i32, 1..7_i32, 0..4_usize, any::<bool>()), 1..40)
+    ) {
+        let mut kept: Vec<Ring> = Vec::new();
+        for (x, y, size, corners, turned) in shapes {
+            let corner = |dx: i32, dy: i32| Vector2::new(f64::from(x + size * dx), f64::from(y + size * dy));
+            let all = [corner(1, 0), corner(0, 1), corner(-1, 0), corner(0, -1)];
+            // A diamond, or half of one.
+            let shape: Ring = if corners == 0 { all.to_vec() } else { all.into_iter().cycle().skip(corners).take(3).collect() };
+            let outer_turns = kept.iter().chain([&shape]).cloned().collect();
+            if PlaneRings::new(outer_turns).is_err() {
+                continue;
+            }
+            let alone = |ring: &Ring| PlaneRings::new(vec![ring.clone()]).unwrap();
+            let around = kept.iter().any(|ring| overlap_areas(&alone(ring), &alone(&shape)).intersection > 0.0);
+            kept.push(if turned && around { reversed(shape) } else { shape });
+        }
+        let alone: Vec<PlaneRings> = kept.iter().map(|ring| PlaneRings::new(vec![ring.clone()]).unwrap()).collect();
+        let holds = |outer: &PlaneRings, inner: &PlaneRings| {
+            let areas = overlap_areas(outer, inner);
+            outer.area() > inner.area() && areas.intersection > areas.only_predicted
+        };
+        let expected: Vec<f64> = alone.iter().map(|ring| {
+            let depth = alone.iter().filter(|outer| holds(outer, ring)).count();
+            if depth % 2 == 0 { ring.area() } else { -ring.area() }
+        }).collect();
+        let Ok(all) = PlaneRings::new(kept) else { return Ok(()) };
+        let found: Vec<f64> = all.rings().iter().map(|ring| signed_area(ring)).collect();
+        prop_assert_eq!(found, expected);
+    }
+
+    #[test]
     fn a_star_with_a_shrunken_hole_keeps_its_difference_of_areas(outer in star(), scale in 0.1..0.9_f64, shift in 0usize..40) {
         let mut hole: Ring = outer.iter().map(|p| scale * p).collect();
         let count = hole.len();

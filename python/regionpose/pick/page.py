@@ -322,7 +322,7 @@ class Page:
         cuts = self.cloud_modes.value == "cut"
         if cuts:
             self.tabs.set_value("range")
-        self.range.show(mode="polygon" if cuts else "click")
+        self.range.show(mode="cut" if cuts else "click")
         self._show_cloud()
 
     def _choose_tab(self) -> None:

@@ -1,5 +1,6 @@
 // A picture to click on: zoom, pan, loupe, outlines, polygons with vertices to drag. Pixels are OpenCV's: an integer is a pixel's center.
-const STILL = 4, NEAR = 10, LOUPE = 176, POWER = 5;
+// Modes: click, hide, polygon, and cut, a polygon that ends with the stroke that draws all of it.
+const STILL = 4, NEAR = 10, STROKE = 3, LOUPE = 176, POWER = 5;
 
 export default {
   template: `
@@ -27,7 +28,9 @@ export default {
         <path v-if="draft.length" :d="path([draft.concat(cursor ? [cursor] : [])], false)" fill="none" stroke="#fff" stroke-width="2"
               stroke-dasharray="5 4" vector-effect="non-scaling-stroke"/>
       </svg>
-      <div v-for="(v, i) in draft" :key="'d' + i" class="pv-dot pv-first" :style="at(v)" :class="{'pv-big': i === 0 && draft.length > 2}"></div>
+      <template v-for="(v, i) in draft" :key="'d' + i">
+        <div v-if="!(covered.includes(i - 1) && covered.includes(i))" class="pv-dot pv-first" :style="at(v)" :class="{'pv-big': i === 0 && draft.length > 2}"></div>
+      </template>
       <template v-if="edited && mode !== 'hide'">
         <template v-for="(ring, r) in edited.rings">
           <div v-for="(v, i) in ring" :key="'v' + r + '_' + i" class="pv-dot pv-vertex" :style="at(v)"
@@ -51,6 +54,7 @@ export default {
     drawn() {
       return this.shapes.filter(s => s.rings).map(s => (this.edited && s.key === this.edited.key ? {...s, rings: this.edited.rings, hidden: this.edited.hidden} : s));
     },
+    drafts() { return this.mode === 'polygon' || this.mode === 'cut'; },
     lined() { return this.shapes.filter(s => s.lines); },
     labeled() {
       if (!this.showOutlines) return [];
@@ -119,7 +123,8 @@ export default {
     down(e) {
       this.$refs.box.setPointerCapture(e.pointerId);
       const dot = e.target.closest('.pv-vertex, .pv-middle');
-      this.held = {x: e.clientX, y: e.clientY, left: this.left, top: this.top, moved: false, button: e.button};
+      const draws = this.drafts && e.shiftKey && e.button === 0 && this.inside(this.place(e));
+      this.held = {x: e.clientX, y: e.clientY, left: this.left, top: this.top, moved: false, button: e.button, draws};
       if (!dot || !this.edited) return;
       const ring = +dot.dataset.ring, index = +dot.dataset.index;
       if (e.button === 2) { this.drop(ring, index, !dot.dataset.insert); this.held = null; return; }
@@ -145,6 +150,7 @@ export default {
       const dx = e.clientX - h.x, dy = e.clientY - h.y;
       h.moved = h.moved || Math.hypot(dx, dy) > STILL;
       if (!h.moved) return;
+      if (h.draws) { this.stroke(h, e); return; }
       if (h.vertex) this.edited.rings[h.vertex[0]][h.vertex[1]] = this.clamped(this.place(e));
       else { this.left = h.left + dx; this.top = h.top + dy; this.touched = true; }
     },
@@ -153,8 +159,9 @@ export default {
       this.held = null;
       if (!h) return;
       if (h.vertex) { if (h.moved) this.send(); return; }
+      if (h.draws && h.moved) { this.lifted(h, p); return; }
       if (h.moved || h.button !== 0 || !this.inside(p)) return;
-      if (this.mode === 'polygon') this.corner(p, e.shiftKey);
+      if (this.drafts) this.corner(p, e.shiftKey);
       else if (this.mode === 'hide') this.mark(p);
       else this.$emit('pick', {x: p[0], y: p[1], again: e.shiftKey});
     },
@@ -164,6 +171,21 @@ export default {
       if (this.draft.length > 2 && Math.hypot(first[0] - p[0], first[1] - p[1]) * this.zoom < NEAR) { this.close(hidden); return; }
       if (hidden && this.draft.length) this.covered.push(this.draft.length - 1);
       this.draft.push(p);
+    },
+    // With Shift, a drag draws: hidden edges along its path, from the last corner on.
+    stroke(h, e) {
+      if (h.from === undefined) { h.from = this.draft.length; this.trace(h, h.x, h.y); }
+      const [x, y] = h.last;
+      if (Math.hypot(e.clientX - x, e.clientY - y) >= STROKE) this.trace(h, e.clientX, e.clientY);
+    },
+    trace(h, x, y) {
+      h.last = [x, y];
+      if (this.draft.length) this.covered.push(this.draft.length - 1);
+      this.draft.push(this.clamped(this.place({clientX: x, clientY: y})));
+    },
+    lifted(h, p) {
+      const first = this.draft[0], isBack = Math.hypot(first[0] - p[0], first[1] - p[1]) * this.zoom < NEAR;
+      if (this.draft.length > 2 && (isBack || (this.mode === 'cut' && h.from === 0))) this.close(true);
     },
     close(hidden) {
       const last = this.draft.length - 1;
@@ -202,7 +224,7 @@ export default {
     leave() { this.glass = false; this.cursor = null; },
     look(e) {
       const p = this.place(e), canvas = this.$refs.loupe, img = this.$refs.img;
-      this.glass = this.inside(p) && !(this.held && this.held.moved && !this.held.vertex);
+      this.glass = this.inside(p) && !(this.held && this.held.moved && !this.held.vertex && !this.held.draws);
       if (!this.loupe || !this.glass || !img.naturalWidth) return;
       const b = this.$refs.box.getBoundingClientRect();
       this.glassLeft = e.clientX - b.left > b.width - LOUPE - 40 && e.clientY - b.top < LOUPE + 40;

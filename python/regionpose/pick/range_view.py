@@ -129,13 +129,14 @@ class RangeView:
     def inside(self, ring: Sequence[Sequence[float]], points: Array) -> Mask:
         """Which of some points (n, 3) about the cloud's local origin are seen inside a ring (k, 2) of pixels.
 
-        ValueError for a ring that crosses itself or has no area.
+        A ring that crosses itself, as one drawn by hand may where its ends meet, holds all that it goes around.
+        ValueError for one without area.
         """
         import shapely
 
-        outline = shapely.Polygon(ring) if len(ring) > 2 else None
-        if outline is None or not outline.is_valid or not outline.area:
-            raise ValueError(f"found {len(ring)} corners, or edges that cross; needed an outline of 3 corners or more")
+        outline = shapely.make_valid(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
+        if not outline.area:
+            raise ValueError(f"found {len(ring)} corners around no area; needed an outline of 3 corners or more")
         return np.asarray(shapely.contains_xy(outline, self.pixels(points)))
 
     def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:

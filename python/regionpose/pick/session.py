@@ -26,6 +26,7 @@ from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
 from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
 from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin
+from regionpose.segmentation.cloud import points_on_plane
 from regionpose.segmentation.segmenters import Segmenter
 
 Array = NDArray[np.float64]
@@ -35,6 +36,9 @@ MOST_UNDO = 200
 
 LEAST_POINTS = 3
 """Points that a plane has at the least."""
+
+MOST_REFITS = 10
+"""Fits of a plane to the points that it holds at the most, as many as `robust_plane` takes."""
 
 NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
 
@@ -253,20 +257,28 @@ class Session:
         self._give("world", choices, again)
 
     def cut_cloud(self, key: int, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
-        """Keep those of a region's points for which `inside` says so, of local points (n, 3) of the cloud.
+        """Make a region of the points on its plane for which `inside` says so, of local points (n, 3) of the cloud.
 
-        ValueError for a region without points of the cloud, or where none or too few are left.
+        The plane is that of the region's points inside, fitted anew to what it holds until that stays, so that it does
+        not depend on how far the region was grown. All of the cloud's points count, also those that were not reached:
+        beyond a window, or on a scan line that is off. ValueError for a region without points of the cloud, or with
+        none or too few inside.
         """
         region = self.sketch.region(key)
         indices = None if region.world is None else region.world.chosen.side.indices
         if indices is None:
             raise ValueError(f"{region.name} has no points of the cloud yet; click it in the cloud first")
-        kept = indices[inside(self.cloud.local_points[indices])]
-        if len(kept) < LEAST_POINTS:
-            raise ValueError(f"found {len(kept)} points of {region.name} inside; needed at least {LEAST_POINTS}")
-        if len(kept) < len(indices):
-            part = replace(self._world_part({"points": kept.tolist()}, "cut out"), picked=True)
-            self._change(self.sketch.with_region(region.with_side("world", only(part))))
+        points = self.cloud.local_points
+        held = indices[inside(points[indices])]
+        if len(held) < LEAST_POINTS:
+            raise ValueError(f"found {len(held)} points of {region.name} inside; needed at least {LEAST_POINTS}")
+        for _ in range(MOST_REFITS):
+            on_plane = points_on_plane(points, held, self.scan.scanner)
+            before, held = held, on_plane[inside(points[on_plane])]
+            if np.array_equal(held, before):
+                break
+        part = replace(self._world_part({"points": held.tolist()}, "cut out"), picked=True)
+        self._change(self.sketch.with_region(region.with_side("world", only(part))))
 
     def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
         selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)

@@ -80,8 +80,8 @@ def scanner_text(place: NDArray[np.float64] | None, asks: bool) -> str:
 def photo_hint(selected: Picked | None, mode: str) -> str:
     """What the next click in the photo does."""
     if mode == "polygon":
-        ends = "the first one again or Enter closes it, Backspace takes one back, Esc all"
-        return f"<b>Polygon:</b> click the corners, with Shift where the edge to them is hidden; {ends}."
+        ends = "Enter closes, Backspace takes one back, Esc all"
+        return f"<b>Polygon:</b> click the corners; Shift hides the edge to one, Shift-drag a whole outline; {ends}."
     if mode == "hide":
         editable = selected is not None and selected.image is not None and selected.image.chosen.is_polygon
         if editable:
@@ -94,7 +94,7 @@ def cloud_hint(selected: Picked | None, cuts: bool) -> str:
     """What the next click in the cloud does."""
     if cuts and selected is not None and selected.world is not None:
         return (
-            f"<b>Cut out:</b> draw around the points of <b>{escape(selected.name)}</b> that are the face's; Enter ends."
+            f"<b>Cut out:</b> Shift-drag around the points of <b>{escape(selected.name)}</b>, or click corners, Enter."
         )
     if cuts:
         return "<b>Cut out:</b> select a region with points of the cloud first."

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from regionpose.arrays import row_array
 from regionpose.progress import Progress
+from regionpose.regions.outline import plane_samples
 from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Patch, grown, nearest_points, start_patch
 
@@ -65,6 +66,18 @@ def grow_plane(
     patch = _started(cloud, start, nearest, distance_m, radius_m)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
     return members if min_width_m is None else members[without_narrow_parts(cloud[members], start, min_width_m)]
+
+
+def points_on_plane(points: Array, members: Indices, sensor_origin: ArrayLike | None) -> Indices:
+    """Indices, ascending, of the points (n, 3) that noise alone may put off the plane of some of them.
+
+    The plane and its noise are those by which a scan's samples are told (`WorldRegion.from_scan`). ValueError for
+    members that span no plane.
+    """
+    plane = plane_samples(points[members], sensor_origin)
+    heights = points @ plane.axes[2] - plane.origin @ plane.axes[2]
+    near: Indices = np.flatnonzero(np.abs(heights) <= plane.noise)
+    return near
 
 
 def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -> int:

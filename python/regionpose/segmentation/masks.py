@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 MOST_SHOWN = 12
 """Regions that a message lists at most."""
 
+PER_PIXEL_OF_SHARES = 2
+"""A quarter of the bytes of a pixel's share, once as read and once as the region keeps it."""
+
 
 def masks_from_file(path: str | Path, *, image: str | int | None = None) -> Mapping[str, Mask]:
     """Masks (h, w) by name from a label image (PNG, TIFF, ...), a COCO or a labelme file.
@@ -130,7 +133,7 @@ def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.fl
 
     `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size.
     """
-    levels = read_pixels(Path(path), "L", per_pixel=1).values
+    levels = read_pixels(Path(path), "L", per_pixel=PER_PIXEL_OF_SHARES).values
     if levels.shape != tuple(size):
         found, needed = (f"{width} x {height}" for height, width in (levels.shape, size))
         raise ValueError(f"{path}: found a mask of {found} pixels; needed {needed}, as the image")

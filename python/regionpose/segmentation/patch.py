@@ -48,11 +48,11 @@ SEED_SHARE = 0.6
 """Least share of the neighbors on the plane; a seed near an edge has a good part of them beyond it."""
 
 SAME_NOISE = 1.3
-"""Ratio of the noise in a neighborhood and in the next smaller within it up to which they show the same plane."""
+"""Ratio of the noise in a neighborhood and the least of smaller ones up to which they show the same plane. By steps
+from each to the next it would creep up, as where a door stands back from its wall by less than scan lines disagree."""
 
 NOISE_TELLING = 192
-"""Neighbors up to which the smaller neighborhood's noise tells nothing: few points on two scan lines lie on a plane
-anyway."""
+"""Neighbors below which the noise tells nothing: few points on two scan lines lie on a plane anyway."""
 
 SEED_SIGMAS = 5.0
 """Distance of the seed's nearest point from the plane at the most: any point may be picked, the noisiest ones too."""
@@ -129,12 +129,14 @@ def start_patch(cloud: Array, seed: Array, nearest: Indices, distance: float | N
     `distance`, `radius`: `distance_m`, `radius_m` of `grow_plane`. ValueError for a seed on no plane.
     """
     chosen: Patch | None = None
+    noise = np.inf
     for size in SEED_NEIGHBORS:
         patch = _neighborhood_patch(cloud, nearest[:size])
-        noisier = patch is not None and chosen is not None and patch.sigma > SAME_NOISE * chosen.sigma
-        if noisier and size > NOISE_TELLING:
+        if patch is not None and patch.sigma > SAME_NOISE * noise:
             break
         chosen = patch or chosen
+        if chosen is not None and size >= NOISE_TELLING:
+            noise = min(noise, chosen.sigma)
         if size >= len(nearest):
             break
     if chosen is None or size < SEED_NEIGHBORS[-1] or patch is None:

@@ -8,10 +8,12 @@ mod crossing;
 mod nesting;
 pub(crate) mod predicates;
 
+use std::iter;
+
 use nalgebra::Vector2;
 
 use crate::error::{Error, Result};
-use nesting::Location;
+use nesting::{Location, Nesting};
 
 /// Smallest area of a ring as a fraction of its extent squared: what rounding alone may leave of a collapsed ring of
 /// ten thousand vertices.
@@ -235,11 +237,10 @@ impl CleanRing {
     }
 }
 
-/// Rings known to be simple and apart, with the nesting depth of each.
+/// Rings known to be simple and apart, with the place of each among the others.
 struct SimpleRings {
     rings: Vec<CleanRing>,
-    /// For each ring the rings that contain it.
-    parents: Vec<Vec<usize>>,
+    nesting: Vec<Nesting>,
 }
 
 impl SimpleRings {
@@ -257,12 +258,12 @@ impl SimpleRings {
         for (index, ring) in rings.iter().enumerate() {
             ring.check_area(index)?;
         }
-        let parents = nesting::parents(&rings);
-        Ok(Self { rings, parents })
+        let nesting = nesting::nesting(&rings);
+        Ok(Self { rings, nesting })
     }
 
     fn check_outer_turns(&self) -> Result<()> {
-        let outer = || (0..self.rings.len()).filter(|&k| self.parents[k].is_empty());
+        let outer = || (0..self.rings.len()).filter(|&k| self.nesting[k].depth == 0);
         let size = |k: usize| self.rings[k].area.abs();
         let Some(largest) = outer().max_by(|&a, &b| size(a).total_cmp(&size(b)).then(b.cmp(&a))) else {
             return Ok(());
@@ -275,25 +276,27 @@ impl SimpleRings {
     }
 
     fn check_holes(&self) -> Result<()> {
-        for (ring, parents) in self.parents.iter().enumerate().skip(1) {
-            if !parents.contains(&0) {
-                return Err(Error::HoleOutside { ring });
-            }
-            if let Some(&outer) = parents.iter().find(|&&parent| parent != 0) {
-                return Err(Error::NestedHole { ring, outer });
+        for ring in 1..self.rings.len() {
+            let around = |ring: usize| self.nesting[ring].parent;
+            match around(ring) {
+                Some(0) => {}
+                Some(outer) if iter::successors(Some(outer), |&outer| around(outer)).any(|outer| outer == 0) => {
+                    return Err(Error::NestedHole { ring, outer });
+                }
+                _ => return Err(Error::HoleOutside { ring }),
             }
         }
         Ok(())
     }
 
     fn oriented(self) -> PlaneRings {
-        let turned = |(mut ring, parents): (CleanRing, Vec<usize>)| {
-            if (ring.area > 0.0) != parents.len().is_multiple_of(2) {
+        let turned = |(mut ring, place): (CleanRing, Nesting)| {
+            if (ring.area > 0.0) != place.depth.is_multiple_of(2) {
                 ring.vertices[1..].reverse();
             }
             ring.vertices
         };
-        PlaneRings { rings: self.rings.into_iter().zip(self.parents).map(turned).collect() }
+        PlaneRings { rings: self.rings.into_iter().zip(self.nesting).map(turned).collect() }
     }
 }
 

@@ -36,8 +36,9 @@ const ROUGH: f64 = 32.0;
 /// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
 const FOUND: f64 = 0.2;
 
-/// Logarithm of odds on some of the samples by which a start is behind the best that all of them do not make up, and one that
-/// is not led yet by as much again.
+/// Logarithm of odds on some of the samples by which a start that they led is behind the best that all of them do not make up. One
+/// that is not led yet, or on its way with all of them, makes up as much again: the evidence of a place changes by up to 18 until
+/// its belief is taken as a whole.
 const HOPELESS: f64 = 25.0;
 
 impl Problem {
@@ -116,7 +117,7 @@ impl Problem {
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_PLACE);
         let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
         let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
-        posteriors(regions, others, &likely, HOPELESS)
+        posteriors(regions, others, &likely, 2.0 * HOPELESS)
     }
 
     /// The contours of the regions without samples.

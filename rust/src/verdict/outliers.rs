@@ -1,6 +1,7 @@
 //! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, eq. 11.8).
 
 use crate::contour::fit::ContourFit;
+use crate::contour::readings::Reading;
 
 /// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
 const BY_CHANCE: f64 = 0.06;
@@ -10,6 +11,9 @@ const HALF: f64 = 0.5;
 
 /// Share, of a region that belongs to the pose, below which nothing counts as found: twice what chance gives.
 const LEAST_OWN: f64 = 2.0 * BY_CHANCE;
+
+/// Half a pixel: as far as the edge of a binary mask lies from the true one. What is nearer is off by no more than masks are.
+const HALF_A_PIXEL: f64 = 0.5;
 
 /// Natural logarithm of the odds that a region belongs to the pose, for each region; infinite for a region alone.
 ///
@@ -30,9 +34,13 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
 }
 
-/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it.
+/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it. What
+/// lies within half a pixel is not off, however much closer other regions fit.
 pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
-    let shares = fit.clean_shares();
+    let near = |readings: &[Reading]| readings.iter().filter(|reading| reading.misfit < HALF_A_PIXEL).count() as f64;
+    let shares = fit.clean_shares().into_iter().zip(fit.regions());
+    let shares: Vec<f64> =
+        shares.map(|(clean, (_, readings))| clean.max(near(readings) / readings.len().max(1) as f64)).collect();
     let cleanest = |region: usize| {
         let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
         others.reduce(f64::max).unwrap_or(0.0)

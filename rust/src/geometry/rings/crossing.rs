@@ -6,6 +6,9 @@ use super::predicates::{contact, is_left_of_corner, lies_on, turn};
 use super::{CleanRing, ring_edges, rising, without_negligible};
 use crate::error::{Contact, Error, Result};
 
+/// Edges for which a strip of its own pays: a convention.
+const EDGES_PER_STRIP: usize = 64;
+
 /// One edge of one ring with its box, `along` the sweep axis and `across` it.
 struct Edge {
     ring: usize,
@@ -23,17 +26,48 @@ pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
         return Ok(());
     }
     let edges = edges_for_sweep(rings);
-    let mut active: Vec<&Edge> = Vec::new();
+    let strips = Strips::new(&edges);
+    let mut active = vec![Vec::<&Edge>::new(); strips.count];
     for edge in rising(edges.iter().map(|edge| edge.along[0])).map(|index| &edges[index]) {
-        active.retain(|other| other.along[1] >= edge.along[0]);
-        for other in &active {
-            if other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
-                check_pair(rings, other, edge)?;
+        let (first, last) = (strips.at(edge.across[0]), strips.at(edge.across[1]));
+        for (strip, active) in (first..).zip(&mut active[first..=last]) {
+            active.retain(|other| other.along[1] >= edge.along[0]);
+            for other in &*active {
+                // A pair that shares several strips is looked at in the first of these.
+                let is_first = strip == first || strip == strips.at(other.across[0]);
+                if is_first && other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
+                    check_pair(rings, other, edge)?;
+                }
             }
+            active.push(edge);
         }
-        active.push(edge);
     }
     Ok(())
+}
+
+/// Strips of equal width along the sweep: edges that share none are apart.
+struct Strips {
+    count: usize,
+    low: f64,
+    per_unit: f64,
+}
+
+impl Strips {
+    /// Of no more than [`EDGES_PER_STRIP`] edges in the mean, and as wide as an edge, in the mean, or wider: together they hold
+    /// an edge about twice.
+    fn new(edges: &[Edge]) -> Self {
+        let low = edges.iter().map(|edge| edge.across[0]).fold(f64::INFINITY, f64::min);
+        let high = edges.iter().map(|edge| edge.across[1]).fold(f64::NEG_INFINITY, f64::max);
+        let widths: f64 = edges.iter().map(|edge| edge.across[1] - edge.across[0]).sum();
+        let most = (high - low) / widths * edges.len() as f64;
+        let count = (most.min((edges.len() / EDGES_PER_STRIP) as f64) as usize).max(1);
+        Self { count, low, per_unit: count as f64 / (high - low) }
+    }
+
+    /// The strip that holds a place.
+    fn at(&self, across: f64) -> usize {
+        (((across - self.low) * self.per_unit) as usize).min(self.count - 1)
+    }
 }
 
 /// Whether a ring goes once around the mean of its vertices, all edges turning one way about it: none can then meet another.
