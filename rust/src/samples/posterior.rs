@@ -93,9 +93,10 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 
 /// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
 /// off. First the blur falls on from there, then contours may be grown farther and farther. What is off looks blurred
-/// to those who do not know of it: the blur falls once more from the start with stretches that are off as far as they
-/// may be, these are then off less, and where anything is off the blur falls again. A start that is behind the best by
-/// more than `hopeless`, in logarithms of the evidence, goes no farther.
+/// to those who do not know of it: where the finest blur is not the likeliest, it falls once more from the start with
+/// stretches that are off as far as they may be. Then stretches are off more and more, and where anything is off the
+/// blur falls again. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
+/// farther.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
@@ -104,7 +105,7 @@ pub fn posteriors(
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
     let [least, more @ ..] = SCALES;
-    let [between @ .., most] = more;
+    let most = more[more.len() - 1];
     for blur in blurs() {
         go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: least, off: least }));
     }
@@ -114,11 +115,12 @@ pub fn posteriors(
     }
     all.iter_mut().for_each(Going::start_again);
     for blur in blurs() {
-        go_on(&mut all, hopeless, |one| Some(Setting { blur, growth: one.growth(), off: most }));
+        go_on(&mut all, hopeless, |one| Some(Setting { blur, growth: one.again?, off: most }));
     }
     all.retain_mut(|one| one.go_back().is_some());
-    for off in between {
-        go_on(&mut all, hopeless, |one| Some(Setting { off, ..one.likeliest()? }));
+    for off in more {
+        let next = |one: &Going<_>| Some(Setting { off, ..one.likeliest()? });
+        go_on(&mut all, hopeless, |one| next(one).filter(|setting| !one.was_at(setting)));
     }
     all.retain_mut(|one| one.go_back().is_some());
     for blur in blurs() {
@@ -164,8 +166,9 @@ pub(super) struct Setting {
 struct Going<'a, F> {
     samples: Samples<'a, F>,
     state: State,
-    /// What it started from.
+    /// What it started from, and how far contours are grown where the blur falls once more from there.
     first: (State, Samples<'a, F>),
+    again: Option<f64>,
     /// Where it was with each setting.
     found: Vec<(State, Setting)>,
     /// The likeliest of these, and the samples then.
@@ -176,17 +179,21 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
         let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
         let samples = Samples::all(regions, others, from.pose, from.trust.clone());
-        Self { first: (state, samples.clone()), samples, state, found: Vec::new(), best: None }
+        Self { first: (state, samples.clone()), again: None, samples, state, found: Vec::new(), best: None }
     }
 
-    /// How far contours are grown in the likeliest setting.
-    fn growth(&self) -> f64 {
-        self.best.as_ref().map_or(SCALES[0], |(_, setting, _)| setting.growth)
-    }
-
-    /// Goes back to its start.
+    /// Goes back to its start where something looks blurred.
     fn start_again(&mut self) {
-        (self.state, self.samples) = self.first.clone();
+        let blurred = self.best.as_ref().filter(|(_, setting, _)| setting.blur > FINEST);
+        self.again = blurred.map(|(_, setting, _)| setting.growth);
+        if self.again.is_some() {
+            (self.state, self.samples) = self.first.clone();
+        }
+    }
+
+    /// Whether it was there with a setting.
+    fn was_at(&self, setting: &Setting) -> bool {
+        self.found.iter().any(|(_, other)| other == setting)
     }
 
     /// The greatest logarithm of the evidence so far.

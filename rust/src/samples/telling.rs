@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, log_likelihood};
+use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, leading_step, log_likelihood};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
@@ -379,7 +379,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// The pose after an increment, or after a part of it where all that is known is far less likely there.
     fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
-        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, self.step) + (self.others)(pose).offset;
+        let step = leading_step(self.regions);
+        let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, step) + (self.others)(pose).offset;
         let least = fit(from) - WORSE;
         let poses = (0..HALVINGS).map(|halving| from.moved(&(increment * RELAXED.powi(halving as i32))));
         poses.into_iter().find(|pose| fit(pose) >= least).unwrap_or(*from)
