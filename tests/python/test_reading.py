@@ -246,7 +246,7 @@ def test_a_mask_of_shares_counts_as_what_its_region_keeps(tmp_path: Path) -> Non
     levels[100:200, 100:200] = 128
     path = tmp_path / "shares.png"
     Image.fromarray(levels).save(path)
-    with pytest.raises(FileError, match=r"shares\.png: 9000 x 7000 pixels: found 126000000 bytes in a file of \d+; needed"):
+    with pytest.raises(FileError, match=r"shares\.png: 9000 x 7000 pixels: found 126000000 bytes in a file of"):
         coverage_from_file(path, levels.shape)
 
 
