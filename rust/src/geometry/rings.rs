@@ -120,7 +120,7 @@ impl PlaneRings {
         let mut inside = false;
         for ring in &self.rings {
             match nesting::location(ring, point) {
-                Location::Boundary(_) => return true,
+                Location::Boundary => return true,
                 Location::Inside => inside = !inside,
                 Location::Outside => {}
             }

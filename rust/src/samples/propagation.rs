@@ -3,7 +3,7 @@
 
 use nalgebra::{SVector, Vector6};
 
-use super::belief::{Belief, INCREMENT, WHOLE};
+use super::belief::{Belief, INCREMENT, JOINT, WHOLE};
 use super::normal::{cumulative, density};
 use super::readings::Sight;
 use super::stretch::{Heard, KINDS, Outline, View};
@@ -13,8 +13,8 @@ use crate::prior::Gaussian;
 /// Sweeps over all sites at most.
 pub(super) const SWEEPS: usize = 6;
 
-/// What a sweep counts as for each site, in edges that are looked at: 9 x 9 entries of each kind of stretch.
-pub(super) const EDGES_OF_SWEEP: usize = 81 * KINDS;
+/// What a sweep counts as for each site, in edges that are looked at: the entries of a covariance for each kind of stretch.
+pub(super) const EDGES_OF_SWEEP: usize = JOINT * JOINT * KINDS;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the
 /// last.

@@ -377,7 +377,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
     }
 
-    /// The pose after an increment, or after a part of it where all that is known is far less likely there.
+    /// The pose after an increment, or after a part of it where some of the samples and all else that is known are far less likely
+    /// there.
     fn approached(&self, from: &Pose, increment: &Tangent, blur: f64) -> Pose {
         let step = leading_step(self.regions);
         let fit = |pose: &Pose| log_likelihood(self.regions, pose, blur, step) + (self.others)(pose).offset;

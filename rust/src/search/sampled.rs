@@ -37,8 +37,8 @@ const ROUGH: f64 = 32.0;
 const FOUND: f64 = 0.2;
 
 /// Logarithm of odds on some of the samples by which a start that they led is behind the best that all of them do not make up. One
-/// that is not led yet, or on its way with all of them, makes up as much again: the evidence of a place changes by up to 18 until
-/// its belief is taken as a whole.
+/// that is not led yet, or on its way with all of them, makes up as much again: without that, half turns that fit about as well in
+/// the end were lost on the way (`regionpose evaluate trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
 const HOPELESS: f64 = 25.0;
 
 impl Problem {

@@ -14,16 +14,16 @@ use super::{CleanRing, ring_edges};
 pub(crate) enum Location {
     Inside,
     Outside,
-    /// On the edge with this index; on its start where it is a vertex.
-    Boundary(usize),
+    /// On an edge or a vertex.
+    Boundary,
 }
 
 /// Where `point` lies relative to `ring`: the parity of the edges that a ray towards +x crosses.
 pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
     let mut inside = false;
-    for (index, (a, b)) in ring_edges(ring).enumerate() {
+    for (a, b) in ring_edges(ring) {
         if point == a {
-            return Location::Boundary(index);
+            return Location::Boundary;
         }
         if point == b {
             continue; // the start of the next edge
@@ -31,11 +31,11 @@ pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
         if (a.y > point.y) != (b.y > point.y) {
             let side = turn(a, b, point);
             if side.is_eq() {
-                return Location::Boundary(index);
+                return Location::Boundary;
             }
             inside ^= side.is_gt() == (b.y > a.y);
         } else if a.y == point.y && b.y == point.y && (a.x < point.x) != (b.x <= point.x) {
-            return Location::Boundary(index);
+            return Location::Boundary;
         }
     }
     if inside { Location::Inside } else { Location::Outside }
