@@ -3,7 +3,8 @@
 //!     cargo run --profile test --example fuzz -- --seconds 60
 //!     cargo run --profile test --example fuzz -- --target estimate --runs 100000 --seed 3
 //!
-//! A find is a panic, a result that breaks a law of the kernel, or a run that doesn't end within a minute of processor time. Each is shown with its seed, by which it comes again: `--target T --seed S --runs 1`.
+//! A find is a panic, a result that breaks a law of the kernel, or a run that doesn't end within a minute of processor time. Each kind is shown as soon as it is met, with its seed, by which it comes again: `--target T --seed S --runs 1`.
+//! Each minute the error stream says how far it is, so that a run that is ended early has told what it had tried.
 //! The exit code is 1 if there were any. Runs are timed by the main thread's own processor time, on Linux.
 
 mod kernels;
@@ -45,6 +46,10 @@ const TARGETS: [Target; 11] = [
 
 /// A run may take so many seconds of processor time.
 const LONGEST: f64 = 60.0;
+
+/// How often the watch looks, and how often it says how far the runs are.
+const LOOK: Duration = Duration::from_millis(500);
+const REPORT: Duration = Duration::from_secs(60);
 
 /// Shares of a run's seconds between the targets: estimates, which hold all kernels, have half of them.
 fn share(name: &str) -> f64 {
@@ -150,7 +155,13 @@ impl Tally {
                 self.works.push(work);
             }
             Ok(false) => {}
-            Err(what) => self.finds.entry(kind_of(&what)).or_insert((0, seed, what)).0 += 1,
+            Err(what) => {
+                let kind = kind_of(&what);
+                if !self.finds.contains_key(&kind) {
+                    eprintln!("seed {seed}: {what}");
+                }
+                self.finds.entry(kind).or_insert((0, seed, what)).0 += 1;
+            }
         }
         self.runs += 1;
         self.slowest = later(self.slowest, (seconds, seed));
@@ -199,10 +210,15 @@ fn set_began(at: Option<f64>) {
     *BEGAN.lock().unwrap_or_else(|held| held.into_inner()) = at;
 }
 
-/// Ends everything where a run takes far too long.
+/// Says how far the runs are, and ends everything where one takes far too long.
 fn watch() {
+    let mut said = Instant::now();
     loop {
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(LOOK);
+        if said.elapsed() >= REPORT {
+            said = Instant::now();
+            eprintln!("at the seed {}", RUNNING.load(Ordering::Relaxed));
+        }
         let began = *BEGAN.lock().unwrap_or_else(|held| held.into_inner());
         if began.is_some_and(|at| processor_time() - at > LONGEST) {
             println!("the run with the seed {} does not end", RUNNING.load(Ordering::Relaxed));
