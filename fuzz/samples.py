@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -15,6 +16,10 @@ import numpy as np
 import seals
 from PIL import Image
 from regionpose.yaml_text import to_yaml
+
+# What writes bags is the tests'.
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
+from bag_files import filled
 
 Reader = Callable[[Path], object]
 
@@ -76,7 +81,7 @@ CALIBRATION = {"K": [[300, 0, 8], [0, 300, 6], [0, 0, 1]], "D": [0.1, 0, 0, 0], 
 
 def samples(calibrations: Path) -> list[Sample]:
     """One file of each kind; `calibrations`: the folder of the tests' own."""
-    return [*_clouds(), *_pictures(), *_texts(), *_arrays(), *_calibrations(calibrations)]
+    return [*_clouds(), *_pictures(), *_texts(), *_arrays(), *_bags(), *_calibrations(calibrations)]
 
 
 def _clouds() -> list[Sample]:
@@ -171,6 +176,27 @@ def _arrays() -> list[Sample]:
     ]
 
 
+def _bags() -> list[Sample]:
+    from regionpose.clouds import read_cloud
+    from regionpose.scene.sensors import read_picture
+
+    def scan(path: Path) -> object:
+        return read_cloud(f"{path}#/points@0x2")
+
+    def picture(path: Path) -> object:
+        return read_picture(Path(f"{path}#/camera@0.2"))
+
+    files = {"plain.bag": _bag("ros1"), "bz2.bag": _bag("ros1", "BZ2"), "lz4.bag": _bag("ros1", "LZ4")}
+    files |= {
+        "sqlite.db3": _bag("sqlite file"),
+        "plain.mcap": _bag("mcap file"),
+        "zstd.mcap": _bag("mcap file", "STORAGE"),
+    }
+    # What one reader is shown, the other is shown too, under another name.
+    pictures = [Sample(f"picture_{name}", content, picture) for name, content in files.items()]
+    return [*(Sample(name, content, scan) for name, content in files.items()), *pictures]
+
+
 def _calibrations(folder: Path) -> list[Sample]:
     from regionpose.calibration import load_camera, load_lidar_pose
 
@@ -179,6 +205,11 @@ def _calibrations(folder: Path) -> list[Sample]:
         each._replace(name=f"lidar_{each.name}", read=load_lidar_pose) for each in held if each.name.startswith("kitti")
     ]
     return [*held, *lidar, Sample("opencv.json", _json(CALIBRATION | {"model": "pinhole"}), load_camera)]
+
+
+def _bag(kind: str, packed: str | None = None) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return filled(kind, packed).write(Path(folder)).read_bytes()
 
 
 def _triangles() -> Any:

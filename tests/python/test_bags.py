@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import subprocess
 import sys
@@ -12,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
+from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, points_of
 from numpy.typing import NDArray
-from PIL import Image
 from regionpose.bags.pictures import read_bag_picture
 from regionpose.bags.place import BagPlace, bag_place, is_there
 from regionpose.clouds import CloudError, MissingExtraError, read_cloud
@@ -21,114 +20,8 @@ from regionpose.reading import FileError
 from regionpose.scene import load_scene, scene_sides
 from regionpose.scene.inputs import input_values
 from regionpose.scene.sensors import read_picture
+from rosbags.highlevel import AnyReader
 from scene_files import scene_values, write_scene
-
-SECOND, BEGIN = 10**9, 1_700_000_000 * 10**9
-SCANS = 5
-"""Scans in a bag, ten a second."""
-
-highlevel = pytest.importorskip("rosbags.highlevel", reason="needs the extra ros")
-rosbag1 = pytest.importorskip("rosbags.rosbag1")
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-typesys = pytest.importorskip("rosbags.typesys")
-
-KINDS = ("ros1", "sqlite", "mcap", "mcap file")
-
-
-def points_of(scan: int) -> NDArray[np.void]:
-    """The points of a scan: x, y, z, intensity and packed color, in rows of 24 bytes."""
-    layout: Any = {"names": ["x", "y", "z", "intensity", "rgb"], "formats": ["<f4"] * 4 + ["<u4"], "itemsize": 24}
-    layout["offsets"] = [0, 4, 8, 12, 16]
-    kind = np.dtype(layout)
-    points = np.zeros(6, dtype=kind)
-    for axis, name in enumerate("xyz"):
-        points[name] = np.arange(6) * (axis + 1.0) + scan
-    points["intensity"], points["rgb"] = np.arange(6) * 10.0, 0x102030
-    return points
-
-
-class Bag:
-    """The messages that a bag gets, of one of the kinds."""
-
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
-        stores = typesys.Stores
-        self.store = typesys.get_typestore(stores.ROS1_NOETIC if kind == "ros1" else stores.ROS2_HUMBLE)
-        self.written: list[tuple[str, int, Any]] = []
-
-    def make(self, kind: str, /, **values: Any) -> Any:
-        return self.store.types[kind](**values)
-
-    def header(self, at: int, frame: str = "lidar") -> Any:
-        stamp = self.make("builtin_interfaces/msg/Time", sec=at // SECOND, nanosec=at % SECOND)
-        extra = {"seq": 0} if self.kind == "ros1" else {}
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
-
-    def scan(self, at: int, points: NDArray[np.void], *, frame: str = "lidar", **changed: Any) -> None:
-        named = points.dtype.fields
-        assert named is not None
-        fields = [
-            self.make(
-                "sensor_msgs/msg/PointField",
-                name=name,
-                offset=named[name][1],
-                datatype=6 if name == "rgb" else 7,
-                count=1,
-            )
-            for name in points.dtype.names or ()
-        ]
-        step = points.dtype.itemsize
-        values = {"header": self.header(at, frame), "height": 1, "width": len(points), "fields": fields}
-        values |= {"is_bigendian": False, "point_step": step, "row_step": step * len(points)}
-        values |= {"data": np.frombuffer(points.tobytes(), dtype=np.uint8), "is_dense": True}
-        self.written.append(("/points", at, self.make("sensor_msgs/msg/PointCloud2", **(values | changed))))
-
-    def picture(self, at: int, pixels: NDArray[Any], encoding: str, *, topic: str = "/camera", pad: int = 0) -> None:
-        rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
-        padded = np.pad(rows, ((0, 0), (0, pad)))
-        values = {"header": self.header(at), "height": len(pixels), "width": pixels.shape[1], "encoding": encoding}
-        values |= {"is_bigendian": 0, "step": padded.shape[1], "data": padded.ravel()}
-        self.written.append((topic, at, self.make("sensor_msgs/msg/Image", **values)))
-
-    def compressed(self, at: int, pixels: NDArray[np.uint8]) -> None:
-        held = io.BytesIO()
-        Image.fromarray(pixels).save(held, format="PNG")
-        data = np.frombuffer(held.getvalue(), dtype=np.uint8)
-        message = self.make("sensor_msgs/msg/CompressedImage", header=self.header(at), format="png", data=data)
-        self.written.append(("/compressed", at, message))
-
-    def write(self, folder: Path) -> Path:
-        """Write it to a folder; the path of the bag."""
-        path = folder / ("bag.bag" if self.kind == "ros1" else "bag")
-        with self._writer(path) as writer:
-            topics: dict[str, Any] = {}
-            for topic, at, message in self.written:
-                if topic not in topics:
-                    topics[topic] = writer.add_connection(topic, message.__msgtype__, typestore=self.store)
-                serialize = self.store.serialize_ros1 if self.kind == "ros1" else self.store.serialize_cdr
-                writer.write(topics[topic], at, serialize(message, message.__msgtype__))
-        return next(path.glob("*.mcap")) if self.kind == "mcap file" else path
-
-    def _writer(self, path: Path) -> Any:
-        if self.kind == "ros1":
-            return rosbag1.Writer(path)
-        plugins = rosbag2.StoragePlugin
-        return rosbag2.Writer(
-            path, version=9, storage_plugin=plugins.SQLITE3 if self.kind == "sqlite" else plugins.MCAP
-        )
-
-
-PIXELS = np.random.default_rng(0).integers(0, 256, (5, 7, 3), dtype=np.uint8)
-
-
-def filled(kind: str) -> Bag:
-    """A bag of five scans, and pictures."""
-    bag = Bag(kind)
-    for scan in range(SCANS):
-        bag.scan(BEGIN + scan * SECOND // 10, points_of(scan))
-    bag.picture(BEGIN + SECOND // 4, PIXELS, "rgb8", pad=3)
-    bag.compressed(BEGIN + SECOND // 4, PIXELS)
-    return bag
 
 
 @pytest.fixture(params=KINDS)
@@ -248,6 +141,32 @@ def test_damaged_bags_are_refused(kind: str, tmp_path: Path) -> None:
         path.write_bytes(content[:size])
         with pytest.raises(FileError, match=r"found damage .* needed a whole bag"):
             read_cloud(f"{path}#/points")
+
+
+@pytest.mark.parametrize(("kind", "packed"), PACKED)
+def test_compressed_bags_are_read(kind: str, packed: str, tmp_path: Path) -> None:
+    path = filled(kind, packed).write(tmp_path)
+    assert read_cloud(f"{path}#/points@0x{SCANS}").points.shape == (6 * SCANS, 3)
+    np.testing.assert_array_equal(read_picture(Path(f"{path}#/camera")), PIXELS)
+
+
+@pytest.mark.parametrize(("kind", "packed"), PACKED)
+def test_a_small_bag_that_unfolds_to_very_much_is_refused(
+    kind: str, packed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("regionpose.reading.FREE_BYTES", 10**6)
+    bag = filled(kind, packed)
+    bag.picture(BEGIN, np.zeros((3000, 4000), np.uint8), "mono8", topic="/large")
+    path = bag.write(tmp_path)
+    with pytest.raises(FileError, match=r"found a chunk of \d+ bytes that holds more than \d+; needed"):
+        read_picture(Path(f"{path}#/large"))
+
+
+def test_other_readers_of_rosbags_keep_its_own_limits(tmp_path: Path) -> None:
+    path = filled("ros1", "BZ2").write(tmp_path)
+    read_cloud(f"{path}#/points")
+    with AnyReader([path]) as reader:
+        assert sum(1 for _ in reader.messages()) == SCANS + 2
 
 
 def test_paths_that_name_no_bag_are_files(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 from regionpose.bags.place import NANOSECONDS, BagPlace
+from regionpose.bags.unfolding import bounded
 from regionpose.extras import load_extra
 from regionpose.progress import Progress
 from regionpose.reading import FileError
@@ -69,7 +70,7 @@ def _opened(place: BagPlace) -> Iterator[Any]:
     # Bags of older releases of ROS 2 in SQLite don't hold their types.
     known = typesys.get_typestore(typesys.Stores.LATEST)
     try:
-        with highlevel.AnyReader([place.bag], default_typestore=known) as reader:
+        with bounded(place.bag), highlevel.AnyReader([place.bag], default_typestore=known) as reader:
             yield reader
     except FileError:
         raise
