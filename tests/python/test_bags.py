@@ -81,6 +81,51 @@ def test_pictures_of_each_encoding(
     np.testing.assert_array_equal(read_picture(Path(f"{made.write(tmp_path)}#/camera")), expected)
 
 
+SMOOTH = np.stack(np.broadcast_arrays(*np.ogrid[20:140:8j, 30:200:10j], 90.0), axis=2).astype(np.uint8)
+"""A picture that changes evenly, so that what lies between its pixels is known."""
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_bayer_mosaic_gives_the_picture_that_it_was_taken_of(pattern: str, bits: int, tmp_path: Path) -> None:
+    rows, columns = np.indices(SMOOTH.shape[:2])
+    channel = np.array(["rgb".index(color) for color in pattern])[2 * (rows % 2) + columns % 2]
+    mosaic = np.take_along_axis(SMOOTH, channel[..., None], axis=2)[..., 0]
+    made = Bag("mcap")
+    made.picture(BEGIN, mosaic if bits == 8 else mosaic.astype("<u2") << 8, f"bayer_{pattern}{bits}")
+    found = read_picture(Path(f"{made.write(tmp_path)}#/camera")).astype(int)
+    own = np.take_along_axis(found, channel[..., None], axis=2)[..., 0]
+    np.testing.assert_array_equal(own, mosaic)
+    # Between whole numbers an interpolated one is off by up to one; at the border one side is missing.
+    assert np.abs(found - SMOOTH)[1:-1, 1:-1].max() <= 1
+    assert np.abs(found - SMOOTH).max() <= 20
+
+
+@pytest.mark.parametrize(
+    ("encoding", "luma", "code"),
+    [("yuv422", 1, "UYVY"), ("uyvy", 1, "UYVY"), ("yuv422_yuy2", 0, "YUYV"), ("yuyv", 0, "YUYV")],
+)
+def test_yuv_gives_the_colors_that_opencv_finds(encoding: str, luma: int, code: str, tmp_path: Path) -> None:
+    cv2 = pytest.importorskip("cv2")
+    raw = np.random.default_rng(1).integers(0, 256, (6, 8, 2), dtype=np.uint8)
+    raw[0, :, luma], raw[0, :, 1 - luma] = np.arange(16, 240, 28), 128
+    made = Bag("mcap")
+    made.picture(BEGIN, raw, encoding)
+    found = read_picture(Path(f"{made.write(tmp_path)}#/camera"))
+    expected = cv2.cvtColor(raw, getattr(cv2, f"COLOR_YUV2RGB_{code}")).astype(int)
+    dark = raw[..., luma] < 16
+    # OpenCV cuts luma off below black before it adds the chroma.
+    assert np.abs(found - expected)[~dark].max() <= 2
+    assert np.ptp(found[0], axis=1).max() == 0
+
+
+def test_yuv_of_an_odd_width_is_refused(tmp_path: Path) -> None:
+    made = Bag("mcap")
+    made.picture(BEGIN, PIXELS[..., :2], "yuyv")
+    with pytest.raises(FileError, match="found 7 columns of 'yuyv'; needed an even number"):
+        read_picture(Path(f"{made.write(tmp_path)}#/camera"))
+
+
 def test_what_is_not_there_is_named(bag: Path, tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"#/scans: found no such topic; needed one of the bag's: /camera, /compressed"):
         read_cloud(f"{bag}#/scans")
@@ -104,8 +149,8 @@ def test_what_is_not_there_is_named(bag: Path, tmp_path: Path) -> None:
 
 def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
     made = Bag("ros1")
-    made.picture(BEGIN, PIXELS[..., 0], "bayer_rggb8")
-    with pytest.raises(FileError, match=r"found the encoding 'bayer_rggb8'; needed rgb8, .* or a CompressedImage"):
+    made.picture(BEGIN, PIXELS[..., 0], "nv21")
+    with pytest.raises(FileError, match=r"found the encoding 'nv21'; needed rgb8, .* or a CompressedImage"):
         read_picture(Path(f"{made.write(tmp_path)}#/camera"))
 
 
