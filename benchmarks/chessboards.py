@@ -92,7 +92,8 @@ def clicks_of(folder: Path, out: Path, count: int, near: bool) -> Iterator[Click
         assert witness is not None
         after, before = run.estimate.confidence, witness.confidence_before
         grown = run.sides.image_regions[0].area / area
-        level, z = verdict(run).level, witness.alignment.z
+        (alignment,) = witness.told
+        level, z = verdict(run).level, alignment.z
         yield Click(grown, errors["rotation_deg"], errors["camera_center_m"], level, before, after, z)
 
 
