@@ -121,14 +121,24 @@ def camera_of(calibration: Plain) -> Camera:
     return classes[item.pop("model")](**item)
 
 
+BOARD_COLUMNS = ("x", "y", "z", "intensity", "ring")
+"""Those of the boards' scans, which are arrays without names."""
+
+
 def cloud_file(folder: Path) -> Path:
     """The cloud of a scene."""
     return next(path for path in (folder / "points.npy", folder / "points.bin") if path.exists())
 
 
+def scan_of(folder: Path) -> rp.Cloud:
+    """The cloud of a scene."""
+    boards = folder.parent.name == "acfr_fisheye"
+    return rp.read_cloud(cloud_file(folder), columns=BOARD_COLUMNS if boards else None)
+
+
 def cloud_of(folder: Path) -> Array:
     """Points (n, 3) of a scene."""
-    return rp.read_cloud(cloud_file(folder)).points
+    return scan_of(folder).points
 
 
 def scanner_of(folder: Path, calibration: Plain) -> list[float] | None:

@@ -18,6 +18,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
@@ -91,7 +92,7 @@ def _estimated(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> I
         found = rp.estimate_pose(whole.camera, whole.images, whole.worlds["samples"], prior=whole.priors[PRIOR])
     except rp.PoseError:
         return
-    parts = [rp.SceneFrame(seen[s.name].image, seen[s.name].points, s.camera, s.images) for s in scenes]
+    parts = [replace(seen[s.name], camera=s.camera, regions=s.images) for s in scenes]
     kind = f"{whole.kind}, {len(scenes)}"
     yield Start(kind, "+".join(s.name[-6:] for s in scenes), parts, found.pose, found.covariance, whole.truth)
 
@@ -145,7 +146,12 @@ def main() -> None:
     if not held:
         print(f"no frames in {given.data}: nothing to measure")
         return
-    seen = {frame.name: rp.SceneFrame(Photo.of(frame.image), frame.points, frame.camera) for frame in held}
+    seen = {
+        frame.name: rp.SceneFrame(
+            Photo.of(frame.image), frame.cloud.points, frame.camera, intensity=frame.cloud.intensity
+        )
+        for frame in held
+    }
     folders = sorted(path.parent.resolve() for path in given.data.glob("*/*/regions.json"))
     folders = [path for path in folders if path.parent.name in LIDARS]
     with tempfile.TemporaryDirectory() as temporary:

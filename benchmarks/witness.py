@@ -4,7 +4,7 @@ Of each frame, a folder with calib.json, a photo and a cloud, the agreement of p
 pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
 frames this says so and ends.
 
-A line each: depth steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
+A line each: steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
 these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then the
 AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and over
 those of which something is said. And what the constants of `regionpose.witness.odds` are taken from: the median of the
@@ -30,7 +30,7 @@ from regionpose.cameras import Camera
 from regionpose.witness import Photo
 from scipy.spatial.transform import Rotation
 
-from benchmarks.real_scenes import DEFAULT_DATA, camera_of, cloud_of
+from benchmarks.real_scenes import DEFAULT_DATA, camera_of, scan_of
 
 Array = NDArray[np.float64]
 
@@ -43,13 +43,17 @@ LEAST_POINTS = 1000
 
 
 class RealFrame(NamedTuple):
-    """A photo, its camera, a cloud (n, 3) and the true pose."""
+    """A photo, its camera, a cloud and the true pose."""
 
     name: str
     image: NDArray[np.uint8]
     camera: Camera
-    points: Array
+    cloud: rp.Cloud
     pose: rp.Pose
+
+    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.Alignment:
+        """How well photo and cloud agree at a pose."""
+        return rp.check_alignment(photo, self.cloud.points, self.camera, pose, intensity=self.cloud.intensity)
 
 
 def frames(data: Path) -> Iterator[RealFrame]:
@@ -57,20 +61,20 @@ def frames(data: Path) -> Iterator[RealFrame]:
     for path in sorted(data.glob("*/*/calib.json")):
         folder, calibration = path.parent, json.loads(path.read_text())
         if "cameras" in calibration:
-            points = rp.read_cloud(folder / "points.bin").points
+            cloud = scan_of(folder)
             for name, held in calibration["cameras"].items():
-                yield frame(f"{folder.parent.name}/{name}", folder / held["image"], held, points)
+                yield frame(f"{folder.parent.name}/{name}", folder / held["image"], held, cloud)
         elif (folder / "points.npy").exists() or (folder / "points.bin").exists():
-            points = cloud_of(folder)
-            if len(points) > LEAST_POINTS:
-                yield frame(f"{folder.parent.name}/{folder.name}", folder / "image.png", calibration, points)
+            cloud = scan_of(folder)
+            if len(cloud.points) > LEAST_POINTS:
+                yield frame(f"{folder.parent.name}/{folder.name}", folder / "image.png", calibration, cloud)
 
 
-def frame(name: str, image: Path, calibration: dict[str, Any], points: Array) -> RealFrame:
+def frame(name: str, image: Path, calibration: dict[str, Any], cloud: rp.Cloud) -> RealFrame:
     """One photo with its cloud."""
     pixels = np.asarray(Image.open(image).convert("RGB"))
     return RealFrame(
-        name, pixels, camera_of(calibration), points, rp.Pose.from_parts(calibration["R"], calibration["t"])
+        name, pixels, camera_of(calibration), cloud, rp.Pose.from_parts(calibration["R"], calibration["t"])
     )
 
 
@@ -104,12 +108,9 @@ def main() -> None:
         photo = Photo.of(held.image)
         _ = photo.strength
         middle = time.perf_counter()
-        true = rp.check_alignment(photo, held.points, held.camera, held.pose)
+        true = held.alignment(photo, held.pose)
         seconds = (middle - start, time.perf_counter() - middle)
-        others = [
-            rp.check_alignment(photo, held.points, held.camera, pose)
-            for pose in wrong_poses(held.pose, given.wrong, number)
-        ]
+        others = [held.alignment(photo, pose) for pose in wrong_poses(held.pose, given.wrong, number)]
         odds = [other.log_odds for other in others]
         print(
             f"{held.name:24} {len(true.places):6}  {true.lead:6.3f}  {true.deviation:10.4f}  {true.z:4.1f}"

@@ -18,7 +18,6 @@ __all__ = [
     "__version__",
     "alpha_shape",
     "contour_pieces",
-    "depth_steps",
     "edge_agreement",
     "edge_evidence",
     "estimate_batch",
@@ -32,6 +31,7 @@ __all__ = [
     "planar_moments",
     "plane_rings",
     "quad_solid_angles",
+    "scene_steps",
     "spherical_moments",
     "triangulate",
     "work_done",
@@ -72,11 +72,11 @@ def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bo
 def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.int64]:
     """Index (m,) of the edge of closed rings (n, 2) nearest to each of the points (m, 2), counted ring after ring."""
 
-def depth_steps(
-    points: ArrayLike, cell: float, gap: float, share: float
+def scene_steps(
+    points: ArrayLike, cell: float, gap: float, share: float, shades: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbors beyond;
-    distances (m,) of the former.
+    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, or before their shade changes, and of
+    their neighbors beyond; distances (m,) of the former.
     """
 
 def edge_agreement(

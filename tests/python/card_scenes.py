@@ -10,24 +10,45 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 CAMERA = rp.PinholeCamera(500.0, 500.0, 319.5, 239.5, width=640, height=480)
+WALL = 8.0
 POSE = rp.Pose(Rotation.from_rotvec([0.1, -0.2, 0.3]), np.array([0.3, -0.1, 0.2]))
 
 
 def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
     """A photo of cards before a wall, each of a shade of its own, and points of every third pixel, in the world."""
+    rays, depth, shade, rng = _drawn(seed)
+    return _photo(shade, rng), _points(rays, depth, rng)
+
+
+def painted(seed: int) -> tuple[NDArray[np.uint8], Array, Array]:
+    """The same photo of cards that are painted on the wall, points of it, and their intensity (n,): half the shade."""
+    rays, depth, shade, rng = _drawn(seed)
+    photo, points = _photo(shade, rng), _points(rays, np.full_like(depth, WALL), rng)
+    return photo, points, 0.5 * shade[::3, ::3].ravel() + rng.uniform(0.0, 1.0, len(points))
+
+
+def _drawn(seed: int) -> tuple[Array, Array, Array, np.random.Generator]:
+    """Rays (h, w, 3) of pixels, their depths and shades (h, w), and the numbers drawn on."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(640.0), np.arange(480.0))
     rays = np.stack([(x - 319.5) / 500.0, (y - 239.5) / 500.0, np.ones_like(x)], axis=-1)
-    depth, shade = np.full(x.shape, 8.0), np.full(x.shape, 120.0)
+    depth, shade = np.full(x.shape, WALL), np.full(x.shape, 120.0)
     for _ in range(14):
         center, half, near = rng.uniform([-0.6, -0.45], [0.6, 0.45]), rng.uniform(0.04, 0.12, 2), rng.uniform(2.0, 5.0)
         card = (np.abs(rays[..., :2] - center) < half).all(axis=-1) & (near < depth)
         depth[card], shade[card] = near, rng.uniform(0.0, 255.0)
-    photo = np.clip(shade + rng.normal(0.0, 2.0, x.shape), 0.0, 255.0).astype(np.uint8)
+    return rays, depth, shade, rng
+
+
+def _photo(shade: Array, rng: np.random.Generator) -> NDArray[np.uint8]:
+    return np.clip(shade + rng.normal(0.0, 2.0, shade.shape), 0.0, 255.0).astype(np.uint8)
+
+
+def _points(rays: Array, depth: Array, rng: np.random.Generator) -> Array:
+    """Points of every third pixel, in the world."""
     # Range noise and uneven rays, as a scan has: neighbors that are equally far would be chosen by rounding.
-    rays = rays + rng.normal(0.0, 2e-4, rays.shape)
-    points = (rays * depth[..., None])[::3, ::3].reshape(-1, 3)
-    return photo, POSE.inverse().transform(points)
+    uneven = rays + rng.normal(0.0, 2e-4, rays.shape)
+    return POSE.inverse().transform((uneven * depth[..., None])[::3, ::3].reshape(-1, 3))
 
 
 def turned(degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> rp.Pose:

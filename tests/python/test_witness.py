@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import regionpose as rp
-from card_scenes import CAMERA, POSE, cards, turned
+from card_scenes import CAMERA, POSE, cards, painted, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -70,6 +70,18 @@ def test_a_photo_serves_more_than_one_pose_and_large_ones_are_reduced() -> None:
     np.testing.assert_allclose(photo.pixels(photo.places(alignment.places)), alignment.places, atol=1e-9)
 
 
+def test_intensity_adds_steps_where_surfaces_change_their_shade() -> None:
+    photo, points, intensity = painted(0)
+    by_depth = rp.check_alignment(photo, points, CAMERA, POSE)
+    assert len(by_depth.places) == 0 and by_depth.log_odds == 0.0
+    right = rp.check_alignment(photo, points, CAMERA, POSE, intensity=intensity)
+    assert right.z > 3.0 and right.log_odds > 2.0 and right.agrees.mean() > 0.9
+    scaled = rp.check_alignment(photo, points, CAMERA, POSE, intensity=4.0 - 0.25 * intensity)
+    np.testing.assert_array_equal(scaled.places, right.places)
+    wrong = rp.check_alignment(photo, points, CAMERA, turned(12.0), intensity=intensity)
+    assert wrong.log_odds < 0.0
+
+
 def test_nothing_in_view_says_nothing() -> None:
     photo, points = cards(0)
     for pose, cloud in ((turned(180.0), points), (POSE, points[:5]), (POSE, np.full((7, 3), np.nan))):
@@ -83,6 +95,8 @@ def test_wrong_shapes_are_named() -> None:
         rp.check_alignment(photo, points[:5, :2], CAMERA, POSE)
     with pytest.raises(ValueError, match=r"image has shape \(3,\)"):
         rp.check_alignment([1.0, 0.5, 0.25], points, CAMERA, POSE)
+    with pytest.raises(ValueError, match=r"intensity has shape \(4,\); needed \(\d+,\), one value a point"):
+        rp.check_alignment(photo, points, CAMERA, POSE, intensity=np.ones(4))
 
 
 @settings(max_examples=50, deadline=None)

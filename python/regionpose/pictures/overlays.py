@@ -36,7 +36,7 @@ LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
 
 STEP_SHARE = 1 / 600
-"""Radius of a depth step's dot over the image's diagonal: seen without hiding the edge that it lies on."""
+"""Radius of a step's dot over the image's diagonal: seen without hiding the edge that it lies on."""
 
 THINNEST_LINE = 1.5
 """Pixels; what is thinner can't be seen."""
@@ -167,7 +167,7 @@ def overlay_depth(
 
 
 def overlay_steps(image: ArrayLike, alignment: Alignment) -> Bytes:
-    """The image (h, w, 3) with the depth steps of an `Alignment`: green where an edge of the photo stands out, magenta
+    """The image (h, w, 3) with the steps of an `Alignment`: green where an edge of the photo stands out, magenta
     where none does.
     """
     picture = checked_image(image).copy()

@@ -232,9 +232,16 @@ class RestOfScene:
         """Take the frames, those without a cloud left out."""
         self._origin = frames[0].origin
         self._frames = [
-            SceneFrame(Photo.of(sides.image), sides.cloud.local_points, sides.camera, sides.image_regions)
-            if sides.cloud is not None
-            else None
+            None
+            if sides.cloud is None
+            else SceneFrame(
+                Photo.of(sides.image),
+                sides.cloud.local_points,
+                sides.camera,
+                sides.image_regions,
+                # Colors may come from this very photo, at a wrong pose.
+                sides.cloud.intensity,
+            )
             for sides in frames
         ]
 

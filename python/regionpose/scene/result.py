@@ -132,7 +132,7 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
             "turn_deg": np.degrees(alignment.turn),
         }
     return {
-        "depth_steps": sum(len(alignment.places) for alignment in witness.told),
+        "steps": sum(len(alignment.places) for alignment in witness.told),
         **alone,
         "log_odds": witness.log_odds,
         "confidence_before": witness.confidence_before,
@@ -149,7 +149,7 @@ def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
     return {
         "refined": refinement.refined,
         "log_odds": refinement.log_odds,
-        "depth_steps": sum(refinement.steps),
+        "steps": sum(refinement.steps),
         "turned_deg": refinement.turned_deg,
         "moved_m": refinement.moved_m,
         "camera_from_world_before": pose_values(refinement.before),

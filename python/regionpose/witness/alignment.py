@@ -1,4 +1,4 @@
-"""How well the depth steps of a cloud lie on the edges of a photo at a pose, against poses that are turned."""
+"""How well the steps of a cloud lie on the edges of a photo at a pose, against poses that are turned."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from regionpose.witness.steps import (
     SeenSteps,
     Steps,
     beside,
+    checked_intensity,
     checked_points,
-    depth_steps,
     far_turns,
+    scene_steps,
     seen_steps,
 )
 
@@ -46,7 +47,7 @@ class Alignment:
     Parameters
     ----------
     places : (n, 2) array
-        Pixels of the photo where the cloud's depth steps are seen.
+        Pixels of the photo where the cloud's steps of depth and intensity are seen.
     agrees : (n,) array of bool
         Whether an edge stands out there.
     score : float
@@ -103,10 +104,11 @@ def check_alignment(
     pose: Pose,
     *,
     regions: Sequence[ImageRegion] = (),
+    intensity: ArrayLike | None = None,
 ) -> Alignment:
     """How well photo and cloud agree at a pose, however it was found.
 
-    Depth steps of the points as the camera would see them, against edges of the photo.
+    Steps of the points' depth and intensity as the camera would see them, against edges of the photo.
 
     Parameters
     ----------
@@ -121,6 +123,8 @@ def check_alignment(
     regions : sequence of ImageRegion
         Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
         allow.
+    intensity : (n,) array, optional
+        What the scanner received from each point, or how bright its color is, on any scale.
 
     Raises
     ------
@@ -128,8 +132,9 @@ def check_alignment(
         For other shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
-    local = (checked_points(points) - pose.camera_center) @ pose.rotation.as_matrix().T
-    steps = depth_steps(local, camera, photo)
+    places = checked_points(points)
+    local = (places - pose.camera_center) @ pose.rotation.as_matrix().T
+    steps = scene_steps(local, camera, photo, checked_intensity(intensity, places))
     return _aligned(photo, camera, steps, beside(regions))
 
 

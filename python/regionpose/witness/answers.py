@@ -147,7 +147,7 @@ def _disagreement(witness: SceneWitness) -> PoseWarning:
     share, steps, before = float(np.mean(agrees)), len(agrees), witness.confidence_before
     z = sum(alignment.lead for alignment in told) / float(np.hypot.reduce([one.deviation for one in told]))
     text = (
-        f"away from the regions photo and cloud do not agree: {100.0 * share:.0f} % of {steps} depth steps of the cloud"
+        f"away from the regions photo and cloud do not agree: {100.0 * share:.0f} % of {steps} steps of the cloud"
         f" lie on edges of the photo, {z:.1f} standard deviations above turned poses; the confidence falls"
         f" from {100.0 * before:.1f} %"
     )

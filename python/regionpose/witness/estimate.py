@@ -17,7 +17,7 @@ from regionpose.regions.world import WorldRegion
 from regionpose.witness.answers import Witnessed, witnessed
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo
-from regionpose.witness.steps import checked_points
+from regionpose.witness.steps import checked_intensity, checked_points
 
 
 def estimate_with_scene(
@@ -27,6 +27,7 @@ def estimate_with_scene(
     image: ArrayLike | Photo,
     points: ArrayLike,
     *,
+    intensity: ArrayLike | None = None,
     prior: Prior | None = None,
     solver: Solver | None = None,
 ) -> Witnessed:
@@ -47,6 +48,8 @@ def estimate_with_scene(
         The photo that the image regions are of: uint8, uint16 or floats in [0, 1].
     points : (n, 3) array
         The whole cloud, world coordinates, meters.
+    intensity : (n,) array, optional
+        What the scanner received from each point, or how bright its color is, on any scale.
     prior : Prior, optional
         As of `estimate_pose`.
     solver : Solver, optional
@@ -60,13 +63,14 @@ def estimate_with_scene(
     Raises
     ------
     ValueError
-        As of `estimate_pose`; for an image or points of other shapes.
+        As of `estimate_pose`; for an image, points or an intensity of other shapes.
     PoseError
         As of `estimate_pose`.
 
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
-    frame = SceneFrame(photo, checked_points(points), camera, image_regions)
+    places = checked_points(points)
+    frame = SceneFrame(photo, places, camera, image_regions, checked_intensity(intensity, places))
 
     def estimated(known: Prior | None) -> PoseEstimate:
         return estimate_pose(camera, image_regions, world_regions, prior=known, solver=solver)

@@ -1,4 +1,4 @@
-"""How likely the edges of a photo make a pose, under the depth steps of the cloud (docs/math.md, eq. 18.6 to 18.8)."""
+"""How likely the edges of a photo make a pose, under the steps of the cloud (docs/math.md, eq. 18.6 to 18.8)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,21 @@ from regionpose import _core
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo, Pictures
-from regionpose.witness.steps import DIFFERENCE, SEED, beside, checked_points, depth_steps, far_turns, seen_steps
+from regionpose.witness.steps import (
+    DIFFERENCE,
+    SEED,
+    beside,
+    checked_intensity,
+    checked_points,
+    far_turns,
+    scene_steps,
+    seen_steps,
+)
 
 Array = NDArray[np.float64]
 
 SHOWN, POWER = 0.5, 4.0
-"""The share of depth steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
+"""The share of steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
 between a rank that tells nothing and one that tells all."""
 
 AROUND_PX = 41
@@ -32,13 +41,14 @@ class Evidence:
     """The evidence of one frame about poses near one: its steps in the world, and the photo by how far it is spread."""
 
     def __init__(self, frame: SceneFrame, pose: Pose) -> None:
-        """The depth steps that the camera would see at a pose; ValueError for points or an image of another shape."""
+        """The steps that the camera would see at a pose; ValueError for points or an image of another shape."""
         self._camera, self._pose = frame.camera, pose
         self._photo = frame.image if isinstance(frame.image, Photo) else Photo.of(frame.image)
         self._known = beside(frame.regions)
         self._pictures: dict[float, Pictures] = {}
-        local = (checked_points(frame.points) - pose.camera_center) @ pose.rotation.as_matrix().T
-        self._all = depth_steps(local, frame.camera, self._photo)
+        points = checked_points(frame.points)
+        local = (points - pose.camera_center) @ pose.rotation.as_matrix().T
+        self._all = scene_steps(local, frame.camera, self._photo, checked_intensity(frame.intensity, points))
         self.turn(Rotation.identity())
 
     def turn(self, rotation: Rotation) -> Pose:

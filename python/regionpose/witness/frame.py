@@ -28,13 +28,18 @@ class SceneFrame:
         That took the photo.
     regions : sequence of ImageRegion
         Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+    intensity : (n,) array, optional
+        What the scanner received from each point, or how bright its color is, on any scale.
     """
 
     image: ArrayLike | Photo
     points: ArrayLike
     camera: Camera
     regions: Sequence[ImageRegion] = ()
+    intensity: ArrayLike | None = None
 
     def alignment(self, pose: Pose) -> Alignment:
         """How well photo and points agree at a pose, as of `check_alignment`."""
-        return check_alignment(self.image, self.points, self.camera, pose, regions=self.regions)
+        return check_alignment(
+            self.image, self.points, self.camera, pose, regions=self.regions, intensity=self.intensity
+        )

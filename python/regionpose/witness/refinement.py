@@ -36,7 +36,7 @@ PRIOR_CURVATURE = (FREEDOM + 6.0) / FREEDOM
 """Curvature of that distribution's log density at its center."""
 
 SPREADS_PX = (8.0, 4.0, 2.0)
-"""How far edges are spread, coarse to fine: from what a pose may be off to what depth steps of a scan are."""
+"""How far edges are spread, coarse to fine: from what a pose may be off to what steps of a scan are."""
 
 SAME = 0.05
 """Increments nearer to one another, in the prior's deviations, are one: far less than peaks are apart."""
@@ -70,7 +70,7 @@ class SceneRefinement:
     refined : bool
         Whether the edges say enough.
     steps : tuple of int
-        How many depth steps of each frame were looked at.
+        How many steps of each frame were looked at.
     """
 
     pose: Pose
@@ -93,7 +93,7 @@ class SceneRefinement:
 
 
 def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
-    """The pose near a given one at which the depth steps of the frames' points lie on the edges of their photos.
+    """The pose near a given one at which steps of the frames' points lie on the edges of their photos.
 
     The edges' likelihood and the given pose's distribution are maximized together. The refined pose is taken if the
     edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about each of 9

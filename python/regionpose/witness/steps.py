@@ -1,4 +1,4 @@
-"""Depth steps of a cloud as a photo shows them: where near surfaces end before far ones."""
+"""Steps of a cloud as a photo shows them: where near surfaces end before far ones, and where their shade changes."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ SEED = 1
 
 
 class Steps(NamedTuple):
-    """Bearings (n, 3) in the camera's axes: of the near side of depth steps, and of the far side; distances (n,) of the
-    near side, meters.
+    """Bearings (n, 3) in the camera's axes: of the near side of steps, and of the far side; distances (n,) of the near
+    side, meters.
     """
 
     near: Array
@@ -91,16 +91,30 @@ def checked_points(points: ArrayLike) -> Array:
     return places
 
 
-def depth_steps(points: Array, camera: Camera, photo: Photo) -> Steps:
-    """The depth steps of points (n, 3) in the camera's axes that the photo shows, or would, from the turned poses."""
+def checked_intensity(intensity: ArrayLike | None, points: Array) -> Array | None:
+    """One value (n,) a point, if there are any; ValueError for another shape."""
+    if intensity is None:
+        return None
+    values = real_array(intensity, "intensity", "(n,)").astype(np.float64)
+    if values.shape != points.shape[:1]:
+        raise ValueError(f"intensity has shape {values.shape}; needed ({len(points)},), one value a point")
+    return values
+
+
+def scene_steps(points: Array, camera: Camera, photo: Photo, intensity: Array | None = None) -> Steps:
+    """The steps of points (n, 3) in the camera's axes that the photo shows, or would, from the turned poses; of their
+    intensity (n,), too, if there is one.
+    """
     margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     with np.errstate(invalid="ignore"):
-        seen = points[points[:, 2] > reach * np.linalg.norm(points, axis=1)]
+        shown = points[:, 2] > reach * np.linalg.norm(points, axis=1)
+    seen = points[shown]
     spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
     cell = CELL_PX * pixel_angle(camera, photo)
     gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
-    return Steps(*_core.depth_steps(seen, cell, gap, STEP_SHARE))
+    shades = None if intensity is None else intensity[shown]
+    return Steps(*_core.scene_steps(seen, cell, gap, STEP_SHARE, shades))
 
 
 def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None = None) -> SeenSteps:

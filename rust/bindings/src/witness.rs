@@ -1,31 +1,34 @@
-//! Depth steps and how far they lie on a photo's edges.
+//! Steps of clouds and how far they lie on a photo's edges.
 
 use nalgebra::{SMatrix, SVector};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
-use regionpose::witness::steps;
+use regionpose::witness::steps::Seen;
 
 use crate::arrays::{array, points};
 
 type SumArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
-/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, and of their neighbors beyond; distances (m,)
-/// of the former, meters.
+/// Unit bearings (m, 3) of the last samples of near surfaces before far ones, or before their shade changes, and of their
+/// neighbors beyond; distances (m,) of the former, meters.
 ///
 /// `points` (n, 3) relative to the camera's center, meters, in any axes; those that are not finite are left out. `cell`, rad: of
 /// points whose bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none.
-/// `share`: how far a step goes beyond the plane of the near side, as a share of the inverse distance. ValueError for
-/// another shape, and a cell or gap that is not positive.
+/// `share`: how far a depth step goes beyond the plane of the near side, as a share of the inverse distance. `shades` (n,) on any
+/// scale; without them there are depth steps alone. ValueError for another shape, and a cell or gap that is not
+/// positive.
 #[pyfunction]
-pub fn depth_steps<'py>(
+#[pyo3(signature = (points, cell, gap, share, shades=None))]
+pub fn scene_steps<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     cell: f64,
     gap: f64,
     share: f64,
+    shades: Option<PyReadonlyArray1<'py, f64>>,
 ) -> PyResult<StepArrays<'py>> {
     for (name, value) in [("cell", cell), ("gap", gap)] {
         // Cells are counted in 32 bits.
@@ -34,7 +37,16 @@ pub fn depth_steps<'py>(
         }
     }
     let points = self::points::<3>("points", points)?;
-    let found = py.detach(|| steps::depth_steps(&points, cell, gap, share));
+    let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
+    if let Some(count) = shades.as_ref().map(Vec::len).filter(|count| *count != points.len()) {
+        let refused = format!("shades has {count} values for {} points; it needs one a point", points.len());
+        return Err(PyValueError::new_err(refused));
+    }
+    let found = py.detach(|| {
+        let seen = Seen::new(&points, cell, gap);
+        let by_shade = shades.map_or(Vec::new(), |shades| seen.shade_steps(&shades, share));
+        [seen.depth_steps(share), by_shade].concat()
+    });
     let distances = found.iter().map(|step| step.distance).collect();
     let (near, far): (Vec<_>, Vec<_>) = found.into_iter().map(|step| (step.near, step.far)).unzip();
     Ok((array(py, &near)?, array(py, &far)?, PyArray1::from_vec(py, distances)))
