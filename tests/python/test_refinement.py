@@ -72,8 +72,12 @@ def test_another_photo_leaves_the_pose_as_it_is(seed: int) -> None:
 
 
 def test_a_pose_that_is_known_well_stays() -> None:
-    found = rp.refine_with_scene(POSE, 1e-4 * COVARIANCE, [frame(0)])
+    known = 1e-4 * COVARIANCE
+    found = rp.refine_with_scene(POSE, known, [frame(0)])
     assert found.turned_deg < 0.02 and found.moved_m < 2e-3
+    # Edges are known far less well: they add nothing to it, and leave its covariance as large as it was.
+    assert found.refined
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(known)), rtol=0.05)
 
 
 def test_nothing_in_view_leaves_the_pose_as_it_is() -> None:

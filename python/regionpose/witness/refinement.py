@@ -169,9 +169,10 @@ class _Posterior:
             pose = moved(pose, self._root @ self._led(np.zeros(6), spread))
         self._move_to(pose)
         height = -float(self._costs(np.zeros((1, 6)), SPREADS_PX[-1])[0][0])
-        curvatures, axes = self._curvatures()
-        half = self._root @ axes / np.sqrt(curvatures)
-        mass = height - 0.5 * float(np.log(curvatures / PRIOR_CURVATURE).sum())
+        whole = self._curvature()
+        mass = height - 0.5 * float(np.log(_eigen(whole)[0] / PRIOR_CURVATURE).sum())
+        values, axes = _eigen(whole + self._surplus())
+        half = self._root @ axes / np.sqrt(values)
         return _Peak(pose, half @ half.T, mass)
 
     def _move_to(self, pose: Pose) -> None:
@@ -204,14 +205,26 @@ class _Posterior:
 
         return np.asarray(minimize(cost, units, jac=True, method="BFGS").x)
 
-    def _curvatures(self) -> tuple[Array, Array]:
-        """Curvatures (6,) of the log density at the pose of increments, and their axes, in the prior's units."""
+    def _curvature(self) -> Array:
+        """The curvature (6, 6) of the negative log density at the pose of increments, in the prior's units."""
         step = 0.1
         units = step * np.vstack([np.eye(6), -np.eye(6)])
         _, slopes = self._costs(units, SPREADS_PX[-1])
         matrix = (slopes[:6] - slopes[6:]) / (2.0 * step)
-        values, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
-        return np.maximum(values, LEAST_CURVATURE), axes
+        return np.asarray(0.5 * (matrix + matrix.T))
+
+    def _surplus(self) -> Array:
+        """How much the prior's information (6, 6) there, at most that of a normal distribution, exceeds its curvature."""
+        spread = FREEDOM + float(self._base @ self._base)
+        weight = (FREEDOM + 6.0) / spread
+        curvature = weight * (np.eye(6) - 2.0 / spread * np.outer(self._base, self._base))
+        return np.asarray(min(weight, 1.0) * np.eye(6) - curvature)
+
+
+def _eigen(matrix: Array) -> tuple[Array, Array]:
+    """The eigenvalues (6,) of a curvature, none of them below what is left of the prior's, and their axes."""
+    values, axes = np.linalg.eigh(matrix)
+    return np.maximum(values, LEAST_CURVATURE), axes
 
 
 def _about_turned(turn: Array, pose: Pose, root: Array, frames: Sequence[Evidence], shares: Sequence[float]) -> float:
