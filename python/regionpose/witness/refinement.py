@@ -214,7 +214,7 @@ class _Posterior:
         return np.asarray(0.5 * (matrix + matrix.T))
 
     def _surplus(self) -> Array:
-        """How much the prior's information (6, 6) there, at most that of a normal distribution, exceeds its curvature."""
+        """How much the prior's information (6, 6), at most that of a normal distribution, exceeds its curvature."""
         spread = FREEDOM + float(self._base @ self._base)
         weight = (FREEDOM + 6.0) / spread
         curvature = weight * (np.eye(6) - 2.0 / spread * np.outer(self._base, self._base))
