@@ -6,7 +6,9 @@ poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of 
 
 A line each: errors of rotation and of the camera's center, in brackets over their standard deviation in that direction,
 before and after; the logarithm of the odds for the edges, the largest about turned poses; and seconds. Then a
-table of medians and worst cases by kind. Where there are no scenes this says so and ends.
+table of medians and worst cases by kind. Where all poses of a kind have one truth, the table has their scatter, too:
+medians of the distance from their own mean, in which what that truth is off plays no part. Where there are no scenes
+this says so and ends.
 
     python -m benchmarks.refinement [--data ../shared/data] [--rigs 8] [--drawn]
 """
@@ -49,6 +51,9 @@ Array = NDArray[np.float64]
 DRAWN = np.array([*np.radians([0.6] * 3), 0.12, 0.12, 0.12])
 """Deviations of drawn poses: those of poses by two natural regions."""
 
+SAME_TRUTH, LEAST_SCATTERED = 1e-6, 4
+"""Truths nearer than this, rad and meters, are one; poses from which on their scatter is told."""
+
 DRAWS = 3
 PRIOR = "near"
 
@@ -65,12 +70,14 @@ class Start(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Errors before and after a refinement."""
+    """Errors before and after a refinement, and where the poses (2, 6) lie from the truth, rad and meters."""
 
     kind: str
     before: Errors
     after: Errors
     refined: bool
+    ways: Array
+    truth: rp.Pose
 
 
 def estimated(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame], most: int) -> Iterator[Start]:
@@ -117,13 +124,34 @@ def row_of(start: Start) -> Row:
         f"  {'refined' if found.refined else 'left':8} {found.log_odds:6.1f} {found.chance:6.1f}  {seconds:4.1f} s",
         flush=True,
     )
-    return Row(start.kind, before, after, found.refined)
+    ways = np.array([_way(start.truth, pose) for pose in (start.pose, found.pose)])
+    return Row(start.kind, before, after, found.refined, ways, start.truth)
+
+
+def _way(truth: rp.Pose, pose: rp.Pose) -> Array:
+    """The rotation vector (3,) from the truth, and how far the camera's center is from the true one, (3,)."""
+    turn = (pose.rotation * truth.rotation.inv()).as_rotvec()
+    return np.concatenate([turn, pose.camera_center - truth.camera_center])
+
+
+def scatter(rows: Sequence[Row]) -> list[str]:
+    """Medians of how far poses are from their mean before and after, deg and m; of several truths there are none."""
+    if len(rows) < LEAST_SCATTERED or any(np.abs(_way(rows[0].truth, row.truth)).max() > SAME_TRUTH for row in rows):
+        return [""] * 4
+    ways = np.array([row.ways for row in rows])
+    off = ways - np.median(ways, axis=0)
+    sizes = [np.median(np.linalg.norm(off[..., part], axis=2), axis=0) for part in (slice(3), slice(3, 6))]
+    return [f"{value:.2f}" for value in (*np.degrees(sizes[0]), *sizes[1])]
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Lines of a Markdown table, by kind: medians and worst cases before and after, and how many got worse."""
-    yield "| frames | number | refined | deg before | deg after | worst | worst after | m before | m after | worse |"
-    yield "|" + "---|" * 10
+    scattered = "scatter, deg before | after | scatter, m before | after"
+    yield (
+        "| frames | number | refined | deg before | after | worst | after | m before | after | worse |"
+        + f" {scattered} |"
+    )
+    yield "|" + "---|" * 14
     for kind in dict.fromkeys(row.kind for row in rows):
         held = [row for row in rows if row.kind == kind]
         turns = np.array([[row.before.rotation, row.after.rotation] for row in held])
@@ -131,7 +159,8 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         cells = [*np.median(turns, axis=0), *turns.max(axis=0), *np.median(centers, axis=0)]
         worse = int((turns[:, 1] > turns[:, 0] + 0.1).sum())
         refined = sum(row.refined for row in held)
-        yield f"| {kind} | {len(held)} | {refined} | {' | '.join(f'{cell:.2f}' for cell in cells)} | {worse} |"
+        written_cells = [*(f"{cell:.2f}" for cell in cells), str(worse), *scatter(held)]
+        yield f"| {kind} | {len(held)} | {refined} | {' | '.join(written_cells)} |"
 
 
 def main() -> None:
