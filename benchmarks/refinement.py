@@ -7,7 +7,7 @@ poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of 
 A line each: errors of rotation and of the camera's center, in brackets over their standard deviation in that direction,
 before and after; the logarithm of the odds for the edges, the largest about turned poses; and seconds. Then a
 table of medians and worst cases by kind. Where all poses of a kind have one truth, the table has their scatter, too:
-medians of the distance from their own mean, in which what that truth is off plays no part. Where there are no scenes
+medians of the distance from their own median, in which what that truth is off plays no part. Where there are no scenes
 this says so and ends.
 
     python -m benchmarks.refinement [--data ../shared/data] [--rigs 8] [--drawn]
@@ -135,7 +135,7 @@ def _way(truth: rp.Pose, pose: rp.Pose) -> Array:
 
 
 def scatter(rows: Sequence[Row]) -> list[str]:
-    """Medians of how far poses are from their mean before and after, deg and m; of several truths there are none."""
+    """Medians of how far poses are from their median before and after, deg and m; of several truths there are none."""
     if len(rows) < LEAST_SCATTERED or any(np.abs(_way(rows[0].truth, row.truth)).max() > SAME_TRUTH for row in rows):
         return [""] * 4
     ways = np.array([row.ways for row in rows])
@@ -146,11 +146,8 @@ def scatter(rows: Sequence[Row]) -> list[str]:
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Lines of a Markdown table, by kind: medians and worst cases before and after, and how many got worse."""
-    scattered = "scatter, deg before | after | scatter, m before | after"
-    yield (
-        "| frames | number | refined | deg before | after | worst | after | m before | after | worse |"
-        + f" {scattered} |"
-    )
+    errors = "deg before | after | worst | after | m before | after | worse"
+    yield f"| frames | number | refined | {errors} | scatter, deg before | after | m before | after |"
     yield "|" + "---|" * 14
     for kind in dict.fromkeys(row.kind for row in rows):
         held = [row for row in rows if row.kind == kind]
