@@ -51,8 +51,8 @@ LEAST_CURVATURE = 0.2
 """Curvature of the log posterior in units of the prior's: no direction is known much worse than beforehand."""
 
 FLAT = 0.05
-"""Slope of the log density, a deviation of the prior's, at which a maximum is reached: at the least curvature 0.006 below
-it."""
+"""Slope of the log density, a deviation of the prior's, at which a maximum is reached: at the least curvature that is
+0.006 below it."""
 
 
 @dataclass(frozen=True, eq=False)
