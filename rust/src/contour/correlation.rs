@@ -1,5 +1,7 @@
 //! How neighbors on a contour vary together (`docs/math.md`, section 11).
 
+use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+
 /// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
@@ -7,14 +9,30 @@ const LEAST_CORRELATION: f64 = 0.2;
 const FOLLOWED: f64 = 0.25;
 
 /// Autocovariance of a lag, within regions of these numbers of values.
-fn product(values: &[f64], counts: &[usize], lag: usize) -> f64 {
-    let (mut sum, mut first) = (0.0, 0);
-    for &count in counts {
-        let region = &values[first..first + count];
-        sum += region.iter().zip(&region[lag.min(count)..]).map(|(a, b)| a * b).sum::<f64>();
-        first += count;
+struct Product<'a> {
+    values: &'a [f64],
+    counts: &'a [usize],
+    lag: usize,
+}
+
+impl NullaryFnOnce for Product<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let (mut sum, mut rest) = (Lanes::ZERO, 0.0);
+        for region in split(self.values, self.counts) {
+            let later = &region[self.lag.min(region.len())..];
+            let (groups, later_groups) = (region[..later.len()].as_chunks::<LANES>(), later.as_chunks::<LANES>());
+            groups.0.iter().zip(later_groups.0).for_each(|(a, b)| sum += Lanes(*a) * Lanes(*b));
+            groups.1.iter().zip(later_groups.1).for_each(|(a, b)| rest += a * b);
+        }
+        sum.sum() + rest
     }
-    sum
+}
+
+fn product(values: &[f64], counts: &[usize], lag: usize) -> f64 {
+    vectorized(Product { values, counts, lag })
 }
 
 /// How much more a long sum of neighbors varies than if they were independent: less where they take turns, as the steps of a

@@ -1,5 +1,6 @@
 //! What the contours show at a pose, and the likeliest pose near one (`docs/math.md`, section 11).
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix6, Vector6};
@@ -50,9 +51,6 @@ const FEW_ASTRAY: f64 = 0.02;
 
 /// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
 const CLEAN_SIGMA: f64 = 1.0;
-
-/// Standard deviation of a normal distribution over its mean absolute deviation, the square root of pi / 2.
-const SIGMA_OVER_MEAN: f64 = 1.253_314_137_315_500_3;
 
 /// Clean share of a contour above which the rest is what disturbs it: most of it, by the word.
 pub const MOSTLY: f64 = 0.5;
@@ -178,8 +176,9 @@ impl ContourFit {
 
     /// Standard deviation of a normal boundary noise with the same mean distance, pixels (`docs/math.md`, eq. 6.6).
     pub fn noise(&self) -> f64 {
-        SIGMA_OVER_MEAN * self.readings.iter().map(|reading| reading.distance.abs()).sum::<f64>()
-            / self.readings.len().max(1) as f64
+        let distances = self.readings.iter().map(|reading| reading.distance.abs());
+        // Of a normal distribution, over its mean absolute deviation.
+        FRAC_PI_2.sqrt() * distances.sum::<f64>() / self.readings.len().max(1) as f64
     }
 
     /// By how much the log likelihood exceeds that of another pose for the same pieces, over those that vary independently.

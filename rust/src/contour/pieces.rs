@@ -13,8 +13,8 @@ const MOST_PIECES: usize = 800;
 /// Pieces of one ring at least: a convention.
 const FEWEST_PIECES: usize = 8;
 
-/// Share of an edge that counts as all of it: what round-off leaves at its end is no part of the next piece.
-const WHOLE: f64 = 1.0 - 1e-12;
+/// Share of a ring below which a part of an edge is what round-off leaves of it, and no part of the next piece.
+const ROUNDING: f64 = 1e-12;
 
 /// Turn, as a sine, up to which neighboring edges go on as one straight run: a camera bends a straight line into edges that
 /// turn by less, and a mask's staircase turns by 45 degrees.
@@ -130,8 +130,10 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a straight stretch of a run by its length, middle and direction.
-    fn add(&mut self, length: f64, middle: &Vector2<f64>, along: &Vector2<f64>, run: [usize; 2]) {
+    /// Adds the part of a straight stretch between two places along the ring.
+    fn add(&mut self, stretch: &Stretch, from: f64, to: f64) {
+        let &Stretch { start, along, run, left_out, .. } = stretch;
+        let (length, middle) = (to - from, start + along * (0.5 * (from + to) - stretch.from));
         if self.length == 0.0 {
             self.runs[0] = run;
         }
@@ -141,6 +143,7 @@ impl Sums {
         let product = |a: usize, b: usize| length * (middle[a] * middle[b] + about_middle * along[a] * along[b]);
         self.second = self.second.zip_map(&[product(0, 0), product(0, 1), product(1, 1)].into(), |sum, new| sum + new);
         self.runs[1] = run;
+        self.left_out |= left_out;
     }
 
     /// `None` where it was marked to be left out.
@@ -156,40 +159,48 @@ impl Sums {
     }
 }
 
-/// Gives every `stride`-th of the equally long parts of a closed ring, from part `next` on, to `found`, exact; without those that
+/// An edge of a ring, by where it begins and ends along the ring.
+struct Stretch {
+    from: f64,
+    to: f64,
+    start: Vector2<f64>,
+    along: Vector2<f64>,
+    run: [usize; 2],
+    left_out: bool,
+}
+
+/// Gives every `stride`-th of the equally long parts of a closed ring, from part `first` on, to `found`, exact; without those that
 /// touch an edge marked in `without`.
 fn ring_pieces(
     ring: &[Vector2<f64>],
     runs: &[[usize; 2]],
     without: &[bool],
     &Cut { length, count }: &Cut,
-    (mut next, stride): (usize, usize),
+    (first, stride): (usize, usize),
     mut found: impl FnMut(Piece),
 ) {
-    let part = length / count as f64;
-    let whole = part * (1.0 - f64::EPSILON * count as f64);
-    let (mut sums, mut parts, mut summed) = (Sums::default(), 0, 0.0);
-    for (edge, (a, b)) in edges(ring).enumerate() {
-        let step = (b - a).norm();
-        let along = (b - a) / step;
-        let mut from = 0.0;
-        while from < step * WHOLE {
-            let last = parts + 1 == count;
-            let to = if last { step } else { step.min(from + part - summed) };
-            if parts == next {
-                sums.add(to - from, &(a + along * (0.5 * (from + to))), &along, runs[edge]);
-                sums.left_out |= without.get(edge) == Some(&true);
+    let mut to = 0.0;
+    let mut stretches = edges(ring).enumerate().map(|(edge, (start, end))| {
+        let (from, step) = (to, (end - start).norm());
+        to += step;
+        let left_out = without.get(edge) == Some(&true);
+        Stretch { from, to, start, along: (end - start) / step, run: runs[edge], left_out }
+    });
+    let mut here = stretches.next();
+    // The last part ends where the ring does.
+    let place = |part: usize| if part == count { length } else { length * (part as f64 / count as f64) };
+    for part in (first..count).step_by(stride) {
+        let (start, end, mut sums) = (place(part), place(part + 1), Sums::default());
+        while let Some(stretch) = &here {
+            let (from, to) = (stretch.from.max(start), stretch.to.min(end));
+            if to - from > ROUNDING * length {
+                sums.add(stretch, from, to);
             }
-            summed += to - from;
-            from = to;
-            if !last && summed >= whole {
-                if parts == next {
-                    sums.piece().into_iter().for_each(&mut found);
-                    (sums, next) = (Sums::default(), next + stride);
-                }
-                (parts, summed) = (parts + 1, 0.0);
+            if stretch.to >= end {
+                break;
             }
+            here = stretches.next();
         }
+        sums.piece().into_iter().for_each(&mut found);
     }
-    sums.piece().into_iter().for_each(found);
 }

@@ -40,30 +40,30 @@ pub(crate) fn boundary_nodes(rings: &PlaneRings) -> Vec<BoundaryNode> {
 pub(crate) const VALUE_SIZE: usize = 2 * HIGHEST_ORDER + 1;
 pub(crate) const SLOPE_SIZE: usize = VALUE_SIZE - 2;
 
-/// Monomials below a degree.
-const VALUES: usize = monomials(VALUE_SIZE);
-const SLOPES: usize = monomials(SLOPE_SIZE);
+/// Lane groups that hold the powers of y.
+const GROUPS: usize = VALUE_SIZE.div_ceil(LANES);
 
-/// Groups of nodes worked on together: sums are then read and written once for all of them.
-const GROUPS: usize = 2;
-
-/// Number of the monomials below a degree.
-const fn monomials(degree: usize) -> usize {
-    degree * (degree + 1) / 2
+/// Place of `x^i y^j` in a [`Table`].
+pub(crate) const fn monomial([i, j]: [usize; 2]) -> usize {
+    i * (GROUPS * LANES) + j
 }
 
-/// Place of `x^i y^j` among the monomials below a degree, by i and then by j.
-pub(crate) const fn monomial(degree: usize, [i, j]: [usize; 2]) -> usize {
-    monomials(degree) - monomials(degree - i) + j
-}
-
-/// Sums over a boundary's nodes of their weight times each monomial, by [`monomial`].
+/// Sums over a boundary's nodes of their weight times each monomial below a degree, by [`monomial`].
 pub(crate) struct Sums {
-    pub(crate) plain: [f64; VALUES],
+    pub(crate) plain: [f64; MONOMIALS],
     /// Times the square of the normal's x, and times the product of its x and y.
-    pub(crate) squared: [f64; SLOPES],
-    pub(crate) mixed: [f64; SLOPES],
+    pub(crate) squared: [f64; MONOMIALS],
+    pub(crate) mixed: [f64; MONOMIALS],
 }
+
+/// Places of monomials, those of the degree and beyond among them, whose sums are not complete.
+const MONOMIALS: usize = monomial([VALUE_SIZE, 0]);
+
+/// Sums of `x^i y^j` by i, and by j in lane groups.
+type Table = [[Lanes; GROUPS]; VALUE_SIZE];
+
+/// Powers of a number from 0 on times a factor, in lane groups.
+type Powers = [Lanes; GROUPS];
 
 /// Takes the sums over nodes.
 pub(crate) struct MonomialSums<'a>(pub(crate) &'a [BoundaryNode]);
@@ -73,94 +73,66 @@ impl NullaryFnOnce for MonomialSums<'_> {
 
     #[inline(always)]
     fn call(self) -> Sums {
-        let (mut plain, mut squared, mut mixed) = ([Lanes::ZERO; VALUES], [Lanes::ZERO; SLOPES], [Lanes::ZERO; SLOPES]);
-        for block in self.0.chunks(GROUPS * LANES) {
-            let x = lanes(block, |node| node.at.x);
-            let y = lanes(block, |node| node.at.y);
-            let weight = lanes(block, |node| node.weight);
-            let of_x = times(weight, &lanes(block, |node| node.normal.x));
-            add_monomials::<VALUE_SIZE>(weight, &x, &y, &mut plain);
-            add_monomials::<SLOPE_SIZE>(times(of_x, &lanes(block, |node| node.normal.x)), &x, &y, &mut squared);
-            add_monomials::<SLOPE_SIZE>(times(of_x, &lanes(block, |node| node.normal.y)), &x, &y, &mut mixed);
+        let mut tables = [[[Lanes::ZERO; GROUPS]; VALUE_SIZE]; 3];
+        // As many nodes at a time as lanes: sums are read and written once for all of them.
+        for nodes in self.0.chunks(LANES) {
+            // Past the last node nothing has any weight.
+            let number = |of: fn(&BoundaryNode) -> f64| Lanes(std::array::from_fn(|k| nodes.get(k).map_or(0.0, of)));
+            let (x, y, weight) = (number(|node| node.at.x), number(|node| node.at.y), number(|node| node.weight));
+            let (along, across) = (number(|node| node.normal.x), number(|node| node.normal.y));
+            let y = std::array::from_fn(|k| powers(weight.0[k], y.0[k]));
+            let [plain, squared, mixed] = &mut tables;
+            add_monomials::<VALUE_SIZE>(Lanes::splat(1.0), x, &y, plain);
+            add_monomials::<SLOPE_SIZE>(along * along, x, &y, squared);
+            add_monomials::<SLOPE_SIZE>(along * across, x, &y, mixed);
         }
-        Sums { plain: totals(&plain), squared: totals(&squared), mixed: totals(&mixed) }
+        let [plain, squared, mixed] = tables.map(|table| numbers(&table));
+        Sums { plain, squared, mixed }
     }
 }
 
+/// A factor times the powers of a number: without it, the compiler takes the first for a constant and the lanes apart.
 #[inline(always)]
-fn totals<const COUNT: usize>(sums: &[Lanes; COUNT]) -> [f64; COUNT] {
-    let mut totals = [0.0; COUNT];
-    for (total, sum) in totals.iter_mut().zip(sums) {
-        *total = sum.sum();
+fn powers(factor: f64, number: f64) -> Powers {
+    let (first, square) = (factor * number, number * number);
+    let (step, mut powers) = (Lanes::splat(square * square), [Lanes::ZERO; GROUPS]);
+    powers[0] = Lanes([factor, first, factor * square, first * square]);
+    for group in 1..GROUPS {
+        powers[group] = powers[group - 1] * step;
     }
-    totals
+    powers
+}
+
+/// Adds `row x^i y^j` of each node to the sums of the monomials below a degree.
+#[inline(always)]
+fn add_monomials<const DEGREE: usize>(mut row: Lanes, x: Lanes, y: &[Powers; LANES], sums: &mut Table) {
+    // The powers of y that belong to those of x fill fewer groups the higher these are; how many, the compiler is to know.
+    const { assert!(GROUPS == 4) };
+    let first = |groups: usize| DEGREE.saturating_sub(groups * LANES);
+    add_rows::<4>(&mut sums[first(4)..first(3)], &mut row, x, y);
+    add_rows::<3>(&mut sums[first(3)..first(2)], &mut row, x, y);
+    add_rows::<2>(&mut sums[first(2)..first(1)], &mut row, x, y);
+    add_rows::<1>(&mut sums[first(1)..DEGREE], &mut row, x, y);
 }
 
 #[inline(always)]
-fn times(mut a: [Lanes; GROUPS], b: &[Lanes; GROUPS]) -> [Lanes; GROUPS] {
-    for g in 0..GROUPS {
-        a[g] = a[g] * b[g];
-    }
-    a
-}
-
-/// A number of each node of a block, zero past its last.
-#[inline(always)]
-fn lanes(block: &[BoundaryNode], number: impl Fn(&BoundaryNode) -> f64) -> [Lanes; GROUPS] {
-    let mut lanes = [Lanes::ZERO; GROUPS];
-    for (k, node) in block.iter().enumerate() {
-        lanes[k / LANES].0[k % LANES] = number(node);
-    }
-    lanes
-}
-
-/// Adds `row x^i y^j` to the sum of each monomial below a degree, 13 at most.
-#[inline(always)]
-fn add_monomials<const DEGREE: usize>(
-    mut row: [Lanes; GROUPS],
-    x: &[Lanes; GROUPS],
-    y: &[Lanes; GROUPS],
-    sums: &mut [Lanes],
-) {
-    // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
-    let mut rest = sums;
-    rest = add_row::<DEGREE>(0, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(1, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(2, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(3, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(4, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(5, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(6, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(7, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(8, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(9, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(10, &mut row, x, y, rest);
-    rest = add_row::<DEGREE>(11, &mut row, x, y, rest);
-    add_row::<DEGREE>(12, &mut row, x, y, rest);
-}
-
-/// Adds `row y^j` to each sum of a power of x, and multiplies the row by x; the sums of the powers to come.
-#[inline(always)]
-fn add_row<'a, const DEGREE: usize>(
-    i: usize,
-    row: &mut [Lanes; GROUPS],
-    x: &[Lanes; GROUPS],
-    y: &[Lanes; GROUPS],
-    sums: &'a mut [Lanes],
-) -> &'a mut [Lanes] {
-    if i >= DEGREE {
-        return sums;
-    }
-    let (here, rest) = sums.split_at_mut(DEGREE - i);
-    let mut term = *row;
-    for sum in here {
-        let mut total = *sum;
-        for g in 0..GROUPS {
-            total += term[g];
-            term[g] = term[g] * y[g];
+fn add_rows<const COUNT: usize>(sums: &mut [[Lanes; GROUPS]], row: &mut Lanes, x: Lanes, y: &[Powers; LANES]) {
+    for sums in sums {
+        let factors = row.0.map(Lanes::splat);
+        for group in 0..COUNT {
+            for k in 0..LANES {
+                sums[group] += factors[k] * y[k][group];
+            }
         }
-        *sum = total;
+        *row = *row * x;
     }
-    *row = times(*row, x);
-    rest
+}
+
+#[inline(always)]
+fn numbers(table: &Table) -> [f64; MONOMIALS] {
+    let mut numbers = [0.0; MONOMIALS];
+    for (numbers, lanes) in numbers.as_chunks_mut().0.iter_mut().zip(table.as_flattened()) {
+        *numbers = lanes.0;
+    }
+    numbers
 }

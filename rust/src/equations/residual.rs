@@ -180,22 +180,23 @@ impl RegionEquations {
         }
     }
 
-    /// The equations at a pose of the centered world, derivatives along the chart's axes; `None` where the region is not wholly
-    /// in view of its chart or its plane passes through the camera.
-    fn rows<const N: usize>(&self, pose: &Pose, weighting: Weighting) -> Option<Rows<N>> {
+    /// Adds the equations at a pose of the centered world, derivatives along the chart's axes, to `equations`; `None` where the
+    /// region is not wholly in view of its chart or its plane passes through the camera.
+    fn add_rows<const N: usize>(&self, pose: &Pose, weighting: Weighting, equations: &mut Vec<[f64; N]>) -> Option<()> {
         effort::spend(self.work());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
-        let count = self.sides.system.count(weighting);
-        self.add_predicted(pose, weighting, &mut rows[..count])?;
+        let rows = &mut rows[..self.sides.system.count(weighting)];
+        self.add_predicted(pose, weighting, rows)?;
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
         if rows[0][0] < 0.0 {
-            rows[..count].iter_mut().flatten().for_each(|entry| *entry = -*entry);
+            rows.iter_mut().flatten().for_each(|entry| *entry = -*entry);
         }
-        rows[..count].iter_mut().zip(&self.sides.observed).for_each(|(row, observed)| row[0] -= observed);
-        Some(match weighting {
-            Weighting::Uniform => Rows { rows, count },
-            Weighting::Whitened => Rows { rows: self.whitening().applied(&rows), count: self.whitening().rank() },
-        })
+        rows.iter_mut().zip(&self.sides.observed).for_each(|(row, observed)| row[0] -= observed);
+        match weighting {
+            Weighting::Uniform => equations.extend_from_slice(rows),
+            Weighting::Whitened => self.whitening().apply(rows, equations),
+        }
+        Some(())
     }
 
     /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
@@ -254,22 +255,6 @@ impl RegionEquations {
 
 /// Entries of an equation that is evaluated without derivatives: its residual.
 const ALONE: usize = 1;
-
-/// The first `count` rows are the equations of a region.
-struct Rows<const N: usize> {
-    rows: [[f64; N]; MOST_EQUATIONS],
-    count: usize,
-}
-
-impl<const N: usize> Rows<N> {
-    fn iter(&self) -> impl Iterator<Item = &[f64; N]> {
-        self.rows[..self.count].iter()
-    }
-
-    fn cost(&self) -> f64 {
-        self.iter().map(|row| row[0] * row[0]).sum()
-    }
-}
 
 fn add_plane<const N: usize>(moments: &PlaneMoments, scale: f64, nu: &Vector3<f64>, rows: &mut [[f64; N]]) {
     add_plane_values(moments, scale, rows);
@@ -340,8 +325,9 @@ fn observed_values(
 pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
     let mut all: Vec<[f64; DERIVED]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
     for region in regions {
-        let rows = region.rows(pose, weighting)?;
-        all.extend(rows.iter().map(|row| turned(row, region.chart())));
+        let first = all.len();
+        region.add_rows(pose, weighting, &mut all)?;
+        all[first..].iter_mut().for_each(|row| *row = turned(row, region.chart()));
     }
     Some(Evaluation {
         residual: DVector::from_iterator(all.len(), all.iter().map(|row| row[0])),
@@ -359,15 +345,18 @@ fn turned(row: &[f64; DERIVED], chart: &Chart) -> [f64; DERIVED] {
 
 /// Sum of squared residuals of several regions; `None` where one of them is not in view.
 pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<f64> {
-    regions.iter().map(|region| region.rows::<ALONE>(pose, weighting).map(|rows| rows.cost())).sum()
+    let mut rows: Vec<[f64; ALONE]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
+    regions.iter().try_for_each(|region| region.add_rows(pose, weighting, &mut rows))?;
+    Some(rows.iter().map(|[residual]| residual * residual).sum())
 }
 
 /// The normal equations of several regions; `None` where one of them is not in view.
 pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<NormalEquations> {
-    let mut sum = NormalEquations::default();
+    let (mut sum, mut rows) = (NormalEquations::default(), Vec::with_capacity(MOST_EQUATIONS));
     for region in regions {
-        let rows = region.rows(pose, weighting)?;
-        sum += NormalEquations::of(&rows.rows[..rows.count]).turned(&region.chart().rotation);
+        rows.clear();
+        region.add_rows(pose, weighting, &mut rows)?;
+        sum += NormalEquations::of(&rows).turned(&region.chart().rotation);
     }
     Some(sum)
 }

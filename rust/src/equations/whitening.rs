@@ -2,9 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::equations::boundary_sums::{
-    BoundaryNode, MonomialSums, SLOPE_SIZE, Sums, VALUE_SIZE, boundary_nodes, monomial,
-};
+use crate::equations::boundary_sums::{BoundaryNode, MonomialSums, Sums, boundary_nodes, monomial};
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
@@ -128,32 +126,31 @@ impl Whitening {
         self.pivots.len()
     }
 
-    /// The whitened rows, as many as the rank, by forward substitution; each row of `rows` holds one equation's residual and
-    /// derivatives (`docs/math.md`, eq. 6.5).
-    pub fn applied<const N: usize>(&self, rows: &[[f64; N]; MOST_EQUATIONS]) -> [[f64; N]; MOST_EQUATIONS] {
-        vectorized(ForwardSubstitution(self, rows))
+    /// Adds the whitened rows, as many as the rank, to others, by forward substitution; each row of `rows` holds one equation's
+    /// residual and derivatives (`docs/math.md`, eq. 6.5).
+    pub fn apply<const N: usize>(&self, rows: &[[f64; N]], whitened: &mut Vec<[f64; N]>) {
+        vectorized(ForwardSubstitution(self, rows, whitened));
     }
 }
 
-/// The rows that a whitening makes of others.
-struct ForwardSubstitution<'a, const N: usize>(&'a Whitening, &'a [[f64; N]; MOST_EQUATIONS]);
+/// Adds the rows that a whitening makes of others.
+struct ForwardSubstitution<'a, const N: usize>(&'a Whitening, &'a [[f64; N]], &'a mut Vec<[f64; N]>);
 
 impl<const N: usize> NullaryFnOnce for ForwardSubstitution<'_, N> {
-    type Output = [[f64; N]; MOST_EQUATIONS];
+    type Output = ();
 
     #[inline(always)]
-    fn call(self) -> Self::Output {
-        let Self(Whitening { pivots, factor }, rows) = self;
-        let mut whitened = [[0.0; N]; MOST_EQUATIONS];
+    fn call(self) {
+        let Self(Whitening { pivots, factor }, rows, whitened) = self;
+        let first = whitened.len();
         for (k, &pivot) in pivots.iter().enumerate() {
             let weights = &factor[packed(k, 0)..=packed(k, k)];
             let mut row = rows[pivot];
-            for (weight, before) in weights.iter().zip(&whitened[..k]) {
+            for (weight, before) in weights.iter().zip(&whitened[first..]) {
                 row.iter_mut().zip(before).for_each(|(entry, value)| *entry -= weight * value);
             }
-            whitened[k] = row.map(|entry| entry * weights[k]);
+            whitened.push(row.map(|entry| entry * weights[k]));
         }
-        whitened
     }
 }
 
@@ -238,14 +235,14 @@ struct Entry {
     along_x: (usize, f64),
     across: (usize, f64),
     /// Derivatives along y: the normal's squares have the sum 1.
-    along_y: ([usize; 2], f64),
+    along_y: (usize, f64),
 }
 
 /// All entries by [`packed`] (`docs/math.md`, eq. 6.8).
 static PLANE_ENTRIES: [Entry; ENTRIES] = plane_entries();
 
 const fn plane_entries() -> [Entry; ENTRIES] {
-    let mut entries = [Entry { value: 0, along_x: (0, 0.0), across: (0, 0.0), along_y: ([0; 2], 0.0) }; ENTRIES];
+    let mut entries = [Entry { value: 0, along_x: (0, 0.0), across: (0, 0.0), along_y: (0, 0.0) }; ENTRIES];
     let mut a = 0;
     while a < PLANE_EXPONENTS.len() {
         let mut b = 0;
@@ -265,21 +262,20 @@ const fn plane_entry([i, j]: [usize; 2], [k, l]: [usize; 2]) -> Entry {
     let across = if i * l + j * k == 0 { [0; 2] } else { [x - 1, y - 1] };
     let along_y = if j * l == 0 { [0; 2] } else { [x, y - 2] };
     Entry {
-        value: monomial(VALUE_SIZE, [x, y]),
-        along_x: (monomial(SLOPE_SIZE, along_x), (i * k) as f64),
-        across: (monomial(SLOPE_SIZE, across), (i * l + j * k) as f64),
-        along_y: ([monomial(VALUE_SIZE, along_y), monomial(SLOPE_SIZE, along_y)], (j * l) as f64),
+        value: monomial([x, y]),
+        along_x: (monomial(along_x), (i * k) as f64),
+        across: (monomial(across), (i * l + j * k) as f64),
+        along_y: (monomial(along_y), (j * l) as f64),
     }
 }
 
 /// The plane system's: the entries are a few integrals of monomials each.
 fn plane_products(rings: &PlaneRings) -> Products {
     let Sums { plain, squared, mixed } = vectorized(MonomialSums(&boundary_nodes(rings)));
-    let slope = |entry: &Entry| {
-        let ([all, of_x], factor) = entry.along_y;
-        entry.along_x.1 * squared[entry.along_x.0]
-            + entry.across.1 * mixed[entry.across.0]
-            + factor * (plain[all] - squared[of_x])
+    let slope = |&Entry { along_x, across, along_y, .. }: &Entry| {
+        along_x.1 * squared[along_x.0]
+            + across.1 * mixed[across.0]
+            + along_y.1 * (plain[along_y.0] - squared[along_y.0])
     };
     let values = PLANE_ENTRIES.iter().map(|entry| plain[entry.value]).collect();
     Products { values, slopes: PLANE_ENTRIES.iter().map(slope).collect(), bias: plane_bias(rings) }
@@ -401,7 +397,9 @@ mod tests {
                 std::array::from_fn(|k| if k < count { (k as f64 + 0.3).sin() } else { 0.0 });
             let x = entries.map(|row| [row.iter().zip(&y).map(|(s, y)| s * y).sum::<f64>()]);
             let expected: f64 = x.iter().zip(&y).map(|(x, y)| x[0] * y).sum();
-            let found: f64 = whitening.applied(&x)[..whitening.rank()].iter().map(|row| row[0] * row[0]).sum();
+            let mut whitened = Vec::new();
+            whitening.apply(&x, &mut whitened);
+            let found: f64 = whitened.iter().map(|row| row[0] * row[0]).sum();
             assert!((found - expected).abs() < 1e-6 * expected, "{system:?}: {found} {expected}");
         }
     }

@@ -10,7 +10,7 @@
 //! to a grid.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::ops::Add;
+use std::ops::{Add, Range};
 
 use nalgebra::Vector2;
 
@@ -56,7 +56,7 @@ impl Add for OverlapAreas {
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
-    let (first, second) = (Chains::of(observed), Chains::of(predicted));
+    let (first, second) = (Lines::of(observed), Lines::of(predicted));
     let (first_area, second_area) = (first.area(), second.area());
     let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
@@ -66,115 +66,153 @@ pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAr
     }
 }
 
-/// A point of the chart and the root of `1 + x^2`.
-#[derive(Debug, Clone, Copy)]
-struct Point {
-    x: f64,
-    y: f64,
-    root: f64,
+/// A point of the chart.
+type Point = [f64; 2];
+
+/// Lines from left to right, of edges that go on to the same side; vertical edges bound no area below them.
+struct Lines {
+    /// The points of all lines, the last one of each repeated until they fill lane groups.
+    points: Vec<Point>,
+    /// The points of each line, and the sign of the area below it.
+    parts: Vec<(Range<usize>, f64)>,
 }
 
-impl Point {
-    fn new(at: Vector2<f64>) -> Self {
-        Self { x: at.x, y: at.y, root: (1.0 + at.x * at.x).sqrt() }
-    }
-}
-
-/// Where the line through two points, the first on the left, is at an x from that of the first to that of the second.
-fn y_between(left: &Point, right: &Point, x: f64) -> f64 {
-    left.y + (x - left.x) / (right.x - left.x) * (right.y - left.y)
-}
-
-/// Consecutive edges that go on to the same side, by their points from left to right.
-#[derive(Debug, Clone, Copy)]
-struct Chain<'a> {
+/// One of the lines.
+#[derive(Clone, Copy)]
+struct Line<'a> {
     points: &'a [Point],
-    /// +1 where the region lies below the edges, -1 where it lies above.
+    /// +1 where the region lies below the line, -1 where it lies above.
     sign: f64,
 }
 
-impl Chain<'_> {
+impl Line<'_> {
     fn left(&self) -> f64 {
-        self.points[0].x
+        self.points[0][0]
     }
 
     fn right(&self) -> f64 {
-        self.points[self.points.len() - 1].x
+        self.points[self.points.len() - 1][0]
     }
 }
 
-/// The edges of a region but for vertical ones, which bound no area below them.
-#[derive(Debug, Default)]
-struct Chains {
-    points: Vec<Point>,
-    /// First and last point of each chain but one, and its sign.
-    ranges: Vec<(usize, usize, f64)>,
+/// Where an edge is at an x from its left end to its right one.
+fn y_at([left, right]: &[Point; 2], x: f64) -> f64 {
+    left[1] + (x - left[0]) / (right[0] - left[0]) * (right[1] - left[1])
 }
 
-impl Chains {
+impl Lines {
+    fn with_capacity(count: usize) -> Self {
+        Self { points: Vec::with_capacity(count), parts: Vec::new() }
+    }
+
+    /// Those of a region's edges.
     fn of(region: &PlaneRings) -> Self {
         let count: usize = region.rings().iter().map(Vec::len).sum();
-        // An end is a point of two chains.
-        let mut chains = Self { points: Vec::with_capacity(2 * count), ranges: Vec::new() };
-        region.rings().iter().for_each(|ring| chains.add(ring));
-        chains
+        // An end is a point of two lines.
+        let mut lines = Self::with_capacity(2 * count);
+        region.rings().iter().for_each(|ring| lines.add_ring(ring));
+        lines
     }
 
-    fn add(&mut self, ring: &[Vector2<f64>]) {
+    fn add_ring(&mut self, ring: &[Vector2<f64>]) {
         let Some(last) = ring.last() else { return };
-        let (mut before, mut sign, mut first) = (Point::new(*last), 0.0, self.points.len());
+        let (mut before, mut sign, mut first) = ([last.x, last.y], 0.0, self.points.len());
         for vertex in ring {
-            let point = Point::new(*vertex);
-            let way = if point.x > before.x {
+            let point = [vertex.x, vertex.y];
+            let way = if point[0] > before[0] {
                 -1.0
-            } else if point.x < before.x {
+            } else if point[0] < before[0] {
                 1.0
             } else {
                 0.0
             };
             if way != sign {
-                self.close(first, sign);
+                self.turn(first, sign);
                 (first, sign) = (self.points.len(), way);
                 self.points.extend((way != 0.0).then_some(before));
             }
             self.points.extend((way != 0.0).then_some(point));
             before = point;
         }
-        self.close(first, sign);
+        self.turn(first, sign);
     }
 
-    /// Ends the chain that began with a point.
-    fn close(&mut self, first: usize, sign: f64) {
+    /// Ends the line of a ring that began with a point and went on to the left where its sign is positive.
+    fn turn(&mut self, first: usize, sign: f64) {
         if sign > 0.0 {
             self.points[first..].reverse();
         }
-        self.ranges.extend((sign != 0.0).then_some((first, self.points.len(), sign)));
+        self.close(first, sign);
     }
 
-    /// The chains by their left ends.
-    fn rising(&self) -> Vec<Chain<'_>> {
-        let chain = |&(first, end, sign): &(usize, usize, f64)| Chain { points: &self.points[first..end], sign };
-        let mut chains: Vec<_> = self.ranges.iter().map(chain).collect();
-        chains.sort_by(|a, b| a.left().total_cmp(&b.left()));
-        chains
-    }
-
-    /// Solid angle of the region.
-    fn area(&self) -> f64 {
-        let mut segments = Segments::with_capacity(self.points.len());
-        for &(first, end, sign) in &self.ranges {
-            self.points[first..end].windows(2).for_each(|ends| segments.add(sign, &ends[0], &ends[1]));
+    /// Ends the line that began with a point, if it is one.
+    fn close(&mut self, first: usize, sign: f64) {
+        let end = self.points.len();
+        if sign != 0.0 {
+            self.points.resize(first + (end - first).next_multiple_of(LANES), self.points[end - 1]);
+            self.parts.push((first..end, sign));
         }
-        segments.area()
+    }
+
+    /// The lines by their left ends.
+    fn rising(&self) -> Vec<Line<'_>> {
+        let line = |(part, sign): &(Range<usize>, f64)| Line { points: &self.points[part.clone()], sign: *sign };
+        let mut lines: Vec<_> = self.parts.iter().map(line).collect();
+        lines.sort_by(|a, b| a.left().total_cmp(&b.left()));
+        lines
+    }
+
+    /// Adds the lower one of a line and of one that begins no later and ends beyond its left end, over the x that they share:
+    /// its vertices, and where the two cross.
+    fn add_lower(&mut self, late: &Line, early: &Line) {
+        let (first, mut x) = (self.points.len(), late.left());
+        let (mut i, mut j) = (1, early.points.partition_point(|point| point[0] <= x));
+        // Which line's vertex comes next is a matter of chance where the two lie close: everything is computed and only kept
+        // where it counts, without a branch.
+        self.points.resize(first + 2 * (late.points.len() + early.points.len() - j) + 2, [0.0; 2]);
+        let (kept, mut count) = (&mut self.points[first..], 1);
+        let (mut y, mut other) = (late.points[0][1], y_at(&[early.points[j - 1], early.points[j]], x));
+        kept[0] = [x, lesser(y, other)];
+        while i < late.points.len() && j < early.points.len() {
+            let edges = [[late.points[i - 1], late.points[i]], [early.points[j - 1], early.points[j]]];
+            let ending = usize::from(edges[0][1][0] > edges[1][1][0]);
+            let [next, vertex] = edges[ending][1];
+            let crossed = y_at(&edges[1 - ending], next);
+            let [next_y, next_other] = if ending == 0 { [vertex, crossed] } else { [crossed, vertex] };
+            let (gap, next_gap) = (y - other, next_y - next_other);
+            let share = gap / (gap - next_gap);
+            kept[count] = [x + (next - x) * share, y + (next_y - y) * share];
+            count += usize::from(gap * next_gap < 0.0);
+            // A vertex of the higher one bends nothing.
+            kept[count] = [next, vertex];
+            count += usize::from(vertex <= crossed);
+            (x, y, other) = (next, next_y, next_other);
+            (i, j) = (i + 1 - ending, j + ending);
+        }
+        kept[count] = [x, lesser(y, other)];
+        self.points.truncate(first + count + 1);
+        self.close(first, late.sign * early.sign);
+    }
+
+    /// The solid angle below all lines by their signs, known to lie from 0 to 2 pi, but for rounding.
+    fn area(&self) -> f64 {
+        let (re, im) = vectorized(HalfAngles(self));
+        let half = im.atan2(re);
+        2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
     }
 }
 
-/// Sum over all pairs of edges that share some x: a sweep over chains from left to right.
-fn common_area(first: &Chains, second: &Chains) -> f64 {
-    let (mut open_first, mut open_second): (Vec<Chain>, Vec<Chain>) = (Vec::new(), Vec::new());
+fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// Sum over all pairs of edges that share some x: a sweep over lines from left to right.
+fn common_area(first: &Lines, second: &Lines) -> f64 {
+    let (mut open_first, mut open_second): (Vec<Line>, Vec<Line>) = (Vec::new(), Vec::new());
     let (mut rest_first, mut rest_second) =
         (first.rising().into_iter().peekable(), second.rising().into_iter().peekable());
-    let mut segments = Segments::with_capacity(PAIRS * (first.points.len() + second.points.len()));
+    // Twice as many vertices as either region has, and as many crossings.
+    let mut lower = Lines::with_capacity(2 * (first.points.len() + second.points.len()));
     while rest_first.peek().is_some() || rest_second.peek().is_some() {
         let from_first = match (rest_first.peek(), rest_second.peek()) {
             (Some(a), Some(b)) => a.left() <= b.left(),
@@ -185,82 +223,16 @@ fn common_area(first: &Chains, second: &Chains) -> f64 {
         } else {
             (&mut rest_second, &mut open_second, &mut open_first)
         };
-        let Some(chain) = rest.next() else { break };
-        other.retain(|open| open.right() > chain.left());
-        other.iter().for_each(|open| segments.add_below_both(&chain, open));
-        same.push(chain);
+        let Some(line) = rest.next() else { break };
+        other.retain(|open| open.right() > line.left());
+        other.iter().for_each(|open| lower.add_lower(&line, open));
+        same.push(line);
     }
-    segments.area()
+    lower.area()
 }
 
-/// Segments for each edge that room is made for: four pairs of upper and lower edges about every vertex, and crossings.
-const PAIRS: usize = 5;
-
-/// Segments from left to right.
-struct Segments(Vec<Segment>);
-
-/// Sign of the area below a segment, and `x, y, root` of its left and of its right end.
-type Segment = [f64; 7];
-
-/// A segment without any length, at the chart's middle.
-const EMPTY: Segment = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
-
-impl Segments {
-    fn with_capacity(count: usize) -> Self {
-        Self(Vec::with_capacity(count))
-    }
-
-    /// Adds the part below a chain and one that begins no later and ends beyond its left end, over the x that they
-    /// share.
-    fn add_below_both(&mut self, late: &Chain, early: &Chain) {
-        let (a, b, sign) = (late.points, early.points, late.sign * early.sign);
-        let (mut i, mut j) = (1, b.partition_point(|point| point.x <= a[0].x));
-        let mut left = (a[0], y_between(&b[j - 1], &b[j], a[0].x));
-        while i < a.len() && j < b.len() {
-            let (on_a, on_b) = (a[i], b[j]);
-            let right = if on_a.x <= on_b.x {
-                (on_a, y_between(&b[j - 1], &on_b, on_a.x))
-            } else {
-                (Point { y: y_between(&a[i - 1], &on_a, on_b.x), ..on_b }, on_b.y)
-            };
-            self.add_below(sign, &left, &right);
-            (i, j) = (i + usize::from(on_a.x <= on_b.x), j + usize::from(on_b.x <= on_a.x));
-            left = right;
-        }
-    }
-
-    /// Adds the part below two edges between their places on the left and on the right, each a point and the y of the
-    /// other at its x; the lower edge changes where they cross.
-    fn add_below(&mut self, sign: f64, left: &(Point, f64), right: &(Point, f64)) {
-        let lower =
-            |&(point, other): &(Point, f64)| Point { y: if point.y < other { point.y } else { other }, ..point };
-        let (gap, next) = (left.0.y - left.1, right.0.y - right.1);
-        if gap * next < 0.0 {
-            let share = gap / (gap - next);
-            let crossing = Vector2::new(left.0.x, left.0.y).lerp(&Vector2::new(right.0.x, right.0.y), share);
-            let crossing = Point::new(crossing);
-            self.add(sign, &lower(left), &crossing);
-            self.add(sign, &crossing, &lower(right));
-        } else {
-            self.add(sign, &lower(left), &lower(right));
-        }
-    }
-
-    /// Adds `sign` times the part between the segment from `a` to `b` and the line y = 0.
-    fn add(&mut self, sign: f64, a: &Point, b: &Point) {
-        self.0.push([sign, a.x, a.y, a.root, b.x, b.y, b.root]);
-    }
-
-    /// The solid angle of all, known to lie from 0 to 2 pi, but for rounding.
-    fn area(&self) -> f64 {
-        let (re, im) = vectorized(HalfAngles(&self.0));
-        let half = im.atan2(re);
-        2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
-    }
-}
-
-/// The product of complex numbers whose arguments are half the solid angles below segments (`docs/math.md`, eq. 8.6).
-struct HalfAngles<'a>(&'a [Segment]);
+/// The product of complex numbers whose arguments are half the solid angles below edges (`docs/math.md`, eq. 8.6).
+struct HalfAngles<'a>(&'a Lines);
 
 impl NullaryFnOnce for HalfAngles<'_> {
     type Output = (f64, f64);
@@ -268,32 +240,63 @@ impl NullaryFnOnce for HalfAngles<'_> {
     #[inline(always)]
     fn call(self) -> (f64, f64) {
         let (mut re, mut im) = (Lanes::splat(1.0), Lanes::ZERO);
-        let (whole, rest) = self.0.as_chunks::<LANES>();
-        let mut last = [EMPTY; LANES];
-        last[..rest.len()].copy_from_slice(rest);
-        for group in whole.iter().chain([&last]) {
-            let (real, imaginary) = half_angle(group);
-            (re, im) = (re * real - im * imaginary, re * imaginary + im * real);
-            // Kept near size 1, so that it neither overflows nor vanishes.
-            let inverse = (re.map(f64::abs) + im.map(f64::abs)).map(|size| 1.0 / size);
-            (re, im) = (re * inverse, im * inverse);
+        for (part, sign) in &self.0.parts {
+            let padded = part.start..part.start + part.len().next_multiple_of(LANES);
+            let mut next = None;
+            for &[a, b, c, d] in self.0.points[padded].as_chunks().0.iter().rev() {
+                let left = Ends::at(Lanes([a[0], b[0], c[0], d[0]]), Lanes([a[1], b[1], c[1], d[1]]));
+                // The last point has no edge: one without any length, to itself.
+                let right = left.shifted(next.unwrap_or(left.numbers(LANES - 1)));
+                next = Some(left.numbers(0));
+                let (real, imaginary) = half_angle(Lanes::splat(*sign), &left, &right);
+                (re, im) = (re * real - im * imaginary, re * imaginary + im * real);
+                // Kept near size 1, so that it neither overflows nor vanishes.
+                let inverse = (re.map(f64::abs) + im.map(f64::abs)).map(|size| 1.0 / size);
+                (re, im) = (re * inverse, im * inverse);
+            }
         }
         (0..LANES).fold((1.0, 0.0), |(a, b), i| (a * re.0[i] - b * im.0[i], a * im.0[i] + b * re.0[i]))
     }
 }
 
-/// The complex number of each segment: the solid angle between it and the line y = 0, times its sign.
+/// An end of each edge of a lane group: where it is, `q = sqrt(1 + x^2)` and `q + sqrt(q^2 + y^2)`.
+#[derive(Clone, Copy)]
+struct Ends {
+    x: Lanes,
+    y: Lanes,
+    root: Lanes,
+    whole: Lanes,
+}
+
+impl Ends {
+    #[inline(always)]
+    fn at(x: Lanes, y: Lanes) -> Self {
+        let square = Lanes::splat(1.0) + x * x;
+        let root = square.map(f64::sqrt);
+        Self { x, y, root, whole: root + (square + y * y).map(f64::sqrt) }
+    }
+
+    /// The numbers of one end.
+    #[inline(always)]
+    fn numbers(&self, lane: usize) -> [f64; 4] {
+        [self.x.0[lane], self.y.0[lane], self.root.0[lane], self.whole.0[lane]]
+    }
+
+    /// The ends one edge on, `last` being the numbers of that after the last.
+    #[inline(always)]
+    fn shifted(&self, [x, y, root, whole]: [f64; 4]) -> Self {
+        let Self { x: xs, y: ys, root: roots, whole: wholes } = self;
+        Self { x: xs.shifted(x), y: ys.shifted(y), root: roots.shifted(root), whole: wholes.shifted(whole) }
+    }
+}
+
+/// The complex number of each edge: the solid angle between it and the line y = 0, times a sign.
 ///
 /// With longitude `atan x` and latitude `phi` about the y axis, `tan(phi / 2) = y / (q + sqrt(q^2 + y^2))`,
 /// `q^2 = 1 + x^2`, this is the area between a great-circle arc and the equator (`docs/math.md`, eq. 8.4 and 8.5).
 #[inline(always)]
-fn half_angle([a, b, c, d]: &[Segment; LANES]) -> (Lanes, Lanes) {
-    let number = |k: usize| Lanes([a[k], b[k], c[k], d[k]]);
-    let (sign, ax, ay, a_root) = (number(0), number(1), number(2), number(3));
-    let (bx, by, b_root) = (number(4), number(5), number(6));
-    let whole = |root: Lanes, y: Lanes| root + (root * root + y * y).map(f64::sqrt);
-    let (w_a, w_b) = (whole(a_root, ay), whole(b_root, by));
-    let (product, cosine, run) = (a_root * b_root, Lanes::splat(1.0) + ax * bx, bx - ax);
+fn half_angle(sign: Lanes, a: &Ends, b: &Ends) -> (Lanes, Lanes) {
+    let (product, cosine, run) = (a.root * b.root, Lanes::splat(1.0) + a.x * b.x, b.x - a.x);
     // Numerator and denominator of the tangent of half the difference of longitudes, without cancellation.
     let (mut up, mut down) = (run, product + cosine);
     for i in 0..LANES {
@@ -301,7 +304,7 @@ fn half_angle([a, b, c, d]: &[Segment; LANES]) -> (Lanes, Lanes) {
         up.0[i] = if ahead { up.0[i] } else { product.0[i] - cosine.0[i] };
         down.0[i] = if ahead { down.0[i] } else { run.0[i] };
     }
-    let (mut re, im) = (down * (w_a * w_b + ay * by), sign * up * (ay * w_b + by * w_a));
+    let (mut re, im) = (down * (a.whole * b.whole + a.y * b.y), sign * up * (a.y * b.whole + b.y * a.whole));
     // Points beyond all digits from each other bound an area that is anyone's guess: it must not wipe out the others.
     for i in 0..LANES {
         re.0[i] = if re.0[i] == 0.0 && im.0[i] == 0.0 { 1.0 } else { re.0[i] };

@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
+use super::moments::STARTS_PER_REGION;
 use super::poses::sorted;
 use super::symmetry::TURNS;
 use crate::contour::fit::Sketch;
@@ -21,9 +22,6 @@ use crate::region::WorldRegion;
 /// Standard deviation of a turn, rad (10 degrees), above which directions leave it free: those of a single region, or
 /// of regions close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
 const FREE: f64 = std::f64::consts::PI / 18.0;
-
-/// Turns that are candidates at most: those of a fourfold symmetry.
-const MOST_TURNS: usize = 4;
 
 /// The same direction along the camera's axes and in the world, and how much it weighs, per squared radian.
 struct Direction {
@@ -126,5 +124,5 @@ fn least_turns(
     let at = |turn: usize| misfits[turn % TURNS];
     let is_least = |&turn: &usize| at(turn) <= at(turn + TURNS - 1) && at(turn) < at(turn + 1);
     let least = sorted((0..TURNS).filter(is_least).map(|turn| (at(turn), turned(turn))).collect());
-    least.into_iter().take(MOST_TURNS).map(|(_, pose)| pose).collect()
+    least.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
 }

@@ -30,14 +30,15 @@ const SMALL_COST: f64 = 1e-4;
 /// of the symmetric difference is then of the order of the region itself.
 const SINGLE_REGION_COST: f64 = 0.05;
 
-/// Starts of one region that are followed where other regions can tell them apart: a convention, two turns seen from
-/// two sides.
-const STARTS_PER_REGION: usize = 4;
+/// Starts of one region that are followed where other regions can tell them apart, and turns at a known place: a convention, two
+/// turns seen from two sides.
+pub const STARTS_PER_REGION: usize = 4;
 
 /// Starts of a region that the image's border cuts, of all the cuts that are tried: a convention.
 const STARTS_OF_CUT: usize = 48;
 
-/// Candidates whose equations are solved at most: those of an eightfold symmetry, from before and from behind, twice.
+/// Candidates whose equations are solved, and turns of a plane, at most: those of an eightfold symmetry, from before and from
+/// behind, twice.
 pub const MOST_CANDIDATES: usize = 32;
 
 /// Poses nearer than this are one candidate: radians, and a share of the distance to the regions. A convention, a

@@ -5,6 +5,7 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
+use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
@@ -18,9 +19,6 @@ pub(super) const TURNS: usize = 90;
 
 /// Parts of a step to which the least ones are found, each half the last: a quarter of a degree, a convention.
 const HALVINGS: usize = 4;
-
-/// Turns that come back at most: those of an eightfold symmetry from before and from behind but the first, about two middles.
-const MOST_TURNS: usize = 30;
 
 /// How much worse the misfit of a turn may be: several times what those of symmetric shapes differ by, and less than those of
 /// others do.
@@ -57,7 +55,7 @@ pub(super) fn turned_about(
         .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_turns(misfit, drawing, behind, pose)));
     let most = misfit(pose) + worse;
     let found = sorted(found.filter(|(misfit, _)| *misfit < most).collect());
-    found.into_iter().take(MOST_TURNS).map(|(_, pose)| pose).collect()
+    found.into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
 }
 
 /// The plane with the middle of what is known and with that of what is observed: disturbed parts move only one of them.

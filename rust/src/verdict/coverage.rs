@@ -32,11 +32,7 @@ fn unscaled(observed: &RegionEquations) -> PlaneRings {
 /// What a pose shows of a world region there; nothing of a surface that hides a part of itself.
 fn predicted(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> PlaneRings {
     let chart = Chart { scale: 1.0, ..*observed.chart() };
-    let seen = |ring: &Vec<Vector3<f64>>| {
-        let turned: Vec<_> = ring.iter().map(|x| chart.rotation * pose.transform(x)).collect();
-        projected_before(&turned, &chart)
-    };
-    let rings: Vec<_> = world.rings().iter().map(seen).collect();
+    let rings = seen(&chart, world, pose);
     match world.surface() {
         // A projective map keeps a plane's rings simple, and turns them all round where it shows them from behind.
         None => PlaneRings::of_simple(rings).facing(),
@@ -44,14 +40,20 @@ fn predicted(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Pl
     }
 }
 
+/// The rings of a world region in a chart, as far as they lie before the camera.
+fn seen(chart: &Chart, world: &WorldRegion, pose: &Pose) -> Vec<Vec<Vector2<f64>>> {
+    let chart_from_world = Pose::new(chart.rotation * pose.rotation, chart.rotation * pose.translation);
+    let seen = |ring: &Vec<Vector3<f64>>| {
+        let turned: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
+        projected_before(&turned, chart)
+    };
+    world.rings().iter().map(seen).collect()
+}
+
 /// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 14).
 fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
     let chart = observed.chart();
-    let seen = |ring: &Vec<Vector3<f64>>| {
-        let turned: Vec<_> = ring.iter().map(|x| chart.rotation * pose.transform(x)).collect();
-        projected_before(&turned, chart)
-    };
-    let (predicted, _) = border.clipped(world.rings().iter().map(seen).collect());
+    let (predicted, _) = border.clipped(seen(chart, world, pose));
     let predicted = predicted.rings.iter().map(|ring| ring.iter().map(|p| p / chart.scale).collect());
     overlap_areas(&unscaled(observed), &PlaneRings::of_simple(predicted.collect()))
 }

@@ -35,9 +35,6 @@ const TRUSTED: f64 = 0.9;
 /// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
 const TIE: f64 = 1.0;
 
-/// Step, in radians, in which equally good poses are put in order.
-const TIE_STEP: f64 = 1e-3;
-
 /// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
 pub struct Solution {
@@ -218,7 +215,7 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
 /// chance.
 fn order(pose: &Pose) -> [i64; 3] {
     let turn = pose.rotation.scaled_axis();
-    [turn.x, turn.y, turn.z].map(|component| (component / TIE_STEP).round() as i64)
+    [turn.x, turn.y, turn.z].map(|component| (component / SAME_PLACE).round() as i64)
 }
 
 impl Place {

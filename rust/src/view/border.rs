@@ -87,8 +87,7 @@ pub fn projected_before(ring: &[Vector3<f64>], chart: &Chart) -> Vec<Vector2<f64
     let near = near_plane(ring);
     let project = |p: Vector3<f64>| p.xy() * (chart.scale / p.z);
     let mut seen = Vec::with_capacity(ring.len() + 2);
-    for (k, a) in ring.iter().enumerate() {
-        let b = &ring[(k + 1) % ring.len()];
+    for (a, b) in ring.iter().zip(ring.iter().skip(1).chain(ring.first())) {
         if let Some([from, to]) = edge_before(near, a, b) {
             seen.push(project(from));
             seen.extend((b.z < near).then(|| project(to)));
@@ -110,7 +109,7 @@ pub fn edge_before(near: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<[Vec
 
 /// The depth before which a ring of points counts as behind the camera.
 pub fn near_plane(ring: &[Vector3<f64>]) -> f64 {
-    NEAR * ring.iter().map(|p| p.norm()).fold(f64::MIN_POSITIVE, f64::max)
+    NEAR * ring.iter().map(|p| p.norm_squared()).fold(f64::MIN_POSITIVE, f64::max).sqrt()
 }
 
 /// Which edges of an outline in its chart are not the region's own boundary, ring by ring: those on the image's border,
