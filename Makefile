@@ -60,10 +60,10 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.published --scenes 20
 	$(BIN)/python benchmarks/peers.py --scenes 20
 	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
-	$(BIN)/python benchmarks/click_masks.py
-	$(BIN)/python benchmarks/cloud_segmentation.py --scenes 20
+	$(BIN)/python -m benchmarks.click_masks
+	$(BIN)/python -m benchmarks.cloud_segmentation --scenes 20
 	$(BIN)/python benchmarks/matching.py --scenes 20
-	$(BIN)/python benchmarks/rig.py --synthetic 5
+	$(BIN)/python -m benchmarks.rig --synthetic 5
 	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
 	$(BIN)/python -m benchmarks.witness

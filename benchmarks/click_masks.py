@@ -5,7 +5,7 @@ face; of the masks that `regionpose pick` proposes there the best one counts. A 
 an overlap (IoU) of 0.9, and the median. A drawn face holds its windows and what stands before it, and the inner
 rectangle of a checkerboard has no edge of its own: no mask that follows the photo reaches 0.9 there.
 
-    python benchmarks/click_masks.py [--data ../shared/data] [--only natural kitti]
+    python -m benchmarks.click_masks [--data ../shared/data] [--only natural kitti]
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from image_segmentation import FAILED_IOU, deepest
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose.pick.parts import ImagePart
 from regionpose.pick.proposals import mask_choices
+
+from benchmarks.image_segmentation import FAILED_IOU, deepest
 
 Mask = NDArray[np.bool_]
 DEFAULT_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -55,7 +56,7 @@ def pixels_of(part: ImagePart, shape: tuple[int, ...]) -> Mask:
 
 def filled(polygon: list[list[float]], shape: tuple[int, ...]) -> Mask:
     """The pixels (h, w) of a polygon."""
-    canvas = Image.new("L", shape[1::-1])
+    canvas = Image.new("L", (shape[1], shape[0]))
     ImageDraw.Draw(canvas).polygon([tuple(vertex) for vertex in polygon], fill=1)
     return np.asarray(canvas) > 0
 

@@ -5,7 +5,7 @@ median of the region's points. Areas and overlaps of outlines are taken in the p
 masks, an ambiguous shape's nearest answer counts, and errors of the position are taken at the region.
 Real: the labeled faces of the scenes below --data, where there are any; boards are 0.61 m x 0.85 m.
 
-    python benchmarks/cloud_segmentation.py [--scenes 100] [--data ../shared/data]
+    python -m benchmarks.cloud_segmentation [--scenes 100] [--data ../shared/data]
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from real_scenes import DEFAULT_DATA, camera_of, cloud_of
 from regionpose.evaluation import SpinningLidar, SyntheticScene, lidar_points, perspective_scene
 from regionpose.evaluation.measures import rotation_error, translation_error
 from regionpose.evaluation.planar import PlaneFrame
 from regionpose.regions.outline import SparseSamplingWarning
+
+from benchmarks.real_scenes import DEFAULT_DATA, camera_of, cloud_of
 
 Array = NDArray[np.float64]
 

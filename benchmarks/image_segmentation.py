@@ -12,9 +12,9 @@ import json
 import resource
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -90,7 +90,7 @@ def painted(scene: SyntheticScene, coverages: list[Array], row: Row, rng: np.ran
         rows, columns = np.nonzero(coverage)
         window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         share = coverage[window][..., None]
-        surface = linear_of(color, row.texture * texture(*share.shape[:2], rng))
+        surface = linear_of(color, row.texture * texture(share.shape[0], share.shape[1], rng))
         light[window] = share * surface + (1.0 - share) * light[window]
     blurred = ndimage.gaussian_filter(light, (BLUR_PX, BLUR_PX, 0))
     levels = np.where(blurred <= 0.0031308, 12.92 * blurred, 1.055 * np.maximum(blurred, 0.0) ** (1 / 2.4) - 0.055)
@@ -119,7 +119,7 @@ def deepest(mask: Mask) -> tuple[int, int]:
     return int(x + left - 1), int(y + top - 1)
 
 
-def quality(grown: NDArray[np.float32], truth: shapely.Geometry, mask: Mask) -> Quality:
+def quality(grown: NDArray[np.float32], truth: shapely.Polygon, mask: Mask) -> Quality:
     """How well a grown coverage matches a true outline and its mask."""
     held = grown >= 0.5
     iou = float((held & mask).sum() / (held | mask).sum())
@@ -145,7 +145,7 @@ def run_scene(row: Row, seed: int) -> tuple[list[Quality], tuple[float, ...], tu
     return qualities, errors(scene, grown), errors(scene, coverages), seconds
 
 
-def errors(scene: SyntheticScene, coverages: list[Array]) -> tuple[float, ...]:
+def errors(scene: SyntheticScene, coverages: Sequence[NDArray[np.floating[Any]]]) -> tuple[float, ...]:
     """Rotation error (deg) and position error at the anchor (mm) of the pose that coverages give."""
     world = [WorldRegion.from_polygon(rings) for rings in scene.regions]
     pose = estimate_pose(scene.camera, [ImageRegion.from_mask(coverage) for coverage in coverages], world).pose

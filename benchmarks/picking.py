@@ -15,7 +15,7 @@ Each click and each drag counts, and so does that on the scanner's place; the ke
 with the calls that the page makes for each. A line each: clicks and drags, faces, verdict, errors of rotation and of
 the camera's center, and the warnings. Then the share of frames whose pose is trusted within 20.
 
-    python benchmarks/picking.py [--data ../shared/data] [--only natural kitti]
+    python -m benchmarks.picking [--data ../shared/data] [--only natural kitti]
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from image_segmentation import deepest
 from numpy.typing import NDArray
-from real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 from regionpose.pick.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.pick.session import Session
 from regionpose.pose import Pose
 from regionpose.scene import SceneEstimate
 from regionpose.scene.verdict import TRUSTED, verdict
 from regionpose.yaml_text import to_yaml
+
+from benchmarks.image_segmentation import deepest
+from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 
 Plain = dict[str, Any]
 
@@ -144,11 +145,13 @@ def drawing(polygon: list[list[float]], hidden: list[int]) -> Drawing:
     """How a user draws a labeled polygon whose edges `hidden` are not the face's own."""
     count = len(polygon)
     if not hidden:
-        ring = [list(vertex) for vertex in shapely.LinearRing(polygon).simplify(OWN_PX).coords[:-1]]
-        return Drawing(ring, [], len(ring))
+        own = [list(vertex) for vertex in shapely.LinearRing(polygon).simplify(OWN_PX).coords[:-1]]
+        return Drawing(own, [], len(own))
     is_hidden = np.isin(np.arange(count), hidden)
     starts = np.flatnonzero(is_hidden != np.roll(is_hidden, 1)).tolist() or [0]
-    ring, marked, clicks = [], [], 0
+    ring: list[list[float]] = []
+    marked: list[int] = []
+    clicks = 0
     for start, end in zip(starts, [*starts[1:], starts[0] + count], strict=True):
         stretch = shapely.LineString([polygon[k % count] for k in range(start, end + 1)])
         kept = [list(vertex) for vertex in stretch.simplify(HIDDEN_PX if is_hidden[start] else OWN_PX).coords]

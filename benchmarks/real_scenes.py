@@ -27,7 +27,7 @@ import argparse
 import json
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -117,7 +117,11 @@ def camera_item(calibration: Plain) -> Plain:
 def camera_of(calibration: Plain) -> Camera:
     """The camera of a calib.json."""
     item = camera_item(calibration)
-    classes = {"pinhole": rp.PinholeCamera, "fisheye": rp.FisheyeCamera, "ocam": rp.OcamCamera}
+    classes: dict[str, Callable[..., Camera]] = {
+        "pinhole": rp.PinholeCamera,
+        "fisheye": rp.FisheyeCamera,
+        "ocam": rp.OcamCamera,
+    }
     return classes[item.pop("model")](**item)
 
 
@@ -185,7 +189,7 @@ def scene_file(folder: Path, out: Path, way: str) -> Path | None:
         image = {"polygon": region["image_polygon"], "hidden_edges": region.get("hidden_edges", [])}
         regions.append({"name": region["name"], "image": image, "world": world})
     calibration = json.loads((folder / "calib.json").read_text())
-    scene = {"camera": camera_item(calibration), "image": str(folder / "image.png")}
+    scene: Plain = {"camera": camera_item(calibration), "image": str(folder / "image.png")}
     scene |= {"cloud": str(cloud_file(folder)), "sensor_origin": scanner_of(folder, calibration)}
     scene |= {"regions": regions, "prior": {"camera_near": None}}
     path = out / f"{folder.parent.name}-{folder.name}-{way}.yaml"

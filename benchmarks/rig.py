@@ -10,8 +10,8 @@ frames of two) with binary masks, and refines the true camera and one whose foca
 off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
 each, one frame's world is moved by 3 cm: how many times that frame alone is named.
 
-    python benchmarks/rig.py [--data ../shared/data] [--ways known outline samples clicks]
-    python benchmarks/rig.py --synthetic 20
+    python -m benchmarks.rig [--data ../shared/data] [--ways known outline samples clicks]
+    python -m benchmarks.rig --synthetic 20
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import regionpose as rp
-from real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
 from regionpose.cameras import Camera
 from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
 
+from benchmarks.real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
+
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
-REFINEMENTS = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
+Part = Literal["focal", "center", "distortion"]
+REFINEMENTS: tuple[tuple[Part, ...], ...] = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
 
 
 def print_frames(rig: rp.RigEstimate) -> None:
@@ -103,23 +105,27 @@ class Trial(NamedTuple):
     sigmas: list[float]
 
 
-def trial_of(scenes: list[SyntheticScene], parts: Sequence[str]) -> Trial:
+def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
     """The rig that sees the scenes, refined; then with its last frame moved."""
     camera, frames = scenes[0].camera, [synthetic_frame(scene) for scene in scenes]
-    wrong = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
+    assert isinstance(camera, rp.PinholeCamera | rp.FisheyeCamera)
+    wrong: Camera = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
     runs = [rp.estimate_rig(given, frames, refine_camera=some) for given in (camera, wrong) for some in ((), parts)]
     spoiled = rp.estimate_rig(camera, [*frames[:-1], replace(synthetic_frame(scenes[-1], 0.03), name="moved")])
     outliers = [warning.message for warning in spoiled.warnings if warning.code == "outlier-frame"]
+    right_shift, right_refined, wrong_shift, wrong_refined = (shift_mm(run, frames) for run in runs)
+    right, other = runs[1].refinement, runs[3].refinement
+    assert right is not None and other is not None
     return Trial(
-        outcomes=(runs[1].refinement.outcome, runs[3].refinement.outcome),
-        errors=tuple(shift_mm(run, frames) for run in runs),
+        outcomes=(right.outcome, other.outcome),
+        errors=(right_shift, right_refined, wrong_shift, wrong_refined),
         is_named=len(outliers) == 1 and outliers[0].startswith("moved"),
-        sigmas=[value for run in (runs[1], runs[3]) for value in deviations(run.refinement, camera)],
+        sigmas=[value for refinement in (right, other) for value in deviations(refinement, camera)],
     )
 
 
 def report_synthetic(
-    name: str, draw: Callable[..., SyntheticScene], shape: tuple[int, int], parts: Sequence[str], count: int
+    name: str, draw: Callable[..., SyntheticScene], shape: tuple[int, int], parts: Sequence[Part], count: int
 ) -> None:
     """Print what comes of `count` rigs of `shape` (frames, regions of a frame)."""
     trials = [

@@ -154,8 +154,8 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         return lambda: partial(action, held.cloud().points, held.image())
 
     def wall() -> Array:
-        points = held.cloud().points
-        return points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE]
+        points: Array = held.cloud().points
+        return np.asarray(points[np.abs(points[:, 1] - ROOM[1]) < 3.0 * NOISE])
 
     def on_patch(seed: Array, sensor_origin: Array | None) -> Callable[[], Callable[[], object]]:
         def grown() -> Callable[[], object]:

@@ -5,7 +5,7 @@ their hidden edges, and whose world regions are all planes of the cloud. The rig
 most of its labeled points, if it holds half of them; "pure" is the share of such a plane's points that are labeled. A
 line each: faces, those with a right plane, pairs found, those that are right, the error of the pose, and its warnings.
 
-    python benchmarks/street_planes.py [--data ../shared/data] [--only natural kitti]
+    python -m benchmarks.street_planes [--data ../shared/data] [--only natural kitti]
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from picking import frames
-from real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of, scanner_of
 from regionpose.pose import Pose
 from regionpose.scene import SceneSides, estimate_scene, load_scene, scene_sides
 from regionpose.scene.models import PLANES
 from regionpose.yaml_text import to_yaml
+
+from benchmarks.picking import frames
+from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of, scanner_of
 
 LEAST_HELD = 0.5
 """Share of a face's labeled points that its plane holds."""
@@ -62,14 +63,14 @@ def scene_file(folder: Path, out: Path) -> Path:
 def right_planes(folder: Path, sides: SceneSides) -> dict[str, Right]:
     """The right planes of the faces that have one, by the faces' names."""
     found: dict[str, Right] = {}
-    planes = dict(zip(sides.unpaired.world_names, sides.unpaired.world_sides, strict=True))
+    named = zip(sides.unpaired.world_names, sides.unpaired.world_sides, strict=True)
+    planes = {name: side.indices for name, side in named if side.indices is not None}
     for face in json.loads((folder / "regions.json").read_text()):
         labels: NDArray[np.int64] = np.load(folder / face["point_indices"])
-        held = {name: len(np.intersect1d(side.indices, labels)) for name, side in planes.items()}
+        held = {name: len(np.intersect1d(indices, labels)) for name, indices in planes.items()}
         name = max(held, key=lambda each: held[each])
-        indices = planes[name].indices
-        if held[name] >= LEAST_HELD * len(labels) and indices is not None:
-            found[face["name"]] = Right(name, held[name] / len(indices))
+        if held[name] >= LEAST_HELD * len(labels):
+            found[face["name"]] = Right(name, held[name] / len(planes[name]))
     return found
 
 

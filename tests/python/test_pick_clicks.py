@@ -12,7 +12,7 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 FRAME = DATA / "natural" / "kitti_002688"
 
 MOST_CLICKS = 45
-"""Of `python benchmarks/picking.py --only natural`, which counts 41 for this frame."""
+"""Of `python -m benchmarks.picking --only natural`, which counts 41 for this frame."""
 
 
 @pytest.mark.skipif(not FRAME.is_dir(), reason="needs the real scenes, beside the checkout")
