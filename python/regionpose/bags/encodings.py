@@ -18,7 +18,7 @@ RED_SHARE, BLUE_SHARE = 0.299, 0.114
 BLACK, LUMA_SPAN, GRAY, CHROMA_SPAN = 16, 219, 128, 224
 """Where luma and chroma begin in 8 bits, and how far they span (ITU-R BT.601-7, section 2.5.3)."""
 
-NEIGHBOURS = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]])
+NEIGHBORS = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]])
 """Weights of linear interpolation between every second pixel."""
 
 
@@ -45,7 +45,7 @@ def _demosaiced(values: NDArray[Any], pattern: str) -> NDArray[Any]:
         there = np.zeros(mosaic.shape, np.float32)
         for place in (place for place, each in enumerate(pattern) if each == color):
             there[place // 2 :: 2, place % 2 :: 2] = 1.0
-        known, weight = (convolve(each, NEIGHBOURS, mode="constant") for each in (mosaic * there, there))
+        known, weight = (convolve(each, NEIGHBORS, mode="constant") for each in (mosaic * there, there))
         # A single row or column may not show a color at all.
         around = known / np.maximum(weight, 1.0)
         picture[..., channel] = np.where(there > 0.0, mosaic, around)
