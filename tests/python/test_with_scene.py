@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from card_scenes import CAMERA, POSE, cards
+from card_scenes import CAMERA, POSE, cards, painted
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
@@ -43,10 +43,12 @@ def judged(shapes: list[Array], turn: Rotation = STRAIGHT, **known: Any) -> rp.W
     return rp.estimate_with_scene(CAMERA, images, worlds, *cards(3), **known)
 
 
-def scene_file(folder: Path, shapes: list[Array], turn: Rotation = STRAIGHT) -> Path:
-    """The same as a scene file."""
-    photo, points = cards(3)
-    write_ply(folder / "cloud.ply", Cloud(points), overwrite=True)
+def scene_file(
+    folder: Path, shapes: list[Array], turn: Rotation = STRAIGHT, intensity: Array | None = None, wall: bool = False
+) -> Path:
+    """The same as a scene file; `wall`: the cards are painted on it, and the cloud may have an intensity."""
+    photo, points = painted(3)[:2] if wall else cards(3)
+    write_ply(folder / "cloud.ply", Cloud(points, intensity=intensity), overwrite=True)
     Image.fromarray(photo).save(folder / "photo.png")
     listed = [
         {"name": f"region {k}", "image": {"polygon": seen.tolist()}, "world": {"polygon": world.tolist()}}
@@ -125,3 +127,18 @@ def test_wrong_shapes_are_named() -> None:
         rp.estimate_with_scene(CAMERA, *sides, photo, points[:5, :2])
     with pytest.raises(ValueError, match=r"image has shape \(3,\)"):
         rp.estimate_with_scene(CAMERA, *sides, [1.0, 0.5, 0.25], points)
+
+
+def test_the_intensity_of_a_cloud_testifies_in_a_call_and_in_a_scene_file(tmp_path: Path) -> None:
+    photo, points, intensity = painted(3)
+    seen, world = regions(SHAPES, STRAIGHT)
+    sides = [rp.ImageRegion.from_polygon(ring) for ring in seen], [rp.WorldRegion.from_polygon(ring) for ring in world]
+    (by_depth,) = rp.estimate_with_scene(CAMERA, *sides, photo, points).witness.told
+    assert len(by_depth.places) == 0
+    (called,) = rp.estimate_with_scene(CAMERA, *sides, photo, points, intensity=intensity).witness.told
+    assert called.log_odds > 2.0
+    run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, SHAPES, intensity=intensity, wall=True)))
+    assert run.witness is not None
+    (filed,) = run.witness.told
+    assert len(filed.places) == pytest.approx(len(called.places), rel=0.02)
+    assert filed.log_odds == pytest.approx(called.log_odds, abs=1.0)
