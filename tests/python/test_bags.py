@@ -15,6 +15,7 @@ from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, points_o
 from numpy.typing import NDArray
 from regionpose.bags.pictures import read_bag_picture
 from regionpose.bags.place import BagPlace, bag_place, is_there
+from regionpose.bags.unfolding import _install
 from regionpose.clouds import CloudError, MissingExtraError, read_cloud
 from regionpose.reading import FileError
 from regionpose.scene import load_scene, scene_sides
@@ -229,6 +230,16 @@ def test_without_rosbags_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(MissingExtraError, match=r'ROS needs the package rosbags.*"regionpose\[ros\]"'):
         read_bag_picture(BagPlace(Path("a.bag"), "/camera"))
+
+
+def test_a_version_of_rosbags_whose_decompressors_are_elsewhere_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = filled("ros1").write(tmp_path)
+    _install.cache_clear()
+    monkeypatch.delattr("rosbags.rosbag1.reader.decompressors")
+    with pytest.raises(MissingExtraError, match=r'found another version of rosbags .* needed pip install "regionpose'):
+        read_cloud(f"{path}#/points")
 
 
 def test_a_scene_file_names_messages(tmp_path: Path) -> None:

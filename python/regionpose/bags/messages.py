@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from regionpose.bags.place import NANOSECONDS, BagPlace
 from regionpose.bags.unfolding import bounded
-from regionpose.extras import load_extra
+from regionpose.extras import MissingExtraError, load_extra
 from regionpose.progress import Progress
 from regionpose.reading import FileError
 
@@ -72,7 +72,7 @@ def _opened(place: BagPlace) -> Iterator[Any]:
     try:
         with bounded(place.bag), highlevel.AnyReader([place.bag], default_typestore=known) as reader:
             yield reader
-    except FileError:
+    except (FileError, MissingExtraError):
         raise
     # Damage shows as errors of rosbags, of its decompressors, and of SQLite, each of its own type.
     except Exception as error:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any, NamedTuple
 
-from regionpose.extras import load_extra
+from regionpose.extras import MissingExtraError, load_extra
 from regionpose.reading import FileError, most_bytes
 
 Opener = Callable[[IO[bytes]], IO[bytes]]
@@ -46,12 +46,17 @@ def _install() -> None:
     """Put bounded decompressors in the place of those of rosbags."""
     ros1, ros2 = load_extra("rosbags.rosbag1.reader", "ros", "ROS"), load_extra("rosbags.rosbag2.reader", "ros", "ROS")
     mcap = load_extra("rosbags.rosbag2.storage_mcap", "ros", "ROS")
-    lz4, zstd = load_extra("lz4.frame", "ros", "ROS"), ros2.zstd
+    lz4 = load_extra("lz4.frame", "ros", "ROS")
+    try:
+        of_chunks, of_mcap, zstd = ros1.decompressors, mcap.DECOMPRESSORS, ros2.zstd
+    except AttributeError as error:
+        message = f'found another version of rosbags ({error}); needed pip install "regionpose[ros]"'
+        raise MissingExtraError(message, name="rosbags") from error
     for held, name, opener in (
-        (ros1.decompressors, "bz2", bz2.open),
-        (ros1.decompressors, "lz4", lz4.open),
-        (mcap.DECOMPRESSORS, "lz4", lz4.open),
-        (mcap.DECOMPRESSORS, "zstd", zstd.open),
+        (of_chunks, "bz2", bz2.open),
+        (of_chunks, "lz4", lz4.open),
+        (of_mcap, "lz4", lz4.open),
+        (of_mcap, "zstd", zstd.open),
     ):
         held[name] = _within_budget(opener, held[name])
     # Messages that are compressed one by one.
