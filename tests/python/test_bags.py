@@ -215,6 +215,18 @@ def test_other_readers_of_rosbags_keep_its_own_limits(tmp_path: Path) -> None:
         assert sum(1 for _ in reader.messages()) == SCANS + 2
 
 
+def test_messages_that_a_bag_defines_otherwise_are_refused(tmp_path: Path) -> None:
+    path = filled("mcap file").write(tmp_path)
+    content = path.read_bytes()
+    assert b"uint32 offset" in content and b"uint32 height" in content
+    path.write_bytes(content.replace(b"uint32 offset", b"uint32 orfset"))
+    with pytest.raises(FileError, match=r"#/points: found a message of other fields \(.*offset.*\); needed those"):
+        read_cloud(f"{path}#/points")
+    path.write_bytes(content.replace(b"uint32 height", b"uint32 hright"))
+    with pytest.raises(FileError, match=r"#/camera: found a message of other fields \(.*height.*\); needed those"):
+        read_picture(Path(f"{path}#/camera"))
+
+
 def test_paths_that_name_no_bag_are_files(tmp_path: Path) -> None:
     assert bag_place("scan.ply") is None and bag_place("odd#/scan.ply") is None
     (tmp_path / "a.bag#").mkdir()

@@ -61,6 +61,19 @@ def digest(place: BagPlace) -> tuple[int, str]:
 
 
 @contextmanager
+def usual_fields(place: BagPlace) -> Iterator[None]:
+    """FileError where messages lack fields of their type, or hold others in them: a bag defines its types itself."""
+    try:
+        yield
+    except (AttributeError, TypeError, OverflowError, ValueError) as error:
+        # Errors of the package have types of their own.
+        if isinstance(error, ValueError) and type(error) is not ValueError:
+            raise
+        described = " ".join(str(error).split())[:200]
+        raise FileError(f"{place}: found a message of other fields ({described}); needed those of its type") from error
+
+
+@contextmanager
 def _opened(place: BagPlace) -> Iterator[Any]:
     """The reader of a bag; whatever fails inside is the bag's fault."""
     highlevel = load_extra("rosbags.highlevel", "ros", f"{place}: ROS")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from regionpose.bags.encodings import ENCODINGS, Picture, picture_of
-from regionpose.bags.messages import read_messages
+from regionpose.bags.messages import read_messages, usual_fields
 from regionpose.bags.place import BagPlace
 from regionpose.reading import FileError, read_pixels
 
@@ -26,7 +26,8 @@ def read_bag_picture(place: BagPlace) -> Picture:
         raise FileError(f"{place}: found {place.count} messages asked for; needed one of a picture")
     message = read_messages(place, KINDS)[0]
     read: Callable[[BagPlace, Any], Picture] = _decoded if hasattr(message.content, "format") else _unpacked
-    return read(place, message.content)
+    with usual_fields(place):
+        return read(place, message.content)
 
 
 def _decoded(place: BagPlace, message: Any) -> Picture:

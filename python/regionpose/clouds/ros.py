@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from regionpose.bags.messages import read_messages
+from regionpose.bags.messages import read_messages, usual_fields
 from regionpose.bags.place import BagPlace
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import cloud_of_columns
@@ -30,6 +30,12 @@ def read_bag_cloud(place: BagPlace, *, progress: Progress | None = None) -> Clou
     aren't in their bytes; else as of `read_messages`.
     """
     messages = [message.content for message in read_messages(place, KINDS, progress=progress)]
+    with usual_fields(place):
+        return _joined(place, messages)
+
+
+def _joined(place: BagPlace, messages: list[Any]) -> Cloud:
+    """The cloud of messages, one after the other."""
     frames = sorted({str(message.header.frame_id) for message in messages})
     if len(frames) > 1:
         raise cloud_error(str(place), "frames", ", ".join(frames), "scans in one frame")
