@@ -22,11 +22,9 @@ from regionpose.witness.steps import (
     SeenSteps,
     Steps,
     beside,
-    checked_intensity,
-    checked_points,
     far_turns,
-    scene_steps,
     seen_steps,
+    steps_at,
 )
 
 Array = NDArray[np.float64]
@@ -132,9 +130,7 @@ def check_alignment(
         For other shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
-    places = checked_points(points)
-    local = (places - pose.camera_center) @ pose.rotation.as_matrix().T
-    steps = scene_steps(local, camera, photo, checked_intensity(intensity, places))
+    steps = steps_at(pose, points, camera, photo, intensity)
     return _aligned(photo, camera, steps, beside(regions))
 
 

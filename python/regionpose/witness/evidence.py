@@ -13,16 +13,7 @@ from regionpose import _core
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo, Pictures
-from regionpose.witness.steps import (
-    DIFFERENCE,
-    SEED,
-    beside,
-    checked_intensity,
-    checked_points,
-    far_turns,
-    scene_steps,
-    seen_steps,
-)
+from regionpose.witness.steps import DIFFERENCE, SEED, beside, far_turns, seen_steps, steps_at
 
 Array = NDArray[np.float64]
 
@@ -46,9 +37,7 @@ class Evidence:
         self._photo = frame.image if isinstance(frame.image, Photo) else Photo.of(frame.image)
         self._known = beside(frame.regions)
         self._pictures: dict[float, Pictures] = {}
-        points = checked_points(frame.points)
-        local = (points - pose.camera_center) @ pose.rotation.as_matrix().T
-        self._all = scene_steps(local, frame.camera, self._photo, checked_intensity(frame.intensity, points))
+        self._all = steps_at(pose, frame.points, frame.camera, self._photo, frame.intensity)
         self.turn(Rotation.identity())
 
     def turn(self, rotation: Rotation) -> Pose:

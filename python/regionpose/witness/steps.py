@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from regionpose import _core
 from regionpose.arrays import real_array
 from regionpose.cameras import Camera
+from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.witness.photo import DIRECTIONS, Photo
 
@@ -101,10 +102,17 @@ def checked_intensity(intensity: ArrayLike | None, points: Array) -> Array | Non
     return values
 
 
-def scene_steps(points: Array, camera: Camera, photo: Photo, intensity: Array | None = None) -> Steps:
-    """The steps of points (n, 3) in the camera's axes that the photo shows, or would, from the turned poses; of their
-    intensity (n,), too, if there is one.
+def steps_at(pose: Pose, points: ArrayLike, camera: Camera, photo: Photo, intensity: ArrayLike | None) -> Steps:
+    """The steps of points (n, 3) of the world that the photo shows at a pose, or would, from the turned poses; of their
+    intensity (n,), too, if there is one. ValueError for other shapes.
     """
+    places = checked_points(points)
+    values = checked_intensity(intensity, places)
+    return _local_steps((places - pose.camera_center) @ pose.rotation.as_matrix().T, camera, photo, values)
+
+
+def _local_steps(points: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
+    """The same of points in the camera's axes."""
     margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     with np.errstate(invalid="ignore"):
