@@ -122,7 +122,7 @@ def check_alignment(
         Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
         allow.
     intensity : (n,) array, optional
-        What the scanner received from each point, or how bright its color is, on any scale.
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
 
     Raises
     ------

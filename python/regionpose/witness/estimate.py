@@ -49,7 +49,7 @@ def estimate_with_scene(
     points : (n, 3) array
         The whole cloud, world coordinates, meters.
     intensity : (n,) array, optional
-        What the scanner received from each point, or how bright its color is, on any scale.
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
     prior : Prior, optional
         As of `estimate_pose`.
     solver : Solver, optional

@@ -29,7 +29,7 @@ class SceneFrame:
     regions : sequence of ImageRegion
         Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
     intensity : (n,) array, optional
-        What the scanner received from each point, or how bright its color is, on any scale.
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
     """
 
     image: ArrayLike | Photo
