@@ -2,7 +2,9 @@
 
 The poses are those of the scenes' regions as a scan knows them, the camera within 1 m of the scanner: of single frames,
 and of frames of one rig, two and four at once (`benchmarks/real_scenes.py` has them by other ways). `--drawn` adds
-poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of every frame with a photo and a cloud.
+poses drawn about the true one, 0.6 deg and 12 cm about and along each axis, of every frame with a photo and a cloud;
+`--wrong` takes poses of every frame that are turned by 5 to 180 degrees instead, most of them moved, too, with these
+deviations and with 2 deg and 40 cm: none should be refined, but for one that is led to the truth.
 
 A line each: errors of rotation and of the camera's center, in brackets over their standard deviation in that direction,
 before and after; the logarithm of the odds for the edges, the largest about turned poses; and seconds. Then a
@@ -10,7 +12,7 @@ table of medians and worst cases by kind. Where all poses of a kind have one tru
 medians of the distance from their own median, in which what that truth is off plays no part. Where there are no scenes
 this says so and ends.
 
-    python -m benchmarks.refinement [--data ../shared/data] [--rigs 8] [--drawn]
+    python -m benchmarks.refinement [--data ../shared/data] [--rigs 8] [--drawn] [--wrong]
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from numpy.typing import NDArray
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.witness import Photo
 from regionpose.witness.refinement import moved
+from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import (
     DEFAULT_DATA,
@@ -44,7 +47,7 @@ from benchmarks.real_scenes import (
     scene_of,
     written,
 )
-from benchmarks.witness import frames
+from benchmarks.witness import RealFrame, frames, wrong_poses
 
 Array = NDArray[np.float64]
 
@@ -54,7 +57,14 @@ DRAWN = np.array([*np.radians([0.6] * 3), 0.12, 0.12, 0.12])
 SAME_TRUTH, LEAST_SCATTERED = 1e-6, 4
 """Truths nearer than this, rad and meters, are one; poses from which on their scatter is told."""
 
+ROUGH = np.array([*np.radians([2.0] * 3), 0.4, 0.4, 0.4])
+"""Deviations of poses that the regions hold weakly."""
+
+NEAR_TURN_DEG, NEAR_SHIFT_M = (5.0, 12.0), 0.4
+"""Half of the wrong poses are turned by so little, and moved by about so much along each axis."""
+
 DRAWS = 3
+WRONG = 6
 PRIOR = "near"
 
 
@@ -112,6 +122,22 @@ def drawn(seen: dict[str, rp.SceneFrame], truths: dict[str, rp.Pose]) -> Iterato
             yield Start(f"{name.split('/')[0]}, drawn", name, [frame], pose, np.diag(DRAWN**2), truths[name])
 
 
+def wrong(held: Sequence[RealFrame], seen: dict[str, rp.SceneFrame]) -> Iterator[Start]:
+    """Wrong poses of every frame: near the true one, and anywhere."""
+    for number, one in enumerate(held):
+        rng = np.random.default_rng(number)
+        poses = [*(_turned(one.pose, rng) for _ in range(WRONG)), *wrong_poses(one.pose, WRONG, number)]
+        for place, pose in enumerate(poses):
+            covariance = np.diag((DRAWN if place % 2 else ROUGH) ** 2)
+            yield Start("wrong", one.name, [seen[one.name]], pose, covariance, one.pose)
+
+
+def _turned(pose: rp.Pose, rng: np.random.Generator) -> rp.Pose:
+    axis, angle = rng.normal(size=3), np.radians(rng.uniform(*NEAR_TURN_DEG))
+    rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * pose.rotation
+    return rp.Pose(rotation, -rotation.apply(pose.camera_center + NEAR_SHIFT_M * rng.normal(size=3)))
+
+
 def row_of(start: Start) -> Row:
     """The refinement of a start, printed."""
     begun = time.perf_counter()
@@ -167,6 +193,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--rigs", type=int, default=8, help="rigs of two and of four frames")
     parser.add_argument("--drawn", action="store_true", help="also poses drawn about the true ones")
+    parser.add_argument("--wrong", action="store_true", help="wrong poses in place of those of the regions")
     given = parser.parse_args()
     held = list(frames(given.data))
     if not held:
@@ -182,7 +209,7 @@ def main() -> None:
     folders = [path for path in folders if path.parent.name in LIDARS]
     with tempfile.TemporaryDirectory() as temporary:
         scenes = [scene_of(folder, Path(temporary)) for folder in folders]
-    starts = [*estimated(scenes, seen, given.rigs)]
+    starts = [*wrong(held, seen)] if given.wrong else [*estimated(scenes, seen, given.rigs)]
     if given.drawn:
         starts += drawn(seen, {frame.name: frame.pose for frame in held})
     rows = [row_of(start) for start in starts]

@@ -115,6 +115,11 @@ def moved_pose(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,), `[omega (rad), tau]`."""
 
+def nearness(covariance: ArrayLike) -> float:
+    """Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees
+    of the true one.
+    """
+
 def estimate_batch(
     problems: Sequence[tuple[Sequence[ObservedRegion], Sequence[WorldRegion]]],
     priors: Sequence[Prior | None],
@@ -380,6 +385,11 @@ class Problem:
 
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[float, NDArray[np.float64]]:
         """Overlap error of all regions together at a pose, and of each (k,)."""
+
+    def weak_geometry(
+        self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike
+    ) -> tuple[str, str, list[int], dict[str, float | str]] | None:
+        """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that is weak; else None."""
 
     def estimate(
         self,

@@ -13,7 +13,7 @@ from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
-from regionpose.scene import Stages, estimate_scene, load_scene
+from regionpose.scene import SceneEstimate, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
 from regionpose.yaml_text import to_yaml
@@ -27,7 +27,7 @@ SHAPE = np.array(
 )
 
 
-def rough_scene(folder: Path, refine: str, *, other_photo: bool = False) -> Path:
+def rough_scene(folder: Path, *, other_photo: bool = False, **solver: str | bool) -> Path:
     """A scene of cards with two regions whose polygons in the photo are some pixels off."""
     rng = np.random.default_rng(4)
     photo, points = cards(3)
@@ -43,11 +43,17 @@ def rough_scene(folder: Path, refine: str, *, other_photo: bool = False) -> Path
         )
     camera = {"model": "pinhole", "fx": 500.0, "fy": 500.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
     values: dict[str, Any] = {"camera": camera, "image": "photo.png", "cloud": "cloud.ply", "regions": regions}
-    values["solver"] = {"refine": refine}
+    values["solver"] = solver
     Image.fromarray(np.repeat(photo[..., None], 3, axis=2)).save(folder / "photo.png")
     path = folder / "scene.yaml"
     path.write_text(to_yaml(values), encoding="utf-8")
     return path
+
+
+def refinement_of(run: SceneEstimate) -> rp.SceneRefinement:
+    """What the rest of the scene did to the pose."""
+    assert run.witness is not None and run.witness.refinement is not None
+    return run.witness.refinement
 
 
 def errors(pose: rp.Pose) -> NDArray[np.float64]:
@@ -57,23 +63,25 @@ def errors(pose: rp.Pose) -> NDArray[np.float64]:
 
 
 def test_the_rest_of_the_scene_refines_a_rough_pose(tmp_path: Path) -> None:
-    rough = estimate_scene(load_scene(rough_scene(tmp_path, "contour")))
-    run = estimate_scene(load_scene(rough_scene(tmp_path, "scene")))
-    assert rough.refinement is None and run.refinement is not None and run.refinement.refined
+    rough = estimate_scene(load_scene(rough_scene(tmp_path, refine="contour")))
+    run = estimate_scene(load_scene(rough_scene(tmp_path)))
+    assert rough.witness is not None and rough.witness.refinement is None
+    assert refinement_of(run).refined
     assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
-    assert run.refinement.before.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
+    assert run.estimate.confidence > rough.estimate.confidence
+    assert refinement_of(run).before.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
     whole, each = run.sides.overlap_errors(run.estimate.pose)
-    assert run.estimate.overlap_error == whole and (run.estimate.region_overlap_errors == each).all()
+    assert [run.estimate.overlap_error, *run.estimate.region_overlap_errors] == pytest.approx([whole, *each], rel=1e-6)
     result = json.loads(json.dumps(bundle(run, Stages()).result))
     said = result["scene_refinement"]
-    assert said["refined"] and said["turned_deg"] == pytest.approx(run.refinement.turned_deg)
+    assert said["refined"] and said["turned_deg"] == pytest.approx(refinement_of(run).turned_deg)
     assert result["solver"]["refine"] == "scene"
 
 
 def test_another_photo_does_not(tmp_path: Path) -> None:
-    rough = estimate_scene(load_scene(rough_scene(tmp_path, "contour", other_photo=True)))
-    run = estimate_scene(load_scene(rough_scene(tmp_path, "scene", other_photo=True)))
-    assert run.refinement is not None and not run.refinement.refined
+    rough = estimate_scene(load_scene(rough_scene(tmp_path, refine="contour", other_photo=True)))
+    run = estimate_scene(load_scene(rough_scene(tmp_path, other_photo=True)))
+    assert not refinement_of(run).refined and run.estimate.confidence <= rough.estimate.confidence
     np.testing.assert_array_equal(run.estimate.pose.matrix, rough.estimate.pose.matrix)
 
 
@@ -82,3 +90,9 @@ def test_there_is_no_rest_without_a_cloud(tmp_path: Path) -> None:
     path.write_text(path.read_text(encoding="utf-8") + "solver:\n  refine: scene\n", encoding="utf-8")
     with pytest.raises(SceneError, match=r"scene.yaml:\d+: solver.refine: found scene, but no cloud; needed the key"):
         load_scene(path)
+
+
+def test_it_is_heard_or_it_does_not_refine(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"solver.refine: found scene, but witness is false; needed witness: true"):
+        load_scene(rough_scene(tmp_path, refine="scene", witness=False))
+    assert estimate_scene(load_scene(rough_scene(tmp_path, witness=False))).witness is None

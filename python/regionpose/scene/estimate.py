@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.moved import moved_estimate
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
-from regionpose.estimation.sides import overlap_errors
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
@@ -44,8 +44,8 @@ class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
-    their regions, frame after frame. `seconds` per stage. `witness`, `refinement`: what the rest of the scene said,
-    None where it wasn't asked. `fits`, `influence`: how each of several frames fits, and what the others say without
+    their regions, frame after frame. `seconds` per stage. `witness`: what the rest of the scene said, None where it
+    wasn't asked. `fits`, `influence`: how each of several frames fits, and what the others say without
     it.
     """
 
@@ -54,7 +54,6 @@ class SceneEstimate:
     estimate: PoseEstimate
     seconds: dict[str, float]
     witness: SceneWitness | None = None
-    refinement: SceneRefinement | None = None
     fits: tuple[FrameFit, ...] = ()
     influence: tuple[Influence, ...] = ()
 
@@ -212,17 +211,16 @@ def _first_run(scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, 
 def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
     """The run after the rest of the scene was heard, as far as the scene asks for that."""
     solver = run.scene.model.solver
-    if all(sides.cloud is None for sides in run.frames) or not (solver.witness or solver.refine == "scene"):
+    if not solver.witness or all(sides.cloud is None for sides in run.frames):
         return run
     rest = RestOfScene(run.frames)
-    if solver.witness:
-        with stages.stage("witness"):
-            heard = witnessed(run.estimate, rest.align, lambda pose: _estimate(run.frames, pose))
-            run = replace(run, estimate=heard.estimate, witness=heard.witness)
-    if solver.refine == "scene":
-        with stages.stage("refinement"):
-            run = _refined(run, rest)
-    return run
+
+    def settled(pose: Pose) -> PoseEstimate:
+        return _estimate(run.frames, pose)
+
+    with stages.stage("witness"):
+        heard = witnessed(run.estimate, rest.align, settled, rest.refined if solver.refine == "scene" else None)
+    return replace(run, estimate=heard.estimate, witness=heard.witness)
 
 
 class RestOfScene:
@@ -230,7 +228,7 @@ class RestOfScene:
 
     def __init__(self, frames: Sequence[SceneSides]) -> None:
         """Take the frames, those without a cloud left out."""
-        self._origin = frames[0].origin
+        self._camera, self._regions, self._origin = frames[0].camera, _regions(frames), frames[0].origin
         self._frames = [
             None
             if sides.cloud is None
@@ -250,29 +248,15 @@ class RestOfScene:
         local = pose.about(self._origin)
         return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
 
-    def refine(self, estimate: PoseEstimate) -> SceneRefinement:
-        """The pose of an estimate refined by them."""
+    def refined(self, estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
+        """An estimate with its pose refined by them if they say enough, and what they said."""
         frames = [frame for frame in self._frames if frame is not None]
         found = refine_with_scene(estimate.pose.about(self._origin), estimate.covariance, frames)
-        return replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
-
-
-def _refined(run: SceneEstimate, rest: RestOfScene) -> SceneEstimate:
-    """The run with its pose refined by the rest of the scene, if that says enough."""
-    refinement = rest.refine(run.estimate)
-    run = replace(run, refinement=refinement)
-    if not refinement.refined:
-        return run
-    whole, errors = overlap_errors(run.camera, *_regions(run.frames), refinement.pose.about(run.sides.origin))
-    estimate = replace(
-        run.estimate,
-        pose=refinement.pose,
-        covariance=refinement.covariance,
-        region_overlap_errors=errors,
-        overlap_error=whole,
-    )
-    witness = run.witness and replace(run.witness, alignments=rest.align(refinement.pose))
-    return replace(run, estimate=estimate, witness=witness)
+        world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
+        if not found.refined:
+            return estimate, world
+        moved = moved_estimate(estimate, found.pose, found.covariance, self._camera, *self._regions)
+        return replace(moved, pose=world.pose), world
 
 
 def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Value:

@@ -106,13 +106,22 @@ def _check_references(scene: Scene) -> None:
     _check_frames(scene)
     for frame in scene.frames:
         _check_exposure(frame)
-    no_cloud = all(frame.model.cloud is None for frame in scene.frames)
-    if no_cloud and scene.model.solver.refine == "scene":
-        raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
+    _check_solver(scene)
     prior = scene.model.prior
     for key, of in DEVIATIONS_OF.items():
         if getattr(prior, key) is not None and getattr(prior, of) is None:
             raise scene.error(("prior", key), f"found a deviation of nothing; needed the key {of}")
+
+
+def _check_solver(scene: Scene) -> None:
+    """Pass unless the rest of the scene is asked to refine where it isn't there or isn't to be heard."""
+    solver = scene.model.solver
+    if solver.refine != "scene" or "refine" not in solver.model_fields_set:
+        return
+    if all(frame.model.cloud is None for frame in scene.frames):
+        raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
+    if not solver.witness:
+        raise scene.error(("solver", "refine"), "found scene, but witness is false; needed witness: true")
 
 
 def _check_frames(scene: Scene) -> None:

@@ -372,8 +372,11 @@ class SolverItem(Item):
     ] = None
     refine: Annotated[
         Literal["contour", "scene", "none"],
-        Field(description="scene: on the regions' contours, then on the edges of the rest of photo and cloud"),
-    ] = "contour"
+        Field(
+            description="on the regions' contours; scene: then on the edges of the rest of photo and cloud, where both"
+            " are there"
+        ),
+    ] = "scene"
     driver: Annotated[Literal["scipy", "native"] | None, Field(description="scipy when left out")] = None
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")

@@ -143,7 +143,7 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
     """What the edges of the rest of the scene did to the pose; None where they were not asked."""
-    refinement = run.refinement
+    refinement = None if run.witness is None else run.witness.refinement
     if refinement is None:
         return None
     return {

@@ -72,7 +72,7 @@ def verdict(run: SceneEstimate) -> Verdict:
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
-    fit = _fit(run) + _choice(run)
+    fit = _fit(run) + _heard(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
     sigma = f"{turn:.3f} deg and {shift:.1f} mm"
     if not codes:
@@ -84,13 +84,19 @@ def verdict(run: SceneEstimate) -> Verdict:
     return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma} (1 sigma).", remarks)
 
 
-def _choice(run: SceneEstimate) -> str:
-    """That the rest of photo and cloud chose the pose among answers, where they did."""
+def _heard(run: SceneEstimate) -> str:
+    """What the rest of photo and cloud did to the pose: chose it among answers, refined it."""
     witness = run.witness
-    unsettled = any(warning.code == "ambiguous" for warning in run.estimate.warnings)
-    if witness is None or witness.answers == 1 or (unsettled and not witness.place):
+    if witness is None:
         return ""
-    return f"; photo and cloud away from the regions choose this pose of {witness.answers} that fit"
+    said = []
+    unsettled = any(warning.code == "ambiguous" for warning in run.estimate.warnings)
+    if witness.answers > 1 and (witness.place or not unsettled):
+        said.append(f"choose this pose of {witness.answers} that fit")
+    refinement = witness.refinement
+    if refinement is not None and refinement.refined:
+        said.append(f"move it by {refinement.turned_deg:.3f} deg and {1000.0 * refinement.moved_m:.1f} mm")
+    return f"; photo and cloud away from the regions {' and '.join(said)}" if said else ""
 
 
 def _fit(run: SceneEstimate) -> str:

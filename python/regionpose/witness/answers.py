@@ -9,17 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose import _core
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
-from regionpose.witness.odds import weighed
+from regionpose.witness.odds import DECISIVE, weighed
+from regionpose.witness.refinement import SceneRefinement
 
 Array = NDArray[np.float64]
-
-DECISIVE = float(np.log(9.0))
-"""Logarithm of the odds from which on they decide, against a pose or between two: those of the confidence of 90 % that
-a pose needs."""
 
 SURE = 0.9
 """Confidence from which on one of several answers is the answer: as above."""
@@ -42,6 +40,8 @@ class SceneWitness:
         Where the regions alone had put the pose among the answers: 0 where photo and cloud chose no other.
     answers : int
         How many there are.
+    refinement : SceneRefinement or None
+        What the edges near the chosen answer did to the pose; None where they were not asked.
 
     """
 
@@ -49,6 +49,7 @@ class SceneWitness:
     confidence_before: float
     place: int
     answers: int
+    refinement: SceneRefinement | None = None
 
     @property
     def told(self) -> tuple[Alignment, ...]:
@@ -76,7 +77,8 @@ class Witnessed(NamedTuple):
     Parameters
     ----------
     estimate : PoseEstimate
-        With the answer first that photo and cloud agree with; its confidences and warnings are those after that.
+        With the answer first that photo and cloud agree with, refined if they say enough; its confidences and warnings
+        are those after that.
     witness : SceneWitness
         How well they agree.
 
@@ -87,20 +89,32 @@ class Witnessed(NamedTuple):
 
 
 def witnessed(
-    estimate: PoseEstimate, align: Callable[[Pose], Sequence[Alignment | None]], settle: Callable[[Pose], PoseEstimate]
+    estimate: PoseEstimate,
+    align: Callable[[Pose], Sequence[Alignment | None]],
+    settle: Callable[[Pose], PoseEstimate],
+    refine: Callable[[PoseEstimate], tuple[PoseEstimate, SceneRefinement]] | None = None,
 ) -> Witnessed:
     """The estimate with the answer first that photo and cloud agree with, and the confidences that follow.
 
     `align`: how well they agree at a pose, frame by frame; `settle`: the estimate that has the answer nearest to a pose
-    first. The evidence decides between answers and may lower the probability that one of them is right; it never raises
-    that, since photo and cloud may agree at a pose that is some degrees off (docs/math.md, eq. 18.5).
+    first; `refine`: an estimate with its pose refined by them if they say enough, and what they said. The evidence
+    decides between answers and may lower the probability that one of them is right. It raises that for a refined pose
+    alone, since photo and cloud may agree at one that is some degrees off (docs/math.md, eq. 18.5 and 18.10).
     """
     alignments, confidences = _heard(estimate, align)
     place = int(np.argmax(confidences))
     if place:
         estimate = settle(estimate.alternatives[place - 1].pose)
         alignments, confidences = _heard(estimate, align)
-    witness = SceneWitness(tuple(alignments[0]), estimate.confidence, place, len(alignments))
+    before, refinement = estimate.confidence, None
+    if refine is not None and np.isfinite(estimate.covariance).all():
+        given = estimate
+        estimate, refinement = refine(given)
+        if refinement.refined:
+            told = iter(refinement.alignments)
+            alignments[0] = [None if frame is None else next(told) for frame in alignments[0]]
+            confidences = _of_refined(given, estimate, alignments)
+    witness = SceneWitness(tuple(alignments[0]), before, place, len(alignments), refinement)
     others = tuple(
         replace(other, confidence=float(confidence))
         for other, confidence in zip(estimate.alternatives, confidences[1:], strict=True)
@@ -115,11 +129,24 @@ def _heard(
 ) -> tuple[list[Sequence[Alignment | None]], Array]:
     """How well photo and cloud agree at each answer, and the answers' confidences (n,) after that."""
     answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
-    before = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
     alignments = [align(pose) for pose in answers]
+    before = _confidences(estimate)
     after = weighed(before, [_log_odds(frames) for frames in alignments])
-    total, most = float(after.sum()), float(np.sum(before))
+    total, most = float(after.sum()), float(before.sum())
     return alignments, after * (most / total) if total > most else after
+
+
+def _of_refined(given: PoseEstimate, refined: PoseEstimate, alignments: Sequence[Sequence[Alignment | None]]) -> Array:
+    """The answers' confidences (n,) after the first one's pose was refined: that it is the right place, which
+    alignments speak for, and that the noise leaves it near the true pose, which the refined covariance says.
+    """
+    near = _core.nearness(given.covariance)
+    after = weighed(_confidences(given) / near, [_log_odds(frames) for frames in alignments])
+    return np.asarray(after * np.array([_core.nearness(refined.covariance)] + [near] * (len(after) - 1)))
+
+
+def _confidences(estimate: PoseEstimate) -> Array:
+    return np.array([estimate.confidence, *(other.confidence for other in estimate.alternatives)])
 
 
 def _log_odds(alignments: Sequence[Alignment | None]) -> float:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.moved import moved_estimate
 from regionpose.estimation.options import Solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
@@ -17,6 +18,7 @@ from regionpose.regions.world import WorldRegion
 from regionpose.witness.answers import Witnessed, witnessed
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo
+from regionpose.witness.refinement import SceneRefinement, refine_with_scene
 from regionpose.witness.steps import checked_intensity, checked_points
 
 
@@ -33,8 +35,9 @@ def estimate_with_scene(
 ) -> Witnessed:
     """The pose of `estimate_pose`, judged by the rest of photo and cloud: the edges of both away from the regions.
 
-    They choose among answers that fit alike, and lower the confidence of a pose at which they do not agree; odds of 9
-    to 1 against it give the warning `scene-disagrees` (docs/math.md, section 18). Scene files do the same.
+    They choose among answers that fit alike, lower the confidence of a pose at which they do not agree, and refine one
+    at which they do, as of `refine_with_scene`; odds of 9 to 1 against it give the warning `scene-disagrees`
+    (docs/math.md, section 18). Scene files do the same.
 
     Parameters
     ----------
@@ -78,4 +81,11 @@ def estimate_with_scene(
     def settled(pose: Pose) -> PoseEstimate:
         return estimated((prior or Prior()).started_at(pose))
 
-    return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled)
+    def refined(estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
+        found = refine_with_scene(estimate.pose, estimate.covariance, [frame])
+        if not found.refined:
+            return estimate, found
+        regions = camera, image_regions, world_regions
+        return moved_estimate(estimate, found.pose, found.covariance, *regions), found
+
+    return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled, refined)

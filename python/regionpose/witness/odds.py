@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
 from scipy.stats import norm, t
 
 Array = NDArray[np.float64]
+
+DECISIVE = float(np.log(9.0))
+"""Logarithm of the odds from which on they decide, for a pose or against it or between two: those of the confidence of
+90 % that a pose needs."""
 
 RIGHT_MEDIAN, RIGHT_LOG_SIGMA = 0.05, 0.75
 """Median of how far right poses stand out, and the standard deviation of its logarithm, of 21 frames of cars, fisheyes
@@ -37,7 +40,7 @@ def _nodes() -> tuple[Array, Array]:
     return RIGHT_MEDIAN * np.exp(RIGHT_LOG_SIGMA * norm.ppf(shares)), np.full(200, -np.log(200.0))
 
 
-def weighed(confidences: Sequence[float], odds: Sequence[float]) -> Array:
+def weighed(confidences: ArrayLike, odds: ArrayLike) -> Array:
     """Probabilities (n,) of answers of which one at most is right, from those before and logarithms of odds since.
 
     What the answers leave of 1 is the probability that none is right, which no odds speak for.

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,14 +17,13 @@ from scipy.special import logsumexp
 from regionpose import _core
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
+from regionpose.witness.alignment import Alignment
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.frame import SceneFrame
+from regionpose.witness.odds import DECISIVE
 from regionpose.witness.steps import SEED, far_turns
 
 Array = NDArray[np.float64]
-
-DECISIVE = float(np.log(9.0))
-"""Logarithm of the odds for the edges from which on they are heard: 90 %, as a trusted pose needs."""
 
 COMPARED = 9
 """Turned poses at all of which chance may not do as well: as many as those odds are."""
@@ -75,6 +74,9 @@ class SceneRefinement:
         Whether the edges say enough.
     steps : tuple of int
         How many steps of each frame were looked at.
+    alignments : tuple of Alignment
+        How well photo and cloud of each frame agree at the pose that the edges lead to; empty where these say too
+        little to look.
     """
 
     pose: Pose
@@ -84,6 +86,7 @@ class SceneRefinement:
     chance: float
     refined: bool
     steps: tuple[int, ...]
+    alignments: tuple[Alignment, ...] = ()
 
     @property
     def turned_deg(self) -> float:
@@ -100,9 +103,8 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     """The pose near a given one at which steps of the frames' points lie on the edges of their photos.
 
     The edges' likelihood and the given pose's distribution are maximized together. The refined pose is taken if the
-    edges under the steps are 9 times as likely about the given pose as by chance, and likelier than about each of 9
-    turned poses
-    (docs/math.md, eq. 18.6 to 18.9).
+    edges under the steps are 9 times as likely about the given pose as by chance, likelier than about each of 9 turned
+    poses, and if photo and cloud agree at it by odds of 9 to 1 (docs/math.md, eq. 18.6 to 18.9).
 
     Parameters
     ----------
@@ -121,14 +123,26 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     root, frames = _root(covariance), [Evidence(frame, pose) for frame in scene]
     shares = [frame.share(SPREADS_PX[-1]) for frame in frames]
     peaks = _Posterior(pose, root, frames, shares).peaks()
-    log_odds, chance = _log_odds(peaks), float("nan")
-    steps = tuple(frame.count for frame in frames)
-    if log_odds > DECISIVE:
-        chance = max(_about_turned(turn, pose, root, frames, shares) for turn in far_turns()[:COMPARED])
-    if not log_odds > max(DECISIVE, chance):
-        return SceneRefinement(pose, np.asarray(covariance, dtype=np.float64), pose, log_odds, chance, False, steps)
+    log_odds = _log_odds(peaks)
+    left = SceneRefinement(
+        pose=pose,
+        covariance=np.asarray(covariance, dtype=np.float64),
+        before=pose,
+        log_odds=log_odds,
+        chance=float("nan"),
+        refined=False,
+        steps=tuple(frame.count for frame in frames),
+    )
+    if not log_odds > DECISIVE:
+        return left
     best = max(peaks, key=lambda peak: peak.mass)
-    return SceneRefinement(best.pose, _spread_of(peaks, best), pose, log_odds, chance, True, steps)
+    told = replace(left, alignments=tuple(frame.alignment(best.pose) for frame in scene))
+    if not sum(alignment.log_odds for alignment in told.alignments) > DECISIVE:
+        return told
+    chance = max(_about_turned(turn, pose, root, frames, shares) for turn in far_turns()[:COMPARED])
+    if not log_odds > chance:
+        return replace(told, chance=chance)
+    return replace(told, pose=best.pose, covariance=_spread_of(peaks, best), chance=chance, refined=True)
 
 
 class _Peak(NamedTuple):

@@ -1,6 +1,6 @@
 //! Arrays in and out: shapes checked with the item's name.
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix6, SVector, Vector3};
 use numpy::ndarray::Dimension;
 use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -126,6 +126,15 @@ pub fn pose(rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyRe
     }
     let matrix = Matrix3::from_columns(&rows).transpose();
     Pose::from_matrix(&matrix, vector("translation", translation)?).map_err(value_error)
+}
+
+/// The covariance (6, 6) of a pose's left increment.
+pub fn covariance(object: &Bound<'_, PyAny>) -> PyResult<Matrix6<f64>> {
+    let rows = points::<6>("covariance", object)?;
+    if rows.len() != 6 {
+        return Err(PyValueError::new_err(format!("covariance has {} rows; it needs to be (6, 6)", rows.len())));
+    }
+    Ok(Matrix6::from_columns(&rows))
 }
 
 /// An (n, D) array.

@@ -34,7 +34,7 @@ mod _core {
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose, work_done};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose, nearness, work_done};
     #[pymodule_export]
     use crate::witness::{edge_agreement, edge_evidence, scene_steps};
 

@@ -1,11 +1,11 @@
 //! What is known of a pose beforehand.
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Vector3;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::prior::{self, PoseSigma};
 
-use crate::arrays::{points, pose, scalar, vector};
+use crate::arrays::{covariance, pose, scalar, vector};
 
 const ROTATION_SIGMA: &str = "initial_rotation_sigma_deg";
 const CENTER_SIGMA: &str = "initial_center_sigma_m";
@@ -65,11 +65,7 @@ impl Prior {
         translation: &Bound<'_, PyAny>,
         covariance: &Bound<'_, PyAny>,
     ) -> PyResult<f64> {
-        let rows = points::<6>("covariance", covariance)?;
-        if rows.len() != 6 {
-            return Err(PyValueError::new_err(format!("covariance has {} rows; it needs to be (6, 6)", rows.len())));
-        }
-        Ok(self.0.penalty(&pose(rotation, translation)?, &Matrix6::from_columns(&rows)))
+        Ok(self.0.penalty(&pose(rotation, translation)?, &self::covariance(covariance)?))
     }
 }
 

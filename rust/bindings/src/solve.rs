@@ -16,9 +16,9 @@ use regionpose::error::Error;
 use regionpose::geometry::pose::Tangent;
 use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
-use regionpose::verdict::estimate;
+use regionpose::verdict::{confidence, estimate, weakness};
 
-use crate::arrays::{kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error};
+use crate::arrays::{covariance, kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error};
 use crate::interrupts::{detached, detached_threads};
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
@@ -323,6 +323,19 @@ impl Problem {
         Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
+    /// The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that is weak; else None.
+    fn weak_geometry<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+        covariance: &Bound<'py, PyAny>,
+    ) -> PyResult<Option<Told<'py>>> {
+        let pose = pose(rotation, translation)?;
+        let warning = weakness::weak_geometry(&self.0, &pose, &self::covariance(covariance)?);
+        warning.map(|warning| told(py, &warning)).transpose()
+    }
+
     /// The estimate by the native driver; None without a pose in view.
     #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
     fn estimate<'py>(
@@ -386,6 +399,13 @@ impl Search {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
         Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate::new))
     }
+}
+
+/// Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees of the true
+/// one.
+#[pyfunction]
+pub fn nearness(covariance: &Bound<'_, PyAny>) -> PyResult<f64> {
+    Ok(confidence::nearness(&self::covariance(covariance)?))
 }
 
 /// Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,).

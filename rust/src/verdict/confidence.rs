@@ -38,7 +38,7 @@ impl Evidence {
     /// The evidence of contours at a pose, and of the pose's covariance; `whole` where the pose is that of the moments.
     pub fn new(fit: &ContourFit, covariance: &Matrix6<f64>, whole: bool) -> Self {
         Self {
-            rotation_sigma: weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned()).0.to_degrees(),
+            rotation_sigma: rotation_sigma(covariance),
             whole,
             scatter: fit.mixture.sigma,
             contradicted: count(&contradicted(fit)),
@@ -63,22 +63,35 @@ impl Evidence {
     pub fn features(&self) -> [f64; 6] {
         let indicator = |holds: bool| f64::from(u8::from(holds));
         let (whole, several) = (indicator(self.whole), indicator(self.regions > 1));
-        [1.0, self.bounded_sigma().ln(), whole, self.scatter.ln(), self.contradicted as f64, several]
-    }
-
-    fn bounded_sigma(&self) -> f64 {
-        let (least, most) = ROTATION;
-        // The comparison's order makes a deviation that is not known the largest.
-        self.rotation_sigma.min(most).max(least)
+        [1.0, bounded(self.rotation_sigma).ln(), whole, self.scatter.ln(), self.contradicted as f64, several]
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
     /// noise leaves it so near.
     pub fn probability(&self) -> f64 {
         let odds: f64 = self.features().iter().zip(WEIGHTS).map(|(feature, weight)| feature * weight).sum();
-        let near = 2.0 * cumulative(RIGHT / self.bounded_sigma()) - 1.0;
-        near / (1.0 + (-odds).exp())
+        within(self.rotation_sigma) / (1.0 + (-odds).exp())
     }
+}
+
+/// Probability that a pose at the right place, of this covariance, is within 5 degrees of the true one.
+pub fn nearness(covariance: &Matrix6<f64>) -> f64 {
+    within(rotation_sigma(covariance))
+}
+
+fn within(rotation_sigma: f64) -> f64 {
+    2.0 * cumulative(RIGHT / bounded(rotation_sigma)) - 1.0
+}
+
+/// Largest standard deviation of the rotation about any axis, degrees.
+fn rotation_sigma(covariance: &Matrix6<f64>) -> f64 {
+    weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned()).0.to_degrees()
+}
+
+fn bounded(rotation_sigma: f64) -> f64 {
+    let (least, most) = ROTATION;
+    // The comparison's order makes a deviation that is not known the largest.
+    rotation_sigma.min(most).max(least)
 }
 
 fn count(indicators: &[bool]) -> usize {

@@ -1,0 +1,201 @@
+"""What becomes of users' mistakes on real scenes, by the regions alone and once the rest of the scene is heard.
+
+Of each frame below --data with labeled points and a photo, the pose is estimated with the regions as a scan knows them,
+without a prior and with the camera within 1 m of the scanner,
+
+- as it is ("none"), and with one mistake:
+- "pair": the pairs of two regions are swapped;
+- "focal": the camera's focal lengths are a fifth too short, or a quarter too long;
+- "photo": another frame of the same kind is taken for the photo, with its regions;
+- "place": a region is drawn beside its place in the photo, half its width away.
+
+The table has a row for each mistake: problems; how many poses are wrong, beyond 5 degrees or 1 meter; how many of these
+come without a warning by the regions alone, after photo and cloud are heard, and after they refine, too; and how many
+of the right ones have no warning in the same three. `--verbose` prints a line for each wrong pose that is trusted.
+Where there are no frames this says so and ends.
+
+    python -m benchmarks.real_mistakes [--data ../shared/data] [--verbose]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import regionpose as rp
+from numpy.typing import NDArray
+from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.regions.outline import SparseSamplingWarning
+from regionpose.witness import Photo, witnessed
+
+from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
+from benchmarks.witness import frames
+
+Array = NDArray[np.float64]
+
+WRONG_DEG, WRONG_M = 5.0, 1.0
+"""A pose beyond either is another one: what a confidence is about, and twice what single frames err."""
+
+FOCAL = (0.8, 1.25)
+PRIORS = ("none", "near")
+MOST_PAIRS = 3
+
+
+class Problem(NamedTuple):
+    """A problem with a mistake, or with none."""
+
+    mistake: str
+    name: str
+    camera: Camera
+    images: list[rp.ImageRegion]
+    worlds: list[rp.WorldRegion]
+    frame: rp.SceneFrame
+    prior: rp.Prior | None
+    truth: rp.Pose
+
+
+class Row(NamedTuple):
+    """What came of a problem: by the regions, heard, and refined, whether the pose is wrong and whether trusted."""
+
+    mistake: str
+    wrong: tuple[bool, bool, bool]
+    trusted: tuple[bool, bool, bool]
+
+
+def problems(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Problem]:
+    """All mistakes of all scenes."""
+    for scene in scenes:
+        for prior in PRIORS:
+            if prior in scene.priors:
+                yield from _of_scene(scene, prior, scenes, seen)
+
+
+def _of_scene(
+    scene: RealScene, prior: str, scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]
+) -> Iterator[Problem]:
+    worlds, name = scene.worlds["samples"], f"{scene.name}, {prior}"
+    frame = seen[scene.name]
+
+    def problem(
+        mistake: str,
+        camera: Camera = scene.camera,
+        images: Sequence[rp.ImageRegion] = scene.images,
+        photo: rp.SceneFrame = frame,
+    ) -> Problem:
+        count = min(len(images), len(worlds))
+        images = list(images[:count])
+        held = replace(photo, points=frame.points, intensity=frame.intensity, camera=camera, regions=images)
+        return Problem(mistake, name, camera, images, worlds[:count], held, scene.priors[prior], scene.truth)
+
+    yield problem("none")
+    for a, b in list(combinations(range(len(worlds)), 2))[:MOST_PAIRS]:
+        images = list(scene.images)
+        images[a], images[b] = images[b], images[a]
+        yield problem("pair", images=images)
+    for factor in FOCAL:
+        if isinstance(scene.camera, PinholeCamera | FisheyeCamera):
+            camera = replace(scene.camera, fx=factor * scene.camera.fx, fy=factor * scene.camera.fy)
+            yield problem("focal", camera=camera)
+    others = [other for other in scenes if other.kind == scene.kind and other is not scene]
+    for other in others[:2]:
+        yield problem("photo", camera=other.camera, images=other.images, photo=seen[other.name])
+    for number, image in enumerate(scene.images[:MOST_PAIRS]):
+        moved = beside(image, scene.camera)
+        if moved is not None:
+            yield problem("place", images=[*scene.images[:number], moved, *scene.images[number + 1 :]])
+
+
+def beside(region: rp.ImageRegion, camera: Camera) -> rp.ImageRegion | None:
+    """The region half its width to the right, or to the left where it would leave the image; None where both do."""
+    ring = max(region.rings, key=len)
+    half = 0.5 * float(np.ptp(ring[:, 0]))
+    for step in (half, -half):
+        moved = ring + np.array([step, 0.0])
+        if camera.width is not None and moved[:, 0].min() > 0.0 and moved[:, 0].max() < camera.width - 1.0:
+            return rp.ImageRegion.from_polygon(moved)
+    return None
+
+
+def row_of(problem: Problem, *, verbose: bool) -> Row | None:
+    """What comes of a problem, in three ways; None where no pose shows it."""
+
+    def estimated(prior: rp.Prior | None) -> PoseEstimate:
+        return rp.estimate_pose(problem.camera, problem.images, problem.worlds, prior=prior)
+
+    def settled(pose: rp.Pose) -> PoseEstimate:
+        return estimated((problem.prior or rp.Prior()).started_at(pose))
+
+    try:
+        alone = estimated(problem.prior)
+    except rp.PoseError:
+        return None
+    heard = witnessed(alone, lambda pose: [problem.frame.alignment(pose)], settled).estimate
+    refined, witness = rp.estimate_with_scene(
+        problem.camera,
+        problem.images,
+        problem.worlds,
+        problem.frame.image,
+        problem.frame.points,
+        intensity=problem.frame.intensity,
+        prior=problem.prior,
+    )
+    ways = (alone, heard, refined)
+    wrong = [_is_wrong(way.pose, problem.truth) for way in ways]
+    trusted = [not way.warnings for way in ways]
+    if verbose and any(np.logical_and(wrong, trusted)):
+        turn = np.degrees((refined.pose.rotation * problem.truth.rotation.inv()).magnitude())
+        place = np.linalg.norm(refined.pose.camera_center - problem.truth.camera_center)
+        print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {witness}", flush=True)
+    return Row(problem.mistake, (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2]))
+
+
+def _is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
+    turn = np.degrees((pose.rotation * truth.rotation.inv()).magnitude())
+    return not (turn < WRONG_DEG and np.linalg.norm(pose.camera_center - truth.camera_center) < WRONG_M)
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """Lines of a Markdown table, by mistake."""
+    ways = "by the regions | heard | refined"
+    yield f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} |"
+    yield "|" + "---|" * 11
+    for mistake in dict.fromkeys(row.mistake for row in rows):
+        held = [row for row in rows if row.mistake == mistake]
+        wrong, trusted = (np.array([getattr(row, name) for row in held]) for name in ("wrong", "trusted"))
+        counts = [*wrong.sum(0), *(wrong & trusted).sum(0), *(~wrong & trusted).sum(0)]
+        yield f"| {mistake} | {len(held)} | {' | '.join(map(str, counts))} |"
+
+
+def main() -> None:
+    """Print the table."""
+    warnings.simplefilter("ignore", SparseSamplingWarning)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--verbose", action="store_true", help="a line for each wrong pose that is trusted")
+    given = parser.parse_args()
+    seen = {
+        held.name: rp.SceneFrame(Photo.of(held.image), held.cloud.points, held.camera, intensity=held.cloud.intensity)
+        for held in frames(given.data)
+    }
+    folders = sorted(path.parent.resolve() for path in given.data.glob("*/*/regions.json"))
+    folders = [path for path in folders if path.parent.name in LIDARS]
+    with tempfile.TemporaryDirectory() as temporary:
+        scenes = [scene_of(folder, Path(temporary)) for folder in folders]
+    scenes = [scene for scene in scenes if scene.name in seen and "samples" in scene.worlds]
+    if not scenes:
+        print(f"no frames in {given.data}: nothing to measure")
+        return
+    rows = [row_of(problem, verbose=given.verbose) for problem in problems(scenes, seen)]
+    print(*table([row for row in rows if row is not None]), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
