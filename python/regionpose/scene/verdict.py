@@ -15,6 +15,8 @@ ADVICE = {
     "unconfirmed-matching": "Add regions on either side, or pair the regions yourself.",
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
     " its deviations, seen_from of a region's world side.",
+    "ambiguous-region": "This region or the one that the pose itself leaves out is wrong: its mask, its outline, or the"
+    " pair.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
     "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
     " calibration, and that photo and cloud show the same scene.",

@@ -22,7 +22,10 @@ Array = NDArray[np.float64]
 SURE = 0.9
 """Confidence from which on one of several answers is the answer: as above."""
 
-OF_CONFIDENCE = {"ambiguous", "low-confidence"}
+OF_OTHERS = {"ambiguous", "ambiguous-region"}
+"""Warnings of other answers."""
+
+OF_CONFIDENCE = {*OF_OTHERS, "low-confidence"}
 """Warnings that say no more than that the confidence is low."""
 
 
@@ -158,7 +161,7 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tup
     logarithm of the odds of its pose to the best of the others.
     """
     sure = estimate.confidence >= SURE
-    settled = OF_CONFIDENCE if sure else {"ambiguous"} if lead >= DECISIVE else set()
+    settled = OF_CONFIDENCE if sure else OF_OTHERS if lead >= DECISIVE else set()
     kept = [warning for warning in estimate.warnings if warning.code not in settled]
     if witness.log_odds < -DECISIVE:
         kept.append(_disagreement(witness))

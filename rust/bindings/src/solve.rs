@@ -18,7 +18,9 @@ use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
 use regionpose::verdict::{confidence, estimate, weakness};
 
-use crate::arrays::{covariance, kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error};
+use crate::arrays::{
+    covariance, kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error,
+};
 use crate::interrupts::{detached, detached_threads};
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};

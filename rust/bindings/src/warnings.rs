@@ -10,22 +10,13 @@ const PERCENT: f64 = 1e-2;
 
 /// A warning whose sentence has `{0}` for its region, as of Python's `str.format`.
 pub fn told<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Told<'py>> {
-    let region = region_of(warning);
+    let region = warning.region();
     let plain = warning.to_string().replace('{', "{{").replace('}', "}}");
     let sentence = match region {
         Some(index) => plain.replacen(&format!("region {index}"), "{0}", 1),
         None => plain,
     };
     Ok((warning.code(), sentence, region.into_iter().collect(), values_of(py, warning)?))
-}
-
-fn region_of(warning: &Warning) -> Option<usize> {
-    match warning {
-        Warning::PoorOverlap { region, .. }
-        | Warning::OutlierRegion { region, .. }
-        | Warning::SideContradicted { region } => Some(*region),
-        _ => None,
-    }
 }
 
 /// The numbers of a warning, shares as fractions.
@@ -36,6 +27,11 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
         Warning::Ambiguous { others } => set("others", others.len() as f64)?,
         Warning::PoorOverlap { percent, .. } => set("overlap_error", PERCENT * percent)?,
         Warning::OutlierRegion { percent, others, .. } => {
+            set("contour_share", PERCENT * percent)?;
+            set("contour_share_of_others", PERCENT * others)?;
+        }
+        Warning::AmbiguousRegion { degrees, percent, others, .. } => {
+            set("rotation_deg", *degrees)?;
             set("contour_share", PERCENT * percent)?;
             set("contour_share_of_others", PERCENT * others)?;
         }

@@ -298,8 +298,7 @@ fn warnings(
     let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.blur >= LOOSE);
     let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
-    warnings.extend(poor_regions(best, &sampled, trusted));
-    warnings.extend(best.posterior.iter().flat_map(|posterior| contradicting_regions(posterior, &sampled)));
+    warnings.extend(region_warnings(best, alternatives, &sampled, trusted));
     warnings.extend(weak_geometry(problem, &best.pose, &best.covariance));
     warnings.extend(contradictions(problem, best, prior));
     if warnings.is_empty() && !trusted {
@@ -308,50 +307,83 @@ fn warnings(
     warnings
 }
 
-/// The warnings of regions that the pose projects elsewhere: those that do not belong to it while others do, those that fit no
-/// better than nothing and, unless the pose is trusted, those of which a part lies elsewhere.
-fn poor_regions(best: &Solution, sampled: &[usize], trusted: bool) -> Vec<Warning> {
-    let (odds, shares) = (log_odds(&best.fit), best.fit.clean_shares());
-    let contradicted = contradicted(&best.fit);
-    // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
-    let needed = (odds.len() - 1).min(2);
-    let others_of = |region: usize| {
-        let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
-        let others: Vec<f64> = others.map(|other| shares[other]).collect();
-        // A pose by the moments is a compromise of all regions.
-        let found = best.minimum.is_none() && best.fit.mixture.sigma < LOOSE && others.len() >= needed;
-        others.into_iter().reduce(f64::min).filter(|_| found)
-    };
-    let mut warnings = Vec::new();
-    for (region, &error) in best.region_overlap_errors.iter().enumerate() {
-        if error < POOR_OVERLAP || sampled.contains(&region) {
-            continue;
-        }
-        match others_of(region) {
-            Some(others) if odds[region] < 0.0 => {
-                let percent = 100.0 * shares[region];
-                warnings.push(Warning::OutlierRegion { region, percent, others: 100.0 * others });
-            }
-            _ if trusted && error < NOT_SHOWN && !contradicted[region] => {}
-            _ => warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error }),
-        }
-    }
-    warnings
+/// A region that does not belong to a pose: the share of it that lies where the pose puts it, and the least of the others', percent.
+struct Outlier {
+    region: usize,
+    percent: f64,
+    others: f64,
 }
 
-/// The warnings of regions whose samples lie on the wrong sides of their contours, while those of others do not.
-fn contradicting_regions(posterior: &Posterior, sampled: &[usize]) -> Vec<Warning> {
+/// The regions that do not belong to a pose while others do: of contours first, then of samples.
+fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
+    let of_contours = contour_outliers(solution, sampled);
+    let of_samples = solution.posterior.iter().flat_map(|posterior| sample_outliers(posterior, sampled));
+    of_contours.into_iter().chain(of_samples).collect()
+}
+
+/// Those whose contours the pose projects elsewhere.
+fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
+    let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
+    // A pose by the moments is a compromise of all regions.
+    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE {
+        return Vec::new();
+    }
+    // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
+    let needed = (odds.len() - 1).min(2);
+    let outlier = |region: usize| {
+        let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
+        let others: Vec<f64> = others.map(|other| shares[other]).collect();
+        let least = others.iter().copied().reduce(f64::min).filter(|_| others.len() >= needed)?;
+        Some(Outlier { region, percent: 100.0 * shares[region], others: 100.0 * least })
+    };
+    let elsewhere = |&region: &usize| {
+        let is_off = solution.region_overlap_errors[region] >= POOR_OVERLAP && !sampled.contains(&region);
+        is_off && odds[region] < 0.0
+    };
+    (0..odds.len()).filter(elsewhere).filter_map(outlier).collect()
+}
+
+/// Those whose samples lie on the wrong sides of their contours.
+fn sample_outliers(posterior: &Posterior, sampled: &[usize]) -> Vec<Outlier> {
     let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
     let others_of = |place: usize| {
         let others =
             right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
         others.map(|(_, &right)| right).reduce(f64::min)
     };
-    let warning = |(place, &region): (usize, &usize)| {
+    let outlier = |(place, &region): (usize, &usize)| {
         let others = others_of(place).filter(|_| contradicts(posterior.wrong[place]))?;
-        Some(Warning::OutlierRegion { region, percent: right[place], others })
+        Some(Outlier { region, percent: right[place], others })
     };
-    sampled.iter().enumerate().filter_map(warning).collect()
+    sampled.iter().enumerate().filter_map(outlier).collect()
+}
+
+/// The warnings of regions that do not belong to the best pose, of those that fit no better than nothing and, unless the pose is
+/// trusted, of those of which a part lies elsewhere; and of those that do not belong to a pose that fits alike.
+fn region_warnings(best: &Solution, alternatives: &[Solution], sampled: &[usize], trusted: bool) -> Vec<Warning> {
+    let contradicted = contradicted(&best.fit);
+    let mut warnings: Vec<Warning> = outliers(best, sampled)
+        .into_iter()
+        .map(|Outlier { region, percent, others }| Warning::OutlierRegion { region, percent, others })
+        .collect();
+    let mut named: Vec<usize> = warnings.iter().filter_map(Warning::region).collect();
+    for (region, &error) in best.region_overlap_errors.iter().enumerate() {
+        let borne = trusted && error < NOT_SHOWN && !contradicted[region];
+        if error >= POOR_OVERLAP && !borne && !sampled.contains(&region) && !named.contains(&region) {
+            warnings.push(Warning::PoorOverlap { region, percent: 100.0 * error });
+            named.push(region);
+        }
+    }
+    for other in alternatives {
+        let degrees = way(&best.pose, &other.pose).degrees;
+        for Outlier { region, percent, others } in outliers(other, sampled) {
+            if !named.contains(&region) {
+                warnings.push(Warning::AmbiguousRegion { region, degrees, percent, others });
+                named.push(region);
+            }
+        }
+    }
+    warnings
 }
 
 /// What was known beforehand and is not so at the pose.

@@ -46,6 +46,20 @@ pub enum Warning {
         /// The same of the other regions.
         others: f64,
     },
+    /// A region's contour lies nowhere where a pose that fits alike puts it.
+    #[error(
+        "region {region} does not belong to the other pose that is {degrees:.1} deg away: {percent:.0} % of its contour lies on its projection, of the others {others:.0} %"
+    )]
+    AmbiguousRegion {
+        /// The region.
+        region: usize,
+        /// Rotation from the best pose to the other one, degrees.
+        degrees: f64,
+        /// Share of its contour on the projected boundary, percent.
+        percent: f64,
+        /// The same of the other regions.
+        others: f64,
+    },
     /// Nothing else is wrong, but too little of the contours speaks for the pose.
     #[error("too little of the contours speaks for this pose: it is right with a probability of {percent:.0} %")]
     LowConfidence {
@@ -111,12 +125,24 @@ impl Warning {
             Self::NotConverged { .. } => "not-converged",
             Self::PoorOverlap { .. } => "poor-overlap",
             Self::OutlierRegion { .. } => "outlier-region",
+            Self::AmbiguousRegion { .. } => "ambiguous-region",
             Self::LowConfidence { .. } => "low-confidence",
             Self::WeakGeometry { .. } => "weak-geometry",
             Self::InitialContradicted { .. } => "initial-contradicted",
             Self::UpContradicted { .. } => "up-contradicted",
             Self::PlaceContradicted { .. } => "place-contradicted",
             Self::SideContradicted { .. } => "side-contradicted",
+        }
+    }
+
+    /// The region that it is about, if it is about one.
+    pub fn region(&self) -> Option<usize> {
+        match self {
+            Self::PoorOverlap { region, .. }
+            | Self::OutlierRegion { region, .. }
+            | Self::AmbiguousRegion { region, .. }
+            | Self::SideContradicted { region } => Some(*region),
+            _ => None,
         }
     }
 }

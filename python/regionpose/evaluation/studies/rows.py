@@ -39,7 +39,7 @@ ANSWER_TYPES: dict[str, type] = {
 OUTLIER = {"outlier-region"}
 """The code of the warning that a region is wrong."""
 
-NAMED = {"outlier-region", "poor-overlap"}
+NAMED = {"ambiguous-region", "outlier-region", "poor-overlap"}
 """Codes of warnings that a region is not where the pose shows it."""
 
 NEAREST = "nearest_"

@@ -10,8 +10,8 @@ from regionpose.evaluation.templates import is_symmetric
 RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 """Rotation error of the pose below which it is right, and from which on it is wrong."""
 
-AMBIGUOUS = "ambiguous"
-REGION_CODES = {"outlier-region", "poor-overlap"}
+AMBIGUOUS_CODES = {"ambiguous", "ambiguous-region"}
+REGION_CODES = {"ambiguous-region", "outlier-region", "poor-overlap"}
 """Codes of warnings that may have a cause in the problem itself: symmetric shapes, and regions that are wrong."""
 
 
@@ -74,7 +74,7 @@ def is_false_alarm(row: Row) -> bool:
     """
     codes, names = (set(str(row[column]).split(";")) - {""} for column in ("warnings", "templates_right"))
     if all(is_symmetric(name) for name in names):
-        codes -= {AMBIGUOUS}
+        codes -= AMBIGUOUS_CODES
     if row["regions_wrong"] and not row["regions_accused"]:
         codes -= REGION_CODES
     return bool(codes)
