@@ -8,6 +8,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::{centered, correlation, mean, sigmas, split};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
+use super::votes::{Vote, decided, of_counted};
 use crate::effort;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
@@ -186,13 +187,30 @@ impl ContourFit {
         self.independent() * (self.mixture.likelihood - other.mixture.likelihood)
     }
 
-    /// How much worse another pose fits the same pieces, in variances: twice the ratio of the log likelihoods, or what is left
-    /// of that where chance may have decided (`docs/math.md`, eq. 11.7).
+    /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
+    /// likelihoods, or what is left of that where chance may have decided. Where regions belong to one of both poses alone, more
+    /// regions decide, not longer contours, and as many on either side nothing.
     pub fn against(&self, other: &Self) -> f64 {
-        let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
-        let differences: Vec<f64> = densities(self).iter().zip(densities(other)).map(|(a, b)| a - b).collect();
-        let sigmas = sigmas(&differences, &self.counts);
-        (2.0 * self.independent() * mean(&differences)).min(AMBIGUITY * sigmas * sigmas.abs())
+        let votes = self.votes(other);
+        decided(&votes, |counted| {
+            let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
+            let differences = densities(self).into_iter().zip(densities(other)).map(|(a, b)| a - b).collect::<Vec<_>>();
+            let share = self.independent() / self.readings.len().max(1) as f64;
+            let (differences, counts) = of_counted(&differences, &self.counts, counted);
+            let sigmas = sigmas(&differences, &counts);
+            (2.0 * share * differences.iter().sum::<f64>()).min(AMBIGUITY * sigmas * sigmas.abs())
+        })
+    }
+
+    /// Which of this pose and another each region belongs to: alone to one where half more of its contour lies on the projection
+    /// than at the other. Both are held to the closer one's scatter, as of one photo.
+    pub fn votes(&self, other: &Self) -> Vec<Vote> {
+        let limit = self.astray().min(other.astray());
+        let on_contour = |readings: &[Reading]| {
+            readings.iter().filter(|reading| reading.misfit <= limit).count() as f64 / readings.len().max(1) as f64
+        };
+        let shares = self.regions().zip(other.regions()).map(|((_, own), (_, others))| [own, others].map(on_contour));
+        shares.map(|[own, others]| Vote::of(own > others + MOSTLY, others > own + MOSTLY)).collect()
     }
 }
 

@@ -8,3 +8,4 @@ pub mod fit;
 pub mod mixture;
 pub mod pieces;
 pub mod readings;
+pub mod votes;

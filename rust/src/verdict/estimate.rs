@@ -6,11 +6,12 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicted, contradicts, log_odds};
+use super::outliers::{contradicted, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
+use crate::contour::votes::Vote;
 use crate::effort;
 use crate::equations::information::honest;
 use crate::equations::least_squares::{Minimum, Termination};
@@ -18,6 +19,7 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
+use crate::samples::labels::contradicts;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
@@ -203,8 +205,22 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
     let least = scored.first().map_or(0.0, |(against, _)| *against);
     scored.retain(|(against, _)| *against <= least + AMBIGUITY);
+    let votes: Vec<Vec<Vote>> = scored.iter().map(|(_, place)| scored[0].1.votes(place)).collect();
+    // Poses of the same regions are one way to choose among the regions.
+    let ways = |same: &[Vote]| {
+        let alike = scored.iter().zip(&votes).filter(|(_, votes)| *votes == same);
+        alike.map(|((against, _), _)| (0.5 * (least - against)).exp()).sum::<f64>()
+    };
+    let shares: Vec<f64> = votes.iter().map(|votes| 2.0 * ways(votes).ln()).collect();
+    let mut scored: Vec<_> = scored.into_iter().zip(votes).zip(shares).collect();
     // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
-    scored.sort_by_key(|(against, place)| if *against == least { order(&place.pose) } else { [i64::MAX; 3] });
+    scored.sort_by_key(|(((against, place), votes), _)| {
+        let is_best = *against == least && votes.iter().all(|&vote| vote == Vote::Neither);
+        if is_best { order(&place.pose) } else { [i64::MAX; 3] }
+    });
+    let scored = scored.into_iter().map(|(((against, place), _), share)| (against + share, place)).collect();
+    let mut scored = sorted(scored);
+    let least = scored.first().map_or(0.0, |(against, _)| *against);
     if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
         scored.sort_by(|(_, a), (_, b)| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
     }
@@ -241,6 +257,14 @@ impl Place {
         match (&self.minimum, &other.minimum) {
             (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
             _ => by_contours,
+        }
+    }
+
+    /// Which of this place and another each region belongs to: those with samples, where both are of samples, or else all.
+    fn votes(&self, other: &Self) -> Vec<Vote> {
+        match (&self.posterior, &other.posterior) {
+            (Some(own), Some(posterior)) => own.votes(posterior),
+            _ => self.fit.votes(&other.fit),
         }
     }
 

@@ -1,0 +1,48 @@
+//! Which of two poses each region belongs to: one that belongs to the other alone is in another place as a whole, as a moved thing
+//! or one of a wrong pair is. That is one event, however long the region's contour (`docs/math.md`, section 11).
+
+use std::cmp::Ordering;
+
+use super::correlation::split;
+
+/// Which of two poses a region belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Vote {
+    /// The first alone.
+    First,
+    /// Both, or neither.
+    Neither,
+    /// The second alone.
+    Second,
+}
+
+impl Vote {
+    /// Of a region that belongs to the first alone, to the second alone, or else to both or neither.
+    pub fn of(first: bool, second: bool) -> Self {
+        match (first, second) {
+            (true, false) => Self::First,
+            (false, true) => Self::Second,
+            _ => Self::Neither,
+        }
+    }
+}
+
+/// How much worse the second pose is, of `worse` by all regions or some: with the sign of the more votes, and where there are as
+/// many for either pose by the other regions alone.
+pub fn decided(votes: &[Vote], worse: impl Fn(&[bool]) -> f64) -> f64 {
+    let count = |vote: Vote| votes.iter().filter(|&&other| other == vote).count();
+    let (first, second) = (count(Vote::First), count(Vote::Second));
+    let by_all = || worse(&vec![true; votes.len()]);
+    match first.cmp(&second) {
+        _ if first == 0 || second == 0 => by_all(),
+        Ordering::Greater => by_all().abs(),
+        Ordering::Less => -by_all().abs(),
+        Ordering::Equal => worse(&votes.iter().map(|&vote| vote == Vote::Neither).collect::<Vec<_>>()),
+    }
+}
+
+/// The values of the regions that count, and how many each of these has.
+pub fn of_counted(values: &[f64], counts: &[usize], counted: &[bool]) -> (Vec<f64>, Vec<usize>) {
+    let regions = || split(values, counts).zip(counted).filter(|(_, counted)| **counted).map(|(values, _)| values);
+    (regions().flatten().copied().collect(), regions().map(<[f64]>::len).collect())
+}
