@@ -407,19 +407,25 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 
-/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie
-/// nearest to the contours of all.
+/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie nearest to the
+/// contours of all, and to a region's own whatever the others show, since these may be elsewhere.
 pub(crate) fn further_poses(problem: &Problem, alone: &mut Alone) -> Vec<Pose> {
     let (contours, few) = (problem.contours(), problem.few());
-    let sketch = Sketch::new(contours, few);
-    let best = |poses: Vec<Pose>| {
+    let nearest = |contours: &[Contour], poses: Vec<Pose>, most: usize| {
+        let sketch = Sketch::new(contours, few);
         let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
-        distinct(scored, MOST_LED, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose)
+        distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect::<Vec<_>>()
     };
-    let corners = best(likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK));
+    let corners = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
     let single = if contours.len() > 1 { single_region_poses(problem, alone) } else { Vec::new() };
     let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
-    corners.chain(best(single)).chain(best(hidden)).collect()
+    let own = single
+        .iter()
+        .zip(contours)
+        .flat_map(|(poses, contour)| nearest(std::slice::from_ref(contour), poses.clone(), MOST_LED / contours.len()));
+    let own: Vec<Pose> = own.collect();
+    let of_all = [corners, single.into_iter().flatten().collect(), hidden];
+    of_all.into_iter().flat_map(|poses| nearest(contours, poses, MOST_LED)).chain(own).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.

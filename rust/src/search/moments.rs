@@ -70,10 +70,10 @@ pub fn moment_poses(
     without_cost(found)
 }
 
-/// Poses that single regions give, whatever the others say.
-pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Pose> {
+/// Poses that single regions give, whatever the others say, region by region.
+pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Vec<Pose>> {
     let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All, alone);
-    (0..problem.regions().len()).flat_map(of).collect()
+    (0..problem.regions().len()).map(of).collect()
 }
 
 /// Minima of one region's equations, of fewer vertices, near the closed forms that look like it.
