@@ -292,6 +292,23 @@ fn a_line_of_no_bearings_is_refused_by_its_number() {
     }
 }
 
+/// A line goes on beyond its ends: twice the same bearing there leads nowhere, and is no other line.
+#[test]
+fn a_bearing_given_twice_changes_no_line() {
+    let scene = Cut::random(5, true);
+    let world = WorldRegion::from_rings(&scene.rings).unwrap();
+    let problem = |borders: Vec<SpaceRing>| {
+        Problem::new(&[ObservedRegion { borders, ..scene.observed.clone() }], std::slice::from_ref(&world))
+    };
+    let [line] = scene.observed.borders.as_slice() else { panic!("one side of the image cuts it") };
+    let twice = line.iter().flat_map(|bearing| [*bearing, *bearing]).collect();
+    let residuals = [vec![line.clone()], vec![twice]]
+        .map(|borders| problem(borders).unwrap().evaluate(&scene.pose, Weighting::Uniform).unwrap().residual);
+    assert_eq!(residuals[0], residuals[1]);
+    let message = problem(vec![vec![line[0]; 3]]).unwrap_err().to_string();
+    assert_eq!(message, "region 0: border line 0 has 1 bearings; a line needs at least 2");
+}
+
 #[test]
 fn an_outline_that_lies_on_the_border_is_refused() {
     let ring: SpaceRing = rectangle(0.4, 0.3).iter().map(|p| Vector3::new(p.x, p.y, 1.0)).collect();

@@ -43,7 +43,14 @@ impl Border {
     /// # Errors
     /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
     pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
-        let lines = projected_lines("border", lines, chart)?;
+        let mut lines = projected_lines("border", lines, chart)?;
+        for (line, points) in lines.iter_mut().enumerate() {
+            // A line goes on beyond its ends as its last two points lead, so that they must not be one.
+            points.dedup();
+            if points.len() < 2 {
+                return Err(Error::ShortLine { item: "border", line, found: points.len() });
+            }
+        }
         let on_border = edges_along(&lines, outline, pixel);
         let flat = || on_border.iter().flatten().copied();
         if !flat().any(|on_border| on_border) {
