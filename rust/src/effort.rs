@@ -16,6 +16,8 @@ const PATIENCE: u64 = 4_000_000;
 /// What a thread may spend; edges that are looked at are its unit.
 struct Effort {
     left: Cell<u64>,
+    /// All that was spent, also what went beyond a bound.
+    done: Cell<u64>,
     /// Work until it is asked again whether anybody waits.
     unasked: Cell<u64>,
     stop: RefCell<Option<Stop>>,
@@ -26,6 +28,7 @@ thread_local! {
     static EFFORT: Effort = const {
         Effort {
             left: Cell::new(u64::MAX),
+            done: Cell::new(0),
             unasked: Cell::new(PATIENCE),
             stop: RefCell::new(None),
             stopped: Cell::new(false),
@@ -38,6 +41,7 @@ pub fn spend(edges: usize) {
     EFFORT.with(|effort| {
         let edges = edges as u64;
         effort.left.set(effort.left.get().saturating_sub(edges));
+        effort.done.set(effort.done.get().saturating_add(edges));
         match effort.unasked.get().checked_sub(edges) {
             Some(rest) => effort.unasked.set(rest),
             None => effort.ask(),
@@ -74,9 +78,9 @@ pub fn counted<T>(work: impl FnOnce() -> T) -> (T, u64) {
     (found, done() - before)
 }
 
-/// What this thread has counted so far; less within a bound than around it.
+/// What this thread has counted so far.
 pub fn done() -> u64 {
-    u64::MAX - EFFORT.with(|effort| effort.left.get())
+    EFFORT.with(|effort| effort.done.get())
 }
 
 /// Work that ends early, with whatever it has by then, once `stop` says that nobody waits for it; `None` then.
@@ -161,6 +165,7 @@ mod tests {
             bounded(100, || counted(|| spend(5)).1).0
         };
         assert_eq!(counted(around), (5, 8));
+        assert_eq!(counted(|| bounded(5, || spend(9)).1), (true, 9));
     }
 
     #[test]

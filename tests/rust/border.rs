@@ -4,7 +4,7 @@ mod support;
 
 use nalgebra::{DVector, Vector2, Vector3};
 use regionpose::equations::system::Weighting;
-use regionpose::geometry::clipping::intersection;
+use regionpose::geometry::clipping::{Window, intersection};
 use regionpose::geometry::overlap::overlap_areas;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
@@ -94,6 +94,28 @@ fn a_hole_that_the_border_cuts_is_left_out() {
     assert!((area(&shared.rings) - 1.5).abs() < ROUNDING);
     let border: f64 = shared.border.iter().map(|[a, b]| (b - a).norm()).sum();
     assert!((border - 1.0).abs() < ROUNDING, "the border is seen on both sides of the hole: {border}");
+}
+
+/// A comb of a hundred teeth against a slab across them, each of them cutting the other.
+#[test]
+fn many_edges_share_what_few_do() {
+    let teeth = 100;
+    let tooth = |k: usize| [(0.0, 0.0), (0.5, 0.0), (0.5, 2.0), (0.0, 2.0)].map(|(x, y)| Vector2::new(k as f64 + x, y));
+    let comb: Vec<Ring> = (0..teeth).map(|k| tooth(k).to_vec()).collect();
+    let slab = vec![rectangle(300.0, 1.0).iter().map(|p| p + Vector2::new(0.0, 1.0)).collect::<Ring>()];
+    let length = |border: &[[Vector2<f64>; 2]]| border.iter().map(|[a, b]| (b - a).norm()).sum::<f64>();
+    for (first, second, edges, border) in
+        [(&comb, &slab, 2 * teeth, teeth as f64), (&slab, &comb, 2 * teeth, 2.0 * teeth as f64)]
+    {
+        let window = Window::new(second.clone());
+        assert_eq!(window.edge_count(), 4 * second.len());
+        let shared = window.shared_with(first);
+        assert_eq!((shared.rings.len(), shared.border.len()), (teeth, edges));
+        assert!((area(&shared.rings) - 0.5 * teeth as f64).abs() < 1e-9, "{}", area(&shared.rings));
+        assert!((length(&shared.border) - border).abs() < 1e-9, "{}", length(&shared.border));
+        // It is not used up.
+        assert_eq!(window.shared_with(first), shared);
+    }
 }
 
 /// A region cut along the great circle of a normal, with the border of the image there.
@@ -268,6 +290,23 @@ fn a_line_of_no_bearings_is_refused_by_its_number() {
         let message = Problem::new(&[observed], std::slice::from_ref(&world)).unwrap_err().to_string();
         assert_eq!(message, format!("region 0: border line 1 has {found} bearings; a line needs at least 2"));
     }
+}
+
+/// A line goes on beyond its ends: twice the same bearing there leads nowhere, and is no other line.
+#[test]
+fn a_bearing_given_twice_changes_no_line() {
+    let scene = Cut::random(5, true);
+    let world = WorldRegion::from_rings(&scene.rings).unwrap();
+    let problem = |borders: Vec<SpaceRing>| {
+        Problem::new(&[ObservedRegion { borders, ..scene.observed.clone() }], std::slice::from_ref(&world))
+    };
+    let [line] = scene.observed.borders.as_slice() else { panic!("one side of the image cuts it") };
+    let twice = line.iter().flat_map(|bearing| [*bearing, *bearing]).collect();
+    let residuals = [vec![line.clone()], vec![twice]]
+        .map(|borders| problem(borders).unwrap().evaluate(&scene.pose, Weighting::Uniform).unwrap().residual);
+    assert_eq!(residuals[0], residuals[1]);
+    let message = problem(vec![vec![line[0]; 3]]).unwrap_err().to_string();
+    assert_eq!(message, "region 0: border line 0 has 1 bearings; a line needs at least 2");
 }
 
 #[test]

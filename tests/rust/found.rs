@@ -192,6 +192,62 @@ fn a_search_that_nobody_waits_for_ends() {
     assert!(gone.load(Ordering::Relaxed));
 }
 
+/// A star of so many corners, most of them along the image's border, which goes in and out as they do, or along the edges of what
+/// hides it.
+fn beset(vertices: usize, by: impl Fn(Vec<Vector3<f64>>, &mut ObservedRegion)) -> Problem {
+    let mut random = Random::new(67);
+    let plane = Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.3, 0.2, 0.1)), Vector3::new(0.1, 0.2, 3.0));
+    let known: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
+    let line = known[..vertices * 4 / 5].iter().map(|x| x + random.direction() * 1e-4).collect();
+    let mut observed = ObservedRegion::new(vec![known.clone()], 1e5);
+    by(line, &mut observed);
+    Problem::new(&[observed], &[WorldRegion::from_rings(&[known]).unwrap()]).unwrap()
+}
+
+fn along_border(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
+    observed.borders = vec![line];
+}
+
+fn behind_edges(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
+    observed.hidden = vec![line];
+}
+
+/// Twice as many edges beside twice as many take about twice the work, and not four times as much.
+#[test]
+fn a_look_at_an_outline_beside_many_edges_takes_as_much_as_there_are() {
+    let looks = [400, 800].map(|vertices| {
+        let (problem, made) = effort::counted(|| beset(vertices, along_border));
+        let look = || (0..20).filter_map(|k| problem.evaluate(&turned(k), Weighting::Uniform)).count();
+        let (seen, work) = effort::counted(look);
+        assert_eq!(seen, 20);
+        assert!(work < 20 * 2 * problem.work(), "{vertices}: {work} of {}", problem.work());
+        (made + effort::counted(|| beset(vertices, behind_edges)).1, work)
+    });
+    let [(made, look), (more_made, more_look)] = looks;
+    assert!(more_made < 3 * made, "{made}, {more_made}");
+    assert!(more_look < 3 * look, "{look}, {more_look}");
+}
+
+/// A pose near that of [`beset`].
+fn turned(number: usize) -> Pose {
+    Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.01, 0.02, 0.001 * number as f64)), Vector3::zeros())
+}
+
+/// Several hundred edges that are not the region's own: what is spent beyond the bound is what ends the search, a small part of it.
+#[test]
+fn a_search_beside_several_hundred_edges_is_bounded() {
+    for (by, name) in [(along_border as fn(_, &mut _), "border"), (behind_edges, "hidden")] {
+        let problem = beset(400, by);
+        let (search, work) = effort::counted(|| problem.search(&Options::default()));
+        let most = MOST_LOOKS * problem.work();
+        assert!(work < most + most / 10, "{name}: {work}, bound {most}");
+        let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
+        let estimate = search.judged(minima).unwrap();
+        let says_so = estimate.warnings.iter().any(|warning| warning.code() == "not-converged");
+        assert_eq!(says_so, work >= most, "{name}: {work}, bound {most}");
+    }
+}
+
 /// Each triangle is sampled at 28 points, and takes as long.
 #[test]
 fn a_quadrature_on_the_sphere_is_counted_by_its_points() {

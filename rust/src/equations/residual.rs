@@ -9,7 +9,7 @@ use crate::effort;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::normal_equations::{DERIVED, NormalEquations};
 use crate::equations::system::{
-    MOST_EQUATIONS, System, Weighting, add_plane_derivatives, add_plane_values, add_sphere_derivatives,
+    FLUX_NODES, MOST_EQUATIONS, System, Weighting, add_plane_derivatives, add_plane_values, add_sphere_derivatives,
     add_sphere_values, subtract_flux,
 };
 use crate::equations::whitening::{BoundaryCovariance, Orders, Whitening};
@@ -183,7 +183,10 @@ impl RegionEquations {
     /// Adds the equations at a pose of the centered world, derivatives along the chart's axes, to `equations`; `None` where the
     /// region is not wholly in view of its chart or its plane passes through the camera.
     fn add_rows<const N: usize>(&self, pose: &Pose, weighting: Weighting, equations: &mut Vec<[f64; N]>) -> Option<()> {
-        effort::spend(self.work());
+        // What a cut takes depends on the pose, and is counted there.
+        if self.sides.border.is_none() {
+            effort::spend(self.work());
+        }
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..self.sides.system.count(weighting)];
         self.add_predicted(pose, weighting, rows)?;
@@ -199,11 +202,21 @@ impl RegionEquations {
         Some(())
     }
 
-    /// Edges looked at in the time of one evaluation: the moments of each, and the image's border that each may meet.
+    /// Edges looked at in the time of one evaluation: the moments of each, and of a region that is cut the moments and the flux
+    /// of all of the image's border.
     pub fn work(&self) -> usize {
         let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);
         let places: usize = self.facets.iter().map(|facet| facet.place_count(self.sides.system)).sum();
-        places * (EDGES_OF_MOMENTS + beside)
+        places * EDGES_OF_MOMENTS + beside * (EDGES_OF_MOMENTS + self.edges_of_flux())
+    }
+
+    /// What the flux through an edge counts as: on the plane one list of moments for each component of its normal, on the sphere
+    /// one for each node.
+    fn edges_of_flux(&self) -> usize {
+        match self.sides.system {
+            System::Plane => 3 * EDGES_OF_MOMENTS,
+            System::Sphere => FLUX_NODES * EDGES_OF_MOMENTS,
+        }
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.
@@ -242,13 +255,18 @@ impl RegionEquations {
         let (clipped, side) = facet.clipped(chart_from_world, &self.sides.chart, border);
         let rings = clipped.rings.iter().map(Vec::as_slice);
         let scale = self.sides.chart.scale;
+        effort::spend(EDGES_OF_MOMENTS * clipped.rings.iter().map(Vec::len).sum::<usize>());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..sums.len()];
         match self.sides.system {
             System::Plane => add_plane(&planar_moments(rings, order).scaled(1.0 / scale), scale, nu, rows),
             System::Sphere => add_sphere(&lifted_moments(rings, &self.sides.chart, order), scale, nu, rows),
         }
-        subtract_flux(self.sides.system, &clipped.border, scale, nu, rows);
+        if N > ALONE {
+            effort::spend(self.edges_of_flux() * clipped.border.len());
+            let still: Vec<_> = clipped.border.iter().map(|ends| ends.map(|p| p / scale)).collect();
+            subtract_flux(self.sides.system, &still, scale, nu, rows);
+        }
         sums.iter_mut().flatten().zip(rows.iter().flatten()).for_each(|(sum, entry)| *sum += side * entry);
     }
 }

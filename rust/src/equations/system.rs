@@ -1,6 +1,7 @@
 //! The chosen functions of each system: which moments are compared, and at what scale.
 
-use crate::equations::derivatives::{PLANE_REACH, SPHERE_REACH, plane_derivative, sphere_derivative};
+use crate::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
+use crate::moments::plane::edge_fluxes;
 use crate::moments::quadrature::{Node, gauss_legendre};
 use crate::moments::{PlaneMoments, SphereMoments};
 use nalgebra::{Vector2, Vector3};
@@ -105,20 +106,6 @@ impl System {
         }
     }
 
-    /// A function of the system, of coordinates along the chart's axes with x and y at the chart's scale.
-    fn function(self, index: usize, at: &Vector3<f64>) -> f64 {
-        match self {
-            Self::Plane => {
-                let [i, j] = PLANE_EXPONENTS[index].map(|exponent| exponent as i32);
-                at.x.powi(i) * at.y.powi(j)
-            }
-            Self::Sphere => {
-                let [l, m, n] = SPHERE_EXPONENTS[index].map(|exponent| exponent as i32);
-                at.x.powi(l) * at.y.powi(m) * at.z.powi(n)
-            }
-        }
-    }
-
     /// Order of the moments that are compared.
     pub fn order(self, weighting: Weighting) -> usize {
         match (self, weighting) {
@@ -197,11 +184,15 @@ pub fn add_sphere_derivatives<const N: usize>(
     }
 }
 
-/// Exact on the plane for moments of order 6; on the sphere good to 1e-9 over 60 degrees.
-const FLUX: [Node; 12] = gauss_legendre();
+/// Nodes of an edge's flux on the sphere: good to 1e-9 over 60 degrees.
+pub const FLUX_NODES: usize = 12;
+const FLUX: [Node; FLUX_NODES] = gauss_legendre();
 
-/// Takes off the derivatives, in each row's further entries, of a region that flows what of it flows out through edges that stand still, given in chart
-/// coordinates with the region on their left (`docs/math.md`, eq. 14.2).
+/// Highest order of the sphere's functions, times a component of the point.
+const SPHERE_FLUX_ORDER: usize = 4;
+
+/// Takes off the derivatives, in each row's further entries, of a region that flows what of it flows out through edges that
+/// stand still, given at scale 1 with the region on their left (`docs/math.md`, eq. 14.2).
 pub fn subtract_flux<const N: usize>(
     system: System,
     still: &[[Vector2<f64>; 2]],
@@ -209,22 +200,49 @@ pub fn subtract_flux<const N: usize>(
     nu: &Vector3<f64>,
     rows: &mut [[f64; N]],
 ) {
-    for ends in still {
-        let [a, b] = ends.map(|p| Vector3::new(p.x / scale, p.y / scale, 1.0));
-        let outward = -a.cross(&b);
-        for (share, weight) in FLUX {
-            let point = a.lerp(&b, share);
-            let (at, length) = match system {
-                System::Plane => (point, weight),
-                System::Sphere => (point.normalize(), weight / point.norm_squared()),
-            };
-            let (turning, moving) = (at.cross(&outward), outward * nu.dot(&at));
-            let flux = [turning.x, turning.y, turning.z, moving.x, moving.y, moving.z];
-            for (k, row) in rows.iter_mut().enumerate() {
-                let value = system.function(k, &Vector3::new(at.x * scale, at.y * scale, at.z));
-                let factor = value * length * scale * scale;
-                row[1..].iter_mut().zip(flux).for_each(|(entry, flux)| *entry -= factor * flux);
+    let scales = order_scales(scale);
+    match system {
+        System::Plane => {
+            let sums = edge_fluxes(still);
+            for (row, [i, j]) in rows.iter_mut().zip(PLANE_EXPONENTS) {
+                let flux =
+                    flux([[i + 1, j], [i, j + 1], [i, j]].map(|[i, j]| sums.each_ref().map(|sum| sum.get(i, j))), nu);
+                row[1..].iter_mut().zip(flux).for_each(|(entry, flux)| *entry -= scales[i + j] * flux);
+            }
+        }
+        System::Sphere => {
+            let sums = arc_fluxes(still);
+            for (row, [l, m, n]) in rows.iter_mut().zip(SPHERE_EXPONENTS) {
+                let raised = [[l + 1, m, n], [l, m + 1, n], [l, m, n + 1]];
+                let flux = flux(raised.map(|[l, m, n]| sums.each_ref().map(|sum| sum.get(l, m, n))), nu);
+                row[1..].iter_mut().zip(flux).for_each(|(entry, flux)| *entry -= scales[l + m] * flux);
             }
         }
     }
+}
+
+/// The flux of a function by a left increment, of its integrals times each component of the point (row) and of the edges'
+/// outward normal (column).
+fn flux([x, y, z]: [[f64; 3]; 3], nu: &Vector3<f64>) -> Row {
+    let [x, y, z] = [x, y, z].map(Vector3::from);
+    let moving = x * nu.x + y * nu.y + z * nu.z;
+    [y.z - z.y, z.x - x.z, x.y - y.x, moving.x, moving.y, moving.z]
+}
+
+/// Integrals over the sphere's arcs of monomials times each component of the normal, summed over edges at scale 1.
+fn arc_fluxes(still: &[[Vector2<f64>; 2]]) -> [SphereMoments; 3] {
+    let mut sums = [SphereMoments::zero(SPHERE_FLUX_ORDER); 3];
+    for ends in still {
+        let [a, b] = ends.map(|p| p.push(1.0));
+        let mut along = SphereMoments::zero(SPHERE_FLUX_ORDER);
+        for (share, weight) in FLUX {
+            let point = a.lerp(&b, share);
+            along.add_point(&point.normalize(), weight / point.norm_squared());
+        }
+        let outward = -a.cross(&b);
+        for (sum, factor) in sums.iter_mut().zip(outward.iter()) {
+            sum.values_mut().iter_mut().zip(along.values()).for_each(|(sum, value)| *sum += factor * value);
+        }
+    }
+    sums
 }

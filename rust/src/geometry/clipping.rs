@@ -4,9 +4,14 @@
 //! smaller still, along y: no vertex then lies on an edge of the other region, so that vertices that touch and edges that
 //! coincide need no case of their own. The area, as every other integral, does not feel the step (`docs/math.md`, section 14).
 
+use std::ops::Range;
+
 use nalgebra::Vector2;
 
+use crate::effort;
+use crate::geometry::edge_boxes::EdgeBoxes;
 use crate::geometry::rings::predicates::turn;
+use crate::geometry::rings::ring_edges;
 
 type Point = Vector2<f64>;
 
@@ -21,70 +26,88 @@ pub struct Clipped {
 
 /// What two regions share; outer rings turn counter-clockwise, holes clockwise, rings of one region do not cross.
 pub fn intersection(first: &[Vec<Point>], second: &[Vec<Point>]) -> Clipped {
-    let (ahead, behind) = (Side { rings: first, moved: 1.0 }, Side { rings: second, moved: -1.0 });
-    let crossings = crossings(first, second);
-    let of_first = ahead.paths(&behind, crossings.iter().map(|c| (c.first, c.point, c.enters)));
-    let of_second = behind.paths(&ahead, crossings.iter().map(|c| (c.second, c.point, !c.enters)));
-    let mut clipped = stitched(&of_first.open, &of_second.open, crossings.len());
-    for ring in of_second.closed.iter() {
-        clipped.border.extend((0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]]));
-    }
-    clipped.rings.extend(of_first.closed.into_iter().chain(of_second.closed));
-    clipped
+    Window::new(second.to_vec()).shared_with(first)
 }
 
-/// A place on a region's boundary: ring, edge, and the share of the edge before it.
-type Place = (usize, usize, f64);
+/// A region that others are cut by: its rings, and boxes around their edges, made once for all of them.
+#[derive(Debug, Clone)]
+pub struct Window {
+    rings: Vec<Vec<Point>>,
+    /// All edges, ring after ring.
+    edges: EdgeBoxes,
+}
+
+/// What a crossing counts as, in edges that are looked at: those that were nearly crossed, its places among those of both
+/// boundaries, its point in the ring. Measured, 200 to 400 ns (`fuzz --target border --seed 270000866 --runs 1`).
+const EDGES_OF_CROSSING: usize = 100;
 
 /// Where an edge of the first region crosses one of the second.
 struct Crossing {
-    first: Place,
-    second: Place,
+    /// The edges' numbers over all rings, and the shares of them before the place: the first region's, the second's.
+    places: [(usize, f64); 2],
     point: Point,
     /// Whether the first region's boundary enters the second region there; the second's then leaves the first.
     enters: bool,
 }
 
-/// Edges in one box: neighbors along a ring lie together, and a box that an edge misses holds none that it crosses. A convention.
-const GROUP: usize = 16;
-
-/// An edge: its ring, its number, and its ends.
-type Edge = (usize, usize, Point, Point);
-
-fn crossings(first: &[Vec<Point>], second: &[Vec<Point>]) -> Vec<Crossing> {
-    let others: Vec<Edge> = edges(second).collect();
-    let boxes: Vec<[Point; 2]> = others.chunks(GROUP).map(around).collect();
-    let mut found = Vec::new();
-    for (ring, edge, a, b) in edges(first) {
-        let (lower, upper) = (a.inf(&b), a.sup(&b));
-        let apart = |low: Point, high: Point| (0..2).any(|k| low[k] > upper[k] || high[k] < lower[k]);
-        let near = others.chunks(GROUP).zip(&boxes).filter(|(_, [low, high])| !apart(*low, *high));
-        for &(other_ring, other_edge, c, d) in near.flat_map(|(edges, _)| edges) {
-            if apart(c.inf(&d), c.sup(&d)) {
-                continue;
-            }
-            let enters = is_left(c, d, b, 1.0);
-            if is_left(c, d, a, 1.0) == enters || is_left(a, b, c, -1.0) == is_left(a, b, d, -1.0) {
-                continue;
-            }
-            let (share, other_share) = (share_before(a, b, c, d), share_before(c, d, a, b));
-            let point = a.lerp(&b, share);
-            found.push(Crossing {
-                first: (ring, edge, share),
-                second: (other_ring, other_edge, other_share),
-                point,
-                enters,
-            });
-        }
+impl Window {
+    /// The region of rings: outer ones turn counter-clockwise, holes clockwise, none cross.
+    pub fn new(rings: Vec<Vec<Point>>) -> Self {
+        Self { edges: EdgeBoxes::new(edges(&rings).collect()), rings }
     }
-    found
-}
 
-/// The least and the greatest coordinates of edges.
-fn around(edges: &[Edge]) -> [Point; 2] {
-    let ends = || edges.iter().flat_map(|&(_, _, c, d)| [c, d]);
-    let low = ends().fold(Point::repeat(f64::INFINITY), |low, end| low.inf(&end));
-    [low, ends().fold(Point::repeat(f64::NEG_INFINITY), |high, end| high.sup(&end))]
+    /// The number of edges.
+    pub fn edge_count(&self) -> usize {
+        self.edges.count()
+    }
+
+    /// What another region shares with this one, which gives the border; counts what it looks at.
+    pub fn shared_with(&self, first: &[Vec<Point>]) -> Clipped {
+        let crossings = self.crossings(first);
+        let of_first = paths(first, &crossings, 0, |point| self.holds(point, 1.0));
+        // Each ring asks once whether the other region holds it.
+        effort::spend(self.rings.len() * edges(first).count());
+        let of_second = paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0));
+        let mut clipped = stitched(&of_first, &of_second, crossings.len());
+        for ring in &of_second.closed {
+            clipped.border.extend((0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]]));
+        }
+        clipped.rings.extend(of_first.closed.into_iter().chain(of_second.closed));
+        clipped
+    }
+
+    fn crossings(&self, first: &[Vec<Point>]) -> Vec<Crossing> {
+        let mut found = Vec::new();
+        for (number, [a, b]) in edges(first).enumerate() {
+            let (lower, upper) = (a.inf(&b), a.sup(&b));
+            let apart = |low: Point, high: Point| (0..2).any(|k| low[k] > upper[k] || high[k] < lower[k]);
+            self.edges.for_each_near(
+                |[low, high]| !apart(*low, *high),
+                |other, [c, d]| {
+                    let enters = is_left(c, d, b, 1.0);
+                    if is_left(c, d, a, 1.0) == enters || is_left(a, b, c, -1.0) == is_left(a, b, d, -1.0) {
+                        return;
+                    }
+                    let (share, other_share) = (share_before(a, b, c, d), share_before(c, d, a, b));
+                    let places = [(number, share), (other, other_share)];
+                    found.push(Crossing { places, point: a.lerp(&b, share), enters });
+                },
+            );
+        }
+        effort::spend(EDGES_OF_CROSSING * found.len());
+        found
+    }
+
+    /// Whether it holds a point moved by an infinitesimal step of this sign.
+    fn holds(&self, point: Point, moved: f64) -> bool {
+        let mut inside = false;
+        self.edges.for_each_near(
+            // A ray to the right meets nothing that is above, below or left of the point.
+            |[low, high]| low.y <= point.y && high.y >= point.y && high.x >= point.x,
+            |_, [a, b]| inside ^= is_beside(a, b, point, moved),
+        );
+        inside
+    }
 }
 
 /// Share of the edge from `a` to `b` before the line through `c` and `d`.
@@ -105,24 +128,16 @@ fn is_left(a: Point, b: Point, point: Point, moved: f64) -> bool {
     }
 }
 
-fn edges(rings: &[Vec<Point>]) -> impl Iterator<Item = Edge> + '_ {
-    rings
-        .iter()
-        .enumerate()
-        .flat_map(|(ring, points)| (0..points.len()).map(move |k| (ring, k, points[k], points[(k + 1) % points.len()])))
-}
-
-/// One of two regions, and the sign of its step against the other.
-struct Side<'a> {
-    rings: &'a [Vec<Point>],
-    moved: f64,
+fn edges(rings: &[Vec<Point>]) -> impl Iterator<Item = [Point; 2]> + '_ {
+    rings.iter().flat_map(|ring| ring_edges(ring)).map(|(a, b)| [a, b])
 }
 
 /// The parts of a boundary inside the other region.
 #[derive(Default)]
 struct Paths {
-    /// From crossing to crossing, with the points between.
+    /// From crossing to crossing, with the points between, of the points of all.
     open: Vec<Path>,
+    points: Vec<Point>,
     /// Whole rings.
     closed: Vec<Vec<Point>>,
 }
@@ -130,7 +145,7 @@ struct Paths {
 struct Path {
     from: usize,
     to: usize,
-    points: Vec<Point>,
+    points: Range<usize>,
 }
 
 /// A crossing along a ring: its edge and share, its number, where it is, and whether the ring enters the other region.
@@ -142,33 +157,53 @@ struct Event {
     enters: bool,
 }
 
-impl Side<'_> {
-    fn paths(&self, other: &Self, crossings: impl Iterator<Item = (Place, Point, bool)>) -> Paths {
-        let mut events: Vec<Vec<Event>> = self.rings.iter().map(|_| Vec::new()).collect();
-        for (crossing, ((ring, edge, share), point, enters)) in crossings.enumerate() {
-            events[ring].push(Event { at: (edge, share), crossing, point, enters });
+/// The parts of the first (0) or the second (1) region's boundary inside the other, which tells what points it holds.
+fn paths(rings: &[Vec<Point>], crossings: &[Crossing], side: usize, holds: impl Fn(Point) -> bool) -> Paths {
+    let (mut events, mut end) = (along(crossings, side), 0);
+    let (mut rest, mut paths) = (events.as_mut_slice(), Paths::default());
+    for ring in rings {
+        end += ring.len();
+        let count = rest.partition_point(|event| event.at.0 < end);
+        let (along, others) = rest.split_at_mut(count);
+        rest = others;
+        let begins_inside = ring.first().is_some_and(|&point| holds(point));
+        if begins_inside && along.is_empty() {
+            paths.closed.push(ring.clone());
         }
-        let mut paths = Paths::default();
-        for (ring, mut along) in self.rings.iter().zip(events) {
-            let begins_inside = ring.first().is_some_and(|&point| holds(other.rings, point, self.moved));
-            if begins_inside && along.is_empty() {
-                paths.closed.push(ring.clone());
-            }
-            along.sort_by(|a, b| a.at.0.cmp(&b.at.0).then(a.at.1.total_cmp(&b.at.1)));
-            alternate(&mut along, begins_inside);
-            paths.open.extend(inside(ring, &along));
-        }
-        paths
+        along.iter_mut().for_each(|event| event.at.0 -= end - ring.len());
+        alternate(along, begins_inside);
+        paths.add_inside(ring, along);
     }
+    paths
+}
+
+/// Crossings in the order in which a region's boundary meets them.
+fn along(crossings: &[Crossing], side: usize) -> Vec<Event> {
+    // By whole numbers, an edge's and behind it the crossing's: far faster than by shares, which few crossings have to be.
+    let key = |(number, crossing): (usize, &Crossing)| (crossing.places[side].0 as u128) << 64 | number as u128;
+    let mut order: Vec<u128> = crossings.iter().enumerate().map(key).collect();
+    order.sort_unstable();
+    let event = |key: u128| {
+        let number = key as u64 as usize;
+        let Crossing { places, point, enters } = &crossings[number];
+        Event { at: places[side], crossing: number, point: *point, enters: *enters == (side == 0) }
+    };
+    let mut events: Vec<Event> = order.into_iter().map(event).collect();
+    for on_edge in events.chunk_by_mut(|a, b| a.at.0 == b.at.0) {
+        on_edge.sort_by(|a, b| a.at.1.total_cmp(&b.at.1));
+    }
+    events
 }
 
 /// Whether rings hold a point moved by an infinitesimal step of this sign.
 pub fn holds(rings: &[Vec<Point>], point: Point, moved: f64) -> bool {
+    edges(rings).filter(|&[a, b]| is_beside(a, b, point, moved)).count() % 2 == 1
+}
+
+/// Whether a ray to the right from a point moved by an infinitesimal step of this sign meets an edge.
+fn is_beside(a: Point, b: Point, point: Point, moved: f64) -> bool {
     let above = |y: f64| y > point.y || (y == point.y && moved < 0.0);
-    let beside = |&(_, _, a, b): &(usize, usize, Point, Point)| {
-        above(a.y) != above(b.y) && is_left(a, b, point, moved) == (b.y > a.y)
-    };
-    edges(rings).filter(beside).count() % 2 == 1
+    above(a.y) != above(b.y) && is_left(a, b, point, moved) == (b.y > a.y)
 }
 
 /// Puts crossings that rounding brought to the same place in an order in which the boundary goes in and out by turns.
@@ -183,30 +218,31 @@ fn alternate(events: &mut [Event], mut inside: bool) {
     }
 }
 
-/// The stretches of a ring from where it enters the other region to where it leaves it.
-fn inside(ring: &[Point], events: &[Event]) -> Vec<Path> {
-    let entries = (0..events.len()).filter(|&k| events[k].enters);
-    entries
-        .map(|k| {
+impl Paths {
+    /// Adds the stretches of a ring from where it enters the other region to where it leaves it.
+    fn add_inside(&mut self, ring: &[Point], events: &[Event]) {
+        for k in (0..events.len()).filter(|&k| events[k].enters) {
             let (from, to) = (&events[k], &events[(k + 1) % events.len()]);
             let mut steps = (to.at.0 + ring.len() - from.at.0) % ring.len();
             // On around the ring where the next crossing is the one before on the same edge.
             if steps == 0 && (k + 1) % events.len() <= k {
                 steps = ring.len();
             }
-            let mut points = vec![from.point];
-            points.extend((1..=steps).map(|step| ring[(from.at.0 + step) % ring.len()]));
-            points.push(to.point);
-            Path { from: from.crossing, to: to.crossing, points }
-        })
-        .collect()
+            let first = self.points.len();
+            self.points.push(from.point);
+            self.points.extend((1..=steps).map(|step| ring[(from.at.0 + step) % ring.len()]));
+            self.points.push(to.point);
+            self.open.push(Path { from: from.crossing, to: to.crossing, points: first..self.points.len() });
+        }
+    }
 }
 
 /// Closed rings of the stretches of both boundaries, which take turns at the crossings.
-fn stitched(first: &[Path], second: &[Path], crossings: usize) -> Clipped {
+fn stitched(first: &Paths, second: &Paths, crossings: usize) -> Clipped {
+    let sides = [first, second];
     let mut starting = vec![[None; 2]; crossings];
-    for (side, paths) in [first, second].into_iter().enumerate() {
-        for path in paths {
+    for (side, paths) in sides.into_iter().enumerate() {
+        for path in &paths.open {
             starting[path.from][side] = Some(path);
         }
     }
@@ -214,9 +250,10 @@ fn stitched(first: &[Path], second: &[Path], crossings: usize) -> Clipped {
     for begin in 0..crossings {
         let (mut ring, mut at, mut side) = (Vec::new(), begin, 0);
         while let Some(path) = starting[at][side].take() {
-            ring.extend_from_slice(&path.points[..path.points.len() - 1]);
+            let points = &sides[side].points[path.points.clone()];
+            ring.extend_from_slice(&points[..points.len() - 1]);
             if side == 1 {
-                clipped.border.extend(path.points.windows(2).map(|ends| [ends[0], ends[1]]));
+                clipped.border.extend(points.windows(2).map(|ends| [ends[0], ends[1]]));
             }
             (at, side) = (path.to, 1 - side);
         }

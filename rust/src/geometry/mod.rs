@@ -2,6 +2,7 @@
 //! rigid poses.
 
 pub mod clipping;
+pub(crate) mod edge_boxes;
 pub mod edge_field;
 pub mod overlap;
 pub mod pose;

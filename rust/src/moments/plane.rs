@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::quadrature::{Node, gauss_legendre};
-use super::{MAX_ORDER, PlaneMoments, plane_index};
+use super::{MAX_ORDER, PlaneMoments, plane_count, plane_index};
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Moments `integral of x^i y^j dA`, `i + j <= order`, of the region bounded by closed `rings`.
@@ -106,16 +106,57 @@ fn add_edges<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     for index in 1..=vertices.count() {
         let next = if index < vertices.count() { vertices.group(index) } else { first };
         let ends = [0, 1].map(|c| starts[c].shifted(next[c].0[0]));
-        add_edge_group::<ORDER, NODES, COUNT>(starts, ends, &rule, &mut sums);
+        let cross = starts[0] * ends[1] - starts[1] * ends[0];
+        add_edge_group::<ORDER, NODES, COUNT>(starts, ends, cross, &rule, &mut sums);
         starts = next;
     }
-    let mut sums = sums.into_iter().map(Lanes::sum);
+    add_sums::<ORDER>(&sums, &const { order_factors() }, into);
+}
+
+/// Adds sums over edges in the order of [`add_edge_group`], each times the factor of its order, to a list of moments.
+#[inline(always)]
+fn add_sums<const ORDER: usize>(sums: &[Lanes], factors: &[f64], into: &mut [f64]) {
+    let mut sums = sums.iter().map(|sums| sums.sum());
     for j in 0..=ORDER {
         for i in 0..=ORDER - j {
             if let (Some(sum), Some(moment)) = (sums.next(), into.get_mut(plane_index(i, j))) {
-                *moment += sum * const { order_factors() }[i + j];
+                *moment += sum * factors[i + j];
             }
         }
+    }
+}
+
+/// The integrals `integral_0^1 C x(s)^i y(s)^j ds`, `i + j <= 7`, summed over edges from `A` to `B`, of each component of
+/// `C = -(A, 1) x (B, 1)` (`docs/math.md`, eq. 14.2).
+pub(crate) fn edge_fluxes(edges: &[[Vector2<f64>; 2]]) -> [PlaneMoments; 3] {
+    vectorized(EdgeFluxes(edges))
+}
+
+struct EdgeFluxes<'a>(&'a [[Vector2<f64>; 2]]);
+
+impl NullaryFnOnce for EdgeFluxes<'_> {
+    type Output = [PlaneMoments; 3];
+
+    #[inline(always)]
+    fn call(self) -> [PlaneMoments; 3] {
+        const ORDER: usize = 7;
+        const COUNT: usize = plane_count(ORDER);
+        let rule = const { gauss_legendre::<4>() };
+        let mut sums = [[Lanes::ZERO; COUNT]; 3];
+        for edges in self.0.chunks(LANES) {
+            // Past the last edge come edges of no length at the origin, which add nothing.
+            let number = |end: usize, c: usize| Lanes(std::array::from_fn(|k| edges.get(k).map_or(0.0, |e| e[end][c])));
+            let [[ax, ay], [bx, by]] = [0, 1].map(|end| [number(end, 0), number(end, 1)]);
+            let normal = [by - ay, ax - bx, ay * bx - ax * by];
+            for (sums, weight) in sums.iter_mut().zip(normal) {
+                add_edge_group::<ORDER, 4, COUNT>([ax, ay], [bx, by], weight, &rule, sums);
+            }
+        }
+        sums.map(|sums| {
+            let mut integrals = PlaneMoments::zero(ORDER);
+            add_sums::<ORDER>(&sums, &[1.0; ORDER + 1], integrals.values_mut());
+            integrals
+        })
     }
 }
 
@@ -130,18 +171,19 @@ const fn order_factors() -> [f64; MAX_ORDER + 1] {
     factors
 }
 
+/// Adds, row by row of the powers of y, the integrals of the monomials along edges times each edge's weight.
 #[inline(always)]
 fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     [ax, ay]: [Lanes; 2],
     [bx, by]: [Lanes; 2],
+    weight: Lanes,
     rule: &[Node; NODES],
     sums: &mut [Lanes; COUNT],
 ) {
-    let cross = ax * by - ay * bx;
     let (dx, dy) = (bx - ax, by - ay);
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
     let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
-    let mut row = rule.map(|(_, weight)| Lanes::splat(weight) * cross);
+    let mut row = rule.map(|(_, share)| Lanes::splat(share) * weight);
     // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
     let mut rest = &mut sums[..];
     rest = add_row::<ORDER, NODES>(0, &mut row, &x, &y, rest);

@@ -107,6 +107,10 @@ impl Alone {
         if let Some((_, _, found)) = self.0.iter().find(|(region, from, _)| *region == index && from == start) {
             return *found;
         }
+        // Each start costs a look at least: once the effort is spent, what was found has to do.
+        if effort::is_spent() && self.0.iter().any(|(_, _, found)| found.is_some()) {
+            return None;
+        }
         let found = solved_alone(&problem.coarse()[index], start);
         self.0.push((index, *start, found));
         found

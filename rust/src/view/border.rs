@@ -1,9 +1,12 @@
 //! The border of the image about an observed region: what of the world it lets be seen (`docs/math.md`, section 14).
 
+use std::cell::Cell;
+
 use nalgebra::{Vector2, Vector3};
 
 use crate::error::{Error, Result};
-use crate::geometry::clipping::{Clipped, holds, intersection};
+use crate::geometry::clipping::{Clipped, Window, holds};
+use crate::geometry::edge_boxes::EdgeBoxes;
 use crate::geometry::rings::{PlaneRings, ring_edges, signed_area};
 use crate::view::bearing_rings::Bearing;
 use crate::view::chart::Chart;
@@ -27,7 +30,7 @@ const NEAR: f64 = 1e-3;
 #[derive(Debug, Clone)]
 pub struct Border {
     /// The visible part of the chart.
-    visible: Vec<Vec<Vector2<f64>>>,
+    visible: Window,
     /// Whether each edge of the observed outline lies on the border, ring by ring.
     on_border: Vec<Vec<bool>>,
 }
@@ -40,7 +43,14 @@ impl Border {
     /// # Errors
     /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
     pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
-        let lines = projected_lines("border", lines, chart)?;
+        let mut lines = projected_lines("border", lines, chart)?;
+        for (line, points) in lines.iter_mut().enumerate() {
+            // A line goes on beyond its ends as its last two points lead, so that they must not be one.
+            points.dedup();
+            if points.len() < 2 {
+                return Err(Error::ShortLine { item: "border", line, found: points.len() });
+            }
+        }
         let on_border = edges_along(&lines, outline, pixel);
         let flat = || on_border.iter().flatten().copied();
         if !flat().any(|on_border| on_border) {
@@ -56,7 +66,7 @@ impl Border {
         }
         let middles = || outline.edges().map(|(a, b)| a.lerp(&b, 0.5)).zip(flat());
         let inside: Vec<_> = middles().filter(|(_, on_border)| !on_border).map(|(middle, _)| middle).collect();
-        let visible = vec![visible(lines, &inside, REACH * chart.scale)];
+        let visible = Window::new(vec![visible(lines, &inside, REACH * chart.scale)]);
         Ok(Some(Self { visible, on_border }))
     }
 
@@ -67,7 +77,7 @@ impl Border {
 
     /// Edges of the visible part.
     pub fn edge_count(&self) -> usize {
-        self.visible.iter().map(Vec::len).sum()
+        self.visible.edge_count()
     }
 
     /// What the image shows of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
@@ -77,7 +87,7 @@ impl Border {
         if behind {
             rings.iter_mut().for_each(|ring| ring.reverse());
         }
-        (intersection(&rings, &self.visible), if behind { -1.0 } else { 1.0 })
+        (self.visible.shared_with(&rings), if behind { -1.0 } else { 1.0 })
     }
 }
 
@@ -143,7 +153,16 @@ pub fn foreign_edges(
 
 /// Whether each edge of an outline lies along one of the lines, ring by ring.
 fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64) -> Vec<Vec<bool>> {
-    let near = |p: &Vector2<f64>| lines.iter().any(|line| lies_along(line, p, ON_BORDER * pixel));
+    let ends = lines.iter().flat_map(|line| line.windows(2)).map(|ends| [ends[0], ends[1]]);
+    let (edges, within) = (EdgeBoxes::new(ends.collect()), ON_BORDER * pixel);
+    let near = |p: &Vector2<f64>| {
+        let found = Cell::new(false);
+        edges.for_each_near(
+            |[low, high]| !found.get() && (0..2).all(|k| low[k] - within <= p[k] && p[k] <= high[k] + within),
+            |_, ends| found.set(found.get() || distance(ends, p) < within),
+        );
+        found.get()
+    };
     let along = |(a, b): (Vector2<f64>, Vector2<f64>)| near(&a) && near(&b) && near(&a.lerp(&b, 0.5));
     outline.rings().iter().map(|ring| ring_edges(ring).map(along).collect()).collect()
 }
@@ -175,12 +194,11 @@ fn projected(item: &'static str, index: usize, line: &[Bearing], chart: &Chart) 
     })
 }
 
-fn lies_along(line: &[Vector2<f64>], point: &Vector2<f64>, within: f64) -> bool {
-    line.windows(2).any(|ends| {
-        let step = ends[1] - ends[0];
-        let share = (point - ends[0]).dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE);
-        (point - ends[0] - step * share.clamp(0.0, 1.0)).norm() < within
-    })
+/// Distance of a point from an edge.
+fn distance([from, to]: [Vector2<f64>; 2], point: &Vector2<f64>) -> f64 {
+    let step = to - from;
+    let share = (point - from).dot(&step) / step.norm_squared().max(f64::MIN_POSITIVE);
+    (point - from - step * share.clamp(0.0, 1.0)).norm()
 }
 
 /// The ring around what the lines leave visible within a radius, counter-clockwise; some points inside are known.
