@@ -1,11 +1,12 @@
-//! The odds of each region: those that belong to a pose speak for it, one that lies elsewhere does not.
+//! The odds of each region: those that belong to a pose speak for it, one that lies elsewhere does not; and which of regions that
+//! contradict one another are right.
 
 mod support;
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use regionpose::contour::fit::ContourFit;
 use regionpose::verdict::outliers::log_odds;
-use regionpose::{ObservedRegion, Problem};
+use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
 use support::contours::{all_bitten, one_turned};
 use support::random::Random;
 use support::scene::{Layout, Scene};
@@ -46,4 +47,44 @@ fn a_region_alone_belongs_to_its_pose() {
     let scene = scene(7, 1);
     assert_eq!(odds(&scene, &scene.observed), [f64::INFINITY]);
     assert_eq!(odds(&scene, &all_bitten(&scene, 1.0)), [f64::INFINITY]);
+}
+
+/// The estimate with one of the regions moved in the world, as the other way round from its pair.
+fn with_one_moved(scene: &Scene, moved: usize) -> Estimate {
+    let mut worlds = scene.worlds.clone();
+    let turn = Rotation3::new(Vector3::new(0.3, -0.4, 0.2));
+    let rings = worlds[moved].rings();
+    let middle = rings[0].iter().sum::<Vector3<f64>>() / rings[0].len() as f64;
+    let shifted = |x: &Vector3<f64>| turn * (x - middle) + middle + Vector3::new(0.4, -0.3, 0.2);
+    let rings: Vec<Vec<_>> = rings.iter().map(|ring| ring.iter().map(shifted).collect()).collect();
+    worlds[moved] = WorldRegion::from_rings(&rings).unwrap();
+    Problem::new(&scene.observed, &worlds).unwrap().estimate().unwrap()
+}
+
+#[test]
+fn of_two_regions_that_disagree_either_may_be_the_right_one() {
+    for seed in 0..6 {
+        let scene = scene(seed, 2);
+        let estimate = with_one_moved(&scene, 1);
+        let solutions = || std::iter::once(&estimate.best).chain(&estimate.alternatives);
+        let right = solutions().map(|solution| scene.errors(&solution.pose).0).fold(f64::INFINITY, f64::min);
+        assert!(right < 1e-3, "seed {seed}: {right} rad");
+        let confidences: Vec<f64> = solutions().map(|solution| solution.confidence).collect();
+        assert!(confidences.iter().all(|&confidence| confidence < 0.6), "seed {seed}: {confidences:?}");
+        let named = |region: usize| estimate.warnings.iter().any(|warning| warning.region() == Some(region));
+        assert!(named(0) && named(1), "seed {seed}: {:?}", estimate.warnings);
+        assert!(estimate.warnings.iter().any(|warning| matches!(warning, Warning::Ambiguous { .. })), "seed {seed}");
+    }
+}
+
+#[test]
+fn two_regions_that_agree_are_right_against_one() {
+    for seed in 0..6 {
+        let scene = scene(seed, 3);
+        for moved in 0..3 {
+            let estimate = with_one_moved(&scene, moved);
+            assert!(scene.errors(&estimate.best.pose).0 < 1e-3, "seed {seed}, region {moved}");
+            assert!(estimate.alternatives.is_empty() && estimate.best.confidence > 0.9, "seed {seed}, region {moved}");
+        }
+    }
 }

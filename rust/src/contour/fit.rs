@@ -283,8 +283,26 @@ impl<'a> Sketch<'a> {
 /// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
-    let mut readings = Readings::at(contours, start, step)?;
-    let (mut pose, mut scale) = (*start, FIRST_SCALE * readings.median());
+    let readings = Readings::at(contours, start, step)?;
+    let scale = FIRST_SCALE * readings.median();
+    refined_from(contours, start, step, readings, scale)
+}
+
+/// The same from a fit to fewer pieces, from whose scatter the scale falls on: what is astray there stays so.
+pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
+    let readings = Readings::at(contours, &fit.pose, step)?;
+    let scale = fit.astray().min(FIRST_SCALE * readings.median());
+    refined_from(contours, &fit.pose, step, readings, scale)
+}
+
+fn refined_from(
+    contours: &[Contour],
+    start: &Pose,
+    step: usize,
+    mut readings: Readings,
+    mut scale: f64,
+) -> Option<ContourFit> {
+    let mut pose = *start;
     let mut likeliest = (f64::NEG_INFINITY, pose);
     loop {
         let distances = readings.distances();

@@ -13,7 +13,7 @@ use super::moments::{
 use super::poses::{distinct, sorted};
 use super::symmetry::turned_poses;
 pub use crate::contour::fit::AMBIGUITY;
-use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined};
+use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined, refined_again};
 use crate::contour::readings::Contour;
 use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
@@ -377,7 +377,9 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks, alo
     let mut found = led(starts);
     let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
     if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
-        found.extend(led(further_poses(problem, alone)));
+        let single = single_region_poses(problem, alone);
+        found.extend(led(further_poses(problem, &single)));
+        found.extend(own_fits(problem, &single));
     }
     let mut all = sharpened(problem, found, few, prior);
     if let Some(best) = all.first() {
@@ -392,7 +394,7 @@ fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prio
     while step > 1 {
         let likely = likely(problem, fits, prior);
         step = (step / MORE_PIECES).max(1);
-        fits = likely.iter().filter_map(|fit| refined(problem.contours(), &fit.pose, step)).collect();
+        fits = likely.iter().filter_map(|fit| refined_again(problem.contours(), fit, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
 }
@@ -407,25 +409,32 @@ fn is_found(fit: &ContourFit, least: f64) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 
-/// Poses from corners, of regions with hidden edges, and, of several regions, from each by itself: those that lie nearest to the
-/// contours of all, and to a region's own whatever the others show, since these may be elsewhere.
-pub(crate) fn further_poses(problem: &Problem, alone: &mut Alone) -> Vec<Pose> {
+/// Poses from corners, of regions with hidden edges, and `single`, from each by itself: those that lie nearest to the contours of
+/// all.
+pub(crate) fn further_poses(problem: &Problem, single: &[Vec<Pose>]) -> Vec<Pose> {
     let (contours, few) = (problem.contours(), problem.few());
-    let nearest = |contours: &[Contour], poses: Vec<Pose>, most: usize| {
-        let sketch = Sketch::new(contours, few);
-        let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
-        distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect::<Vec<_>>()
-    };
     let corners = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
-    let single = if contours.len() > 1 { single_region_poses(problem, alone) } else { Vec::new() };
     let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
-    let own = single
-        .iter()
-        .zip(contours)
-        .flat_map(|(poses, contour)| nearest(std::slice::from_ref(contour), poses.clone(), MOST_LED / contours.len()));
-    let own: Vec<Pose> = own.collect();
-    let of_all = [corners, single.into_iter().flatten().collect(), hidden];
-    of_all.into_iter().flat_map(|poses| nearest(contours, poses, MOST_LED)).chain(own).collect()
+    let of_all = [corners, single.concat(), hidden];
+    of_all.into_iter().flat_map(|poses| nearest(contours, poses, few, MOST_LED)).collect()
+}
+
+/// Each pose once, those that lie nearest to the contours.
+fn nearest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -> Vec<Pose> {
+    let sketch = Sketch::new(contours, step);
+    let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
+    distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
+}
+
+/// The fits of poses that single regions give, led onto their own contours whatever the others show, since these may be elsewhere.
+fn own_fits(problem: &Problem, single: &[Vec<Pose>]) -> Vec<ContourFit> {
+    let (contours, few) = (problem.contours(), problem.few());
+    let own = single.iter().zip(contours).flat_map(|(poses, contour)| {
+        let contour = std::slice::from_ref(contour);
+        let poses = nearest(contour, poses.clone(), few, MOST_LED / contours.len());
+        poses.into_iter().filter_map(move |pose| refined(contour, &pose, few))
+    });
+    own.filter_map(|fit| ContourFit::at(contours, &fit.pose, few)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.

@@ -70,8 +70,11 @@ pub fn moment_poses(
     without_cost(found)
 }
 
-/// Poses that single regions give, whatever the others say, region by region.
+/// Poses that single regions give, whatever the others say, region by region; none where there are no others.
 pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Vec<Pose>> {
+    if problem.regions().len() == 1 {
+        return Vec::new();
+    }
     let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All, alone);
     (0..problem.regions().len()).map(of).collect()
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::candidates::further_poses;
-use super::moments::Alone;
+use super::moments::{Alone, single_region_poses};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
 use crate::contour::fit::ContourFit;
@@ -74,7 +74,7 @@ impl Problem {
         };
         let mut found = self.posteriors_near(starts, &others);
         if !found.iter().any(is_found) {
-            let further = further_poses(self, &mut Alone::default());
+            let further = further_poses(self, &single_region_poses(self, &mut Alone::default()));
             found.extend(self.posteriors_near(&further, &others));
         }
         let mut looked = None;
