@@ -159,6 +159,12 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
             rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="right", regions_wrong=1
         ),
         made_row(rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="wrong"),
+        made_row(
+            rotation_deg=0.1,
+            templates_right="hook",
+            warnings="ambiguous;ambiguous-region;outlier-region",
+            regions_wrong=1,
+        ),
         made_row(rotation_deg=3.0, templates_right="hook"),
         made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
         made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous;poor-overlap"),
@@ -166,9 +172,9 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
         made_row(error="PoseError: none", rotation_deg=float("nan")),
     ]
     assert Verdicts.of(Results({}, rows)) == Verdicts(
-        scenes=10,
-        right=5,
-        right_warned=4,
+        scenes=11,
+        right=6,
+        right_warned=5,
         false_alarms=2,
         between=2,
         between_silent=1,

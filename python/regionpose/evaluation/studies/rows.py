@@ -39,8 +39,11 @@ ANSWER_TYPES: dict[str, type] = {
 OUTLIER = {"outlier-region"}
 """The code of the warning that a region is wrong."""
 
-NAMED = {"ambiguous-region", "outlier-region", "poor-overlap"}
+ACCUSED = {"outlier-region", "poor-overlap"}
 """Codes of warnings that a region is not where the pose shows it."""
+
+NAMED = {"ambiguous-region", *ACCUSED}
+"""The same, and of the warning that it is not where a pose that fits alike shows it."""
 
 NEAREST = "nearest_"
 """What the columns of the nearest answer begin with; those of the pose itself have the bare names."""
@@ -95,7 +98,6 @@ def solved_row(
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
     codes = [warning.code for warning in estimate.warnings]
-    named = regions_named(estimate, NAMED)
     return {
         "error": "",
         **judged(problem, answers[0]),
@@ -105,8 +107,8 @@ def solved_row(
         "ambiguous": "ambiguous" in codes,
         "warnings": ";".join(codes),
         "outlier_named": outlier_named(problem, estimate),
-        "regions_untold": len(set(problem.wrong) - named),
-        "regions_accused": len(named - set(problem.wrong)),
+        "regions_untold": len(set(problem.wrong) - regions_named(estimate, NAMED)),
+        "regions_accused": len(regions_named(estimate, ACCUSED) - set(problem.wrong)),
         "confidence": float(estimate.confidence),
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise_px),

@@ -80,7 +80,8 @@ def _line(cells: Sequence[str]) -> str:
 
 VERDICT_NOTE = (
     f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning."
-    " False alarms are of right poses; ambiguity is none where all shapes are symmetric, nor a wrong region's name."
+    " False alarms are of right poses; ambiguity is none where all shapes are symmetric"
+    " or a region is wrong, nor a wrong region's name."
 )
 VERDICT_HEADS = [
     "scenes",

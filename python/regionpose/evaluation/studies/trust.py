@@ -11,7 +11,7 @@ RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 """Rotation error of the pose below which it is right, and from which on it is wrong."""
 
 AMBIGUOUS_CODES = {"ambiguous", "ambiguous-region"}
-REGION_CODES = {"ambiguous-region", "outlier-region", "poor-overlap"}
+REGION_CODES = {"outlier-region", "poor-overlap"}
 """Codes of warnings that may have a cause in the problem itself: symmetric shapes, and regions that are wrong."""
 
 
@@ -70,10 +70,11 @@ def untold_rows(results: Results) -> list[Row]:
 def is_false_alarm(row: Row) -> bool:
     """Whether a right pose has a warning without cause.
 
-    Right regions that are all symmetric fit from several poses, and wrong regions are to be named, but no other.
+    Right regions that are all symmetric fit from several poses, and so may regions of which one is wrong. Wrong
+    regions are to be named, but no other.
     """
     codes, names = (set(str(row[column]).split(";")) - {""} for column in ("warnings", "templates_right"))
-    if all(is_symmetric(name) for name in names):
+    if row["regions_wrong"] or all(is_symmetric(name) for name in names):
         codes -= AMBIGUOUS_CODES
     if row["regions_wrong"] and not row["regions_accused"]:
         codes -= REGION_CODES
