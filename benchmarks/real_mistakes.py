@@ -35,6 +35,8 @@ from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.witness import Photo, witnessed
+from rich.console import Console
+from rich.progress import track
 
 from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
 from benchmarks.witness import frames
@@ -193,7 +195,9 @@ def main() -> None:
     if not scenes:
         print(f"no frames in {given.data}: nothing to measure")
         return
-    rows = [row_of(problem, verbose=given.verbose) for problem in problems(scenes, seen)]
+    tried = list(problems(scenes, seen))
+    shown = track(tried, "poses", console=Console(stderr=True))
+    rows = [row_of(problem, verbose=given.verbose) for problem in shown]
     print(*table([row for row in rows if row is not None]), sep="\n")
 
 

@@ -288,11 +288,15 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
     refined_from(contours, start, step, readings, scale)
 }
 
-/// The same from a fit to fewer pieces, from whose scatter the scale falls on: what is astray there stays so.
+/// The same from a fit to fewer pieces. Where a wide scale leads away from it to a pose that is less likely, the scale falls from the
+/// fit's own scatter: what is astray there stays so.
 pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
+    let led = refined(contours, &fit.pose, step)?;
     let readings = Readings::at(contours, &fit.pose, step)?;
-    let scale = fit.astray().min(FIRST_SCALE * readings.median());
-    refined_from(contours, &fit.pose, step, readings, scale)
+    match readings.distances().mixture(FINEST_SCALE).likelihood > led.mixture.likelihood {
+        true => refined_from(contours, &fit.pose, step, readings, fit.astray()),
+        false => Some(led),
+    }
 }
 
 fn refined_from(
