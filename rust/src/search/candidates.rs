@@ -394,7 +394,7 @@ fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prio
     while step > 1 {
         let likely = likely(problem, fits, prior);
         step = (step / MORE_PIECES).max(1);
-        fits = likely.iter().filter_map(|fit| refined_again(problem.contours(), fit, step)).collect();
+        fits = likely.iter().flat_map(|fit| refined_again(problem.contours(), fit, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
 }
