@@ -5,7 +5,6 @@ use super::propagation::{Edge, Label, Trust};
 use super::readings::{Reading, SampledRegion, Sight};
 use crate::contour::correlation::sigmas;
 use crate::contour::fit::AMBIGUITY;
-use crate::contour::votes::{Vote, decided, of_counted};
 use crate::geometry::pose::Pose;
 
 /// The coarsest blur, pixels.
@@ -24,16 +23,6 @@ pub(super) const WEIGHT: f64 = 30.0;
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
 pub(super) const FAR_OFF: f64 = 0.1;
 pub(super) const FAR_BLURS: f64 = 4.0;
-
-/// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
-const FAR_MISLABELED: f64 = 0.1;
-const ELSEWHERE: f64 = 0.5;
-
-/// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
-pub fn contradicts(wrong: f64) -> bool {
-    let (label, right) = (ELSEWHERE / FAR_MISLABELED, (1.0 - ELSEWHERE) / (1.0 - FAR_MISLABELED));
-    wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
-}
 
 /// The step that leaves about as many samples of all regions as lead.
 pub fn leading_step(regions: &[SampledRegion]) -> usize {
@@ -73,29 +62,15 @@ pub(super) struct Compared<'a> {
 
 impl Compared<'_> {
     /// How much worse another pose is, in variances: twice the ratio of the evidence, or what is left of that of the samples where
-    /// chance may have decided (`docs/math.md`, eq. 17.11). Where regions belong to one of both poses alone, more regions decide.
+    /// chance may have decided (`docs/math.md`, eq. 17.11).
     pub(super) fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         let known = self.log_known - other.log_known;
         let differences: Vec<f64> =
             self.log_probabilities(regions).zip(other.log_probabilities(regions)).map(|(a, b)| a - b).collect();
         let counts: Vec<usize> = regions.iter().map(SampledRegion::count).collect();
-        let by_samples = decided(&self.votes(other), |counted| {
-            let (differences, counts) = of_counted(&differences, &counts, counted);
-            let all = counted.iter().all(|&counted| counted);
-            // The evidence is of all regions; of some there are their labels.
-            let log_ratio =
-                if all { self.log_evidence - other.log_evidence - known } else { differences.iter().sum::<f64>() };
-            let sigmas = sigmas(&differences, &counts);
-            (2.0 * log_ratio).min(AMBIGUITY * sigmas * sigmas.abs())
-        });
-        by_samples + 2.0 * known
-    }
-
-    /// What each region says of this pose and another: that the other contradicts it alone, or this one.
-    pub(super) fn votes(&self, other: &Self) -> Vec<Vote> {
-        let contradicts = |trust: &Trust| contradicts(trust.mislabeled);
-        let pairs = self.trust.iter().zip(other.trust);
-        pairs.map(|(own, others)| Vote::of(contradicts(others), contradicts(own))).collect()
+        let sigmas = sigmas(&differences, &counts);
+        let by_samples = 2.0 * (self.log_evidence - other.log_evidence - known);
+        by_samples.min(AMBIGUITY * sigmas * sigmas.abs()) + 2.0 * known
     }
 
     /// Logarithm of the probability of each label, around each region.

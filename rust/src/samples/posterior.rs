@@ -8,7 +8,6 @@ use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::telling::{FINEST, Samples, State};
 use crate::contour::fit::AMBIGUITY;
-use crate::contour::votes::Vote;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -50,11 +49,6 @@ impl Posterior {
     /// How much worse another one is, in variances, as far as chance has not decided (`docs/math.md`, eq. 17.11).
     pub fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         self.compared().against(&other.compared(), regions)
-    }
-
-    /// Which of this one and another each region belongs to.
-    pub fn votes(&self, other: &Self) -> Vec<Vote> {
-        self.compared().votes(&other.compared())
     }
 
     /// The same where what is known speaks for it by so much more, as a logarithm.

@@ -3,11 +3,10 @@
 use nalgebra::Matrix6;
 
 use crate::contour::fit::ContourFit;
-use crate::samples::labels::contradicts;
 use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::verdict::outliers::{contradicted, log_odds};
+use crate::verdict::outliers::{contradicted, contradicts, log_odds};
 use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 120`.

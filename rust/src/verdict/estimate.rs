@@ -6,7 +6,7 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicted, log_odds};
+use super::outliers::{contradicted, contradicts, log_odds};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
@@ -19,7 +19,6 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::contradicts;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
@@ -260,11 +259,11 @@ impl Place {
         }
     }
 
-    /// Which of this place and another each region belongs to: those with samples, where both are of samples, or else all.
+    /// Which of this place and another each region belongs to, by the contours where these decide.
     fn votes(&self, other: &Self) -> Vec<Vote> {
         match (&self.posterior, &other.posterior) {
-            (Some(own), Some(posterior)) => own.votes(posterior),
-            _ => self.fit.votes(&other.fit),
+            (None, None) => self.fit.votes(&other.fit),
+            _ => vec![Vote::Neither; self.fit.regions().count()],
         }
     }
 
