@@ -201,29 +201,42 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
         let unlikely = if weighed { prior.penalty(&place.pose, place.covariance(problem)) } else { 0.0 };
         (if worse <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
-    let mut scored = sorted(places.into_iter().map(|place| (against(&place), place)).collect());
-    let least = scored.first().map_or(0.0, |(against, _)| *against);
-    scored.retain(|(against, _)| *against <= least + AMBIGUITY);
-    let votes: Vec<Vec<Vote>> = scored.iter().map(|(_, place)| scored[0].1.votes(place)).collect();
-    // Poses of the same regions are one way to choose among the regions.
-    let ways = |same: &[Vote]| {
-        let alike = scored.iter().zip(&votes).filter(|(_, votes)| *votes == same);
-        alike.map(|((against, _), _)| (0.5 * (least - against)).exp()).sum::<f64>()
-    };
-    let shares: Vec<f64> = votes.iter().map(|votes| 2.0 * ways(votes).ln()).collect();
-    let mut scored: Vec<_> = scored.into_iter().zip(votes).zip(shares).collect();
+    let mut places = by_against(places.into_iter().map(|place| Place { against: against(&place), ..place }).collect());
+    let least = places.first().map_or(0.0, |best| best.against);
+    places.retain(|place| place.against <= least + AMBIGUITY);
     // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
-    scored.sort_by_key(|(((against, place), votes), _)| {
-        let is_best = *against == least && votes.iter().all(|&vote| vote == Vote::Neither);
-        if is_best { order(&place.pose) } else { [i64::MAX; 3] }
-    });
-    let scored = scored.into_iter().map(|(((against, place), _), share)| (against + share, place)).collect();
-    let mut scored = sorted(scored);
-    let least = scored.first().map_or(0.0, |(against, _)| *against);
-    if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
-        scored.sort_by(|(_, a), (_, b)| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
+    if let Some(best) = places.first().cloned() {
+        let ties =
+            |place: &Place| place.against == least && best.votes(place).iter().all(|&vote| vote == Vote::Neither);
+        places.sort_by_key(|place| if ties(place) { order(&place.pose) } else { [i64::MAX; 3] });
     }
-    scored.into_iter().map(|(against, place)| Place { against: against - least, ..place }).collect()
+    let mut places = by_against(shared_by_votes(places));
+    let least = places.first().map_or(0.0, |best| best.against);
+    if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
+        places.sort_by(|a, b| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
+    }
+    places.into_iter().map(|place| Place { against: place.against - least, ..place }).collect()
+}
+
+/// The places, the likeliest first.
+fn by_against(places: Vec<Place>) -> Vec<Place> {
+    sorted(places.into_iter().map(|place| (place.against, place)).collect())
+        .into_iter()
+        .map(|(_, place)| place)
+        .collect()
+}
+
+/// The places with what counts against them, those that the same regions vote for sharing what one of them would have
+/// (`docs/math.md`, section 15).
+fn shared_by_votes(places: Vec<Place>) -> Vec<Place> {
+    let Some(best) = places.first() else { return places };
+    let votes: Vec<Vec<Vote>> = places.iter().map(|place| best.votes(place)).collect();
+    let sharing = |same: &[Vote]| {
+        let alike = places.iter().zip(&votes).filter(|(_, votes)| *votes == same);
+        2.0 * alike.map(|(place, _)| (0.5 * (best.against - place.against)).exp()).sum::<f64>().ln()
+    };
+    let against: Vec<f64> = places.iter().zip(&votes).map(|(place, votes)| place.against + sharing(votes)).collect();
+    places.into_iter().zip(against).map(|(place, against)| Place { against, ..place }).collect()
 }
 
 /// Where a pose comes among those that fit equally: by its rotation vector, in steps that round-off does not cross but by
