@@ -27,6 +27,7 @@ __all__ = [
     "mesh_spherical_moments",
     "moved_pose",
     "nearest_edges",
+    "nearness",
     "pixel_moments",
     "planar_moments",
     "plane_rings",

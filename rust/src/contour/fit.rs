@@ -288,15 +288,10 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
     refined_from(contours, start, step, readings, scale)
 }
 
-/// The same from a fit to fewer pieces, and, where a wide scale led away from it to a pose that is less likely, where the scale falls
-/// from the fit's own scatter: what is astray there stays so.
-pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Vec<ContourFit> {
-    let Some(led) = refined(contours, &fit.pose, step) else { return Vec::new() };
-    let readings = Readings::at(contours, &fit.pose, step);
-    let likelier = |readings: &Readings| readings.distances().mixture(FINEST_SCALE).likelihood > led.mixture.likelihood;
-    let nearer = readings.filter(likelier);
-    let nearer = nearer.and_then(|readings| refined_from(contours, &fit.pose, step, readings, fit.astray()));
-    nearer.into_iter().chain([led]).collect()
+/// The same from a fit to fewer pieces, from whose own scatter the scale falls: what is astray there stays so.
+pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
+    let readings = Readings::at(contours, &fit.pose, step)?;
+    refined_from(contours, &fit.pose, step, readings, fit.astray())
 }
 
 fn refined_from(

@@ -10,7 +10,7 @@ use super::moments::{
     Alone, CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
     single_region_poses,
 };
-use super::poses::{distinct, sorted};
+use super::poses::{apart, distinct, sorted};
 use super::symmetry::turned_poses;
 pub use crate::contour::fit::AMBIGUITY;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined, refined_again};
@@ -394,9 +394,18 @@ fn sharpened(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prio
     while step > 1 {
         let likely = likely(problem, fits, prior);
         step = (step / MORE_PIECES).max(1);
-        fits = likely.iter().flat_map(|fit| refined_again(problem.contours(), fit, step)).collect();
+        fits = likely.iter().flat_map(|fit| led_on(problem.contours(), fit, step)).collect();
     }
     once(fits, usize::MAX, SAME_PLACE)
+}
+
+/// Where a fit leads on more pieces from a wide scale and, where that is away from it and of several regions some may be elsewhere,
+/// from its own scatter.
+fn led_on(contours: &[Contour], fit: &ContourFit, step: usize) -> Vec<ContourFit> {
+    let led = refined(contours, &fit.pose, step);
+    let away = led.as_ref().is_none_or(|led| apart(&led.pose, &fit.pose, SAME_CANDIDATE));
+    let beside = if away && contours.len() > 1 { refined_again(contours, fit, step) } else { None };
+    led.into_iter().chain(beside).collect()
 }
 
 /// The fits that could be as likely as the best, each once.
