@@ -20,7 +20,6 @@ Where there are no frames this says so and ends.
 from __future__ import annotations
 
 import argparse
-import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -34,11 +33,11 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness import Photo, witnessed
+from regionpose.witness import witnessed
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
+from benchmarks.real_scenes import DEFAULT_DATA, RealScene, lidar_scenes
 from benchmarks.witness import frames
 
 Array = NDArray[np.float64]
@@ -183,15 +182,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--verbose", action="store_true", help="a line for each wrong pose that is trusted")
     given = parser.parse_args()
-    seen = {
-        held.name: rp.SceneFrame(Photo.of(held.image), held.cloud.points, held.camera, intensity=held.cloud.intensity)
-        for held in frames(given.data)
-    }
-    folders = sorted(path.parent.resolve() for path in given.data.glob("*/*/regions.json"))
-    folders = [path for path in folders if path.parent.name in LIDARS]
-    with tempfile.TemporaryDirectory() as temporary:
-        scenes = [scene_of(folder, Path(temporary)) for folder in folders]
-    scenes = [scene for scene in scenes if scene.name in seen and "samples" in scene.worlds]
+    seen = {held.name: held.of_scene() for held in frames(given.data)}
+    scenes = [scene for scene in lidar_scenes(given.data) if scene.name in seen and "samples" in scene.worlds]
     if not scenes:
         print(f"no frames in {given.data}: nothing to measure")
         return

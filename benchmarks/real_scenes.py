@@ -219,6 +219,13 @@ def scene_of(folder: Path, out: Path) -> RealScene:
     )
 
 
+def lidar_scenes(data: Path) -> list[RealScene]:
+    """The scenes of a folder whose clouds a lidar took."""
+    folders = sorted(path.parent.resolve() for path in data.glob("*/*/regions.json"))
+    with tempfile.TemporaryDirectory() as temporary:
+        return [scene_of(folder, Path(temporary)) for folder in folders if folder.parent.name in LIDARS]
+
+
 def outlines_of(sides: SceneSides) -> list[rp.WorldRegion]:
     """The polygons around the labeled points of a scene."""
     assert sides.cloud is not None

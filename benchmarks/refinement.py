@@ -18,7 +18,6 @@ this says so and ends.
 from __future__ import annotations
 
 import argparse
-import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -31,20 +30,18 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness import Photo
 from regionpose.witness.refinement import moved
 from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import (
     DEFAULT_DATA,
-    LIDARS,
     NATURAL,
     RIG,
     Errors,
     RealScene,
     errors_of,
     joined,
-    scene_of,
+    lidar_scenes,
     written,
 )
 from benchmarks.witness import RealFrame, frames, wrong_poses
@@ -199,16 +196,8 @@ def main() -> None:
     if not held:
         print(f"no frames in {given.data}: nothing to measure")
         return
-    seen = {
-        frame.name: rp.SceneFrame(
-            Photo.of(frame.image), frame.cloud.points, frame.camera, intensity=frame.cloud.intensity
-        )
-        for frame in held
-    }
-    folders = sorted(path.parent.resolve() for path in given.data.glob("*/*/regions.json"))
-    folders = [path for path in folders if path.parent.name in LIDARS]
-    with tempfile.TemporaryDirectory() as temporary:
-        scenes = [scene_of(folder, Path(temporary)) for folder in folders]
+    seen = {frame.name: frame.of_scene() for frame in held}
+    scenes = lidar_scenes(given.data)
     starts = [*wrong(held, seen)] if given.wrong else [*estimated(scenes, seen, given.rigs)]
     if given.drawn:
         starts += drawn(seen, {frame.name: frame.pose for frame in held})

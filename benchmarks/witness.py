@@ -51,6 +51,10 @@ class RealFrame(NamedTuple):
     cloud: rp.Cloud
     pose: rp.Pose
 
+    def of_scene(self) -> rp.SceneFrame:
+        """Photo and cloud as the rest of a scene."""
+        return rp.SceneFrame(Photo.of(self.image), self.cloud.points, self.camera, intensity=self.cloud.intensity)
+
     def alignment(self, photo: Photo, pose: rp.Pose) -> rp.Alignment:
         """How well photo and cloud agree at a pose."""
         return rp.check_alignment(photo, self.cloud.points, self.camera, pose, intensity=self.cloud.intensity)

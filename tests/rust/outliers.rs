@@ -49,7 +49,7 @@ fn a_region_alone_belongs_to_its_pose() {
     assert_eq!(odds(&scene, &all_bitten(&scene, 1.0)), [f64::INFINITY]);
 }
 
-/// The estimate with one of the regions moved in the world, as the other way round from its pair.
+/// The estimate with one of the regions moved in the world, as a thing that was moved between photo and scan.
 fn with_one_moved(scene: &Scene, moved: usize) -> Estimate {
     let mut worlds = scene.worlds.clone();
     let turn = Rotation3::new(Vector3::new(0.3, -0.4, 0.2));

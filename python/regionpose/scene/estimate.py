@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.moved import moved_estimate
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
@@ -31,7 +30,7 @@ from regionpose.witness import (
     SceneFrame,
     SceneRefinement,
     SceneWitness,
-    refine_with_scene,
+    refined_estimate,
     witnessed,
 )
 
@@ -251,12 +250,10 @@ class RestOfScene:
     def refined(self, estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
         """An estimate with its pose refined by them if they say enough, and what they said."""
         frames = [frame for frame in self._frames if frame is not None]
-        found = refine_with_scene(estimate.pose.about(self._origin), estimate.covariance, frames)
+        local = replace(estimate, pose=estimate.pose.about(self._origin))
+        moved, found = refined_estimate(local, frames, self._camera, *self._regions)
         world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
-        if not found.refined:
-            return estimate, world
-        moved = moved_estimate(estimate, found.pose, found.covariance, self._camera, *self._regions)
-        return replace(moved, pose=world.pose), world
+        return replace(moved, pose=world.pose) if found.refined else estimate, world
 
 
 def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Value:

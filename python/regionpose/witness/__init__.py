@@ -2,7 +2,7 @@
 
 from regionpose.witness.alignment import Alignment, check_alignment
 from regionpose.witness.answers import SceneWitness, Witnessed, witnessed
-from regionpose.witness.estimate import estimate_with_scene
+from regionpose.witness.estimate import estimate_with_scene, refined_estimate
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.odds import weighed
 from regionpose.witness.photo import Photo
@@ -18,6 +18,7 @@ __all__ = [
     "check_alignment",
     "estimate_with_scene",
     "refine_with_scene",
+    "refined_estimate",
     "weighed",
     "witnessed",
 ]

@@ -82,10 +82,20 @@ def estimate_with_scene(
         return estimated((prior or Prior()).started_at(pose))
 
     def refined(estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
-        found = refine_with_scene(estimate.pose, estimate.covariance, [frame])
-        if not found.refined:
-            return estimate, found
-        regions = camera, image_regions, world_regions
-        return moved_estimate(estimate, found.pose, found.covariance, *regions), found
+        return refined_estimate(estimate, [frame], camera, image_regions, world_regions)
 
     return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled, refined)
+
+
+def refined_estimate(
+    estimate: PoseEstimate,
+    scene: Sequence[SceneFrame],
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+) -> tuple[PoseEstimate, SceneRefinement]:
+    """An estimate with its pose refined by the rest of the scene if that says enough, and what that said."""
+    found = refine_with_scene(estimate.pose, estimate.covariance, scene)
+    if not found.refined:
+        return estimate, found
+    return moved_estimate(estimate, found.pose, found.covariance, camera, image_regions, world_regions), found

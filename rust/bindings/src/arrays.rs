@@ -6,7 +6,7 @@ use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyU
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::error::Error;
-use regionpose::geometry::pose::Pose;
+use regionpose::geometry::pose::{Pose, Tangent};
 
 /// A core error as Python's `ValueError`.
 pub fn value_error(error: Error) -> PyErr {
@@ -126,6 +126,15 @@ pub fn pose(rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyRe
     }
     let matrix = Matrix3::from_columns(&rows).transpose();
     Pose::from_matrix(&matrix, vector("translation", translation)?).map_err(value_error)
+}
+
+/// A left increment (6,) of a pose.
+pub fn tangent(increment: &Bound<'_, PyAny>) -> PyResult<Tangent> {
+    let values = numbers("increment", increment)?;
+    if values.len() != 6 {
+        return Err(PyValueError::new_err(format!("increment has {} entries; it needs to have 6", values.len())));
+    }
+    Ok(Tangent::from_column_slice(&values))
 }
 
 /// The covariance (6, 6) of a pose's left increment.

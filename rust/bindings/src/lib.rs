@@ -9,6 +9,7 @@ mod interrupts;
 mod masks;
 mod mesh;
 mod moments;
+mod poses;
 mod prior;
 mod regions;
 mod solve;
@@ -30,11 +31,13 @@ mod _core {
         spherical_moments,
     };
     #[pymodule_export]
+    use crate::poses::{moved_pose, nearness};
+    #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, moved_pose, nearness, work_done};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_done};
     #[pymodule_export]
     use crate::witness::{edge_agreement, edge_evidence, scene_steps};
 

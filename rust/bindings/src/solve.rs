@@ -13,15 +13,15 @@ use regionpose::equations::least_squares;
 use regionpose::equations::residual::Evaluation;
 use regionpose::equations::system::{System, Weighting};
 use regionpose::error::Error;
-use regionpose::geometry::pose::Tangent;
 use regionpose::problem;
 use regionpose::search::candidates::{self, Options, Refinement, Start};
-use regionpose::verdict::{confidence, estimate, weakness};
+use regionpose::verdict::{estimate, weakness};
 
 use crate::arrays::{
-    covariance, kept, matrix, numbers, optional, pose, read_only, rotation, scalar, translation, value_error,
+    covariance, kept, matrix, optional, pose, read_only, rotation, scalar, tangent, translation, value_error,
 };
 use crate::interrupts::{detached, detached_threads};
+use crate::poses::RotationTranslation;
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
 use crate::warnings::{Told, told};
@@ -67,8 +67,6 @@ fn parsed_refinement(name: Option<&str>) -> PyResult<Refinement> {
 }
 
 type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
-
-type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 type RegionsEnds<'py> = ([usize; 2], Bound<'py, PyArray2<f64>>);
 
@@ -401,33 +399,6 @@ impl Search {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
         Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate::new))
     }
-}
-
-/// Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees of the true
-/// one.
-#[pyfunction]
-pub fn nearness(covariance: &Bound<'_, PyAny>) -> PyResult<f64> {
-    Ok(confidence::nearness(&self::covariance(covariance)?))
-}
-
-/// Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,).
-#[pyfunction]
-pub fn moved_pose<'py>(
-    py: Python<'py>,
-    rotation: &Bound<'py, PyAny>,
-    translation: &Bound<'py, PyAny>,
-    increment: &Bound<'py, PyAny>,
-) -> PyResult<RotationTranslation<'py>> {
-    let moved = pose(rotation, translation)?.moved(&tangent(increment)?);
-    Ok((self::rotation(py, &moved)?, self::translation(py, &moved)))
-}
-
-fn tangent(increment: &Bound<'_, PyAny>) -> PyResult<Tangent> {
-    let values = numbers("increment", increment)?;
-    if values.len() != 6 {
-        return Err(PyValueError::new_err(format!("increment has {} entries; it needs to have 6", values.len())));
-    }
-    Ok(Tangent::from_column_slice(&values))
 }
 
 /// The two sides of a problem, free of the interpreter.

@@ -26,14 +26,12 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
     match warning {
         Warning::Ambiguous { others } => set("others", others.len() as f64)?,
         Warning::PoorOverlap { percent, .. } => set("overlap_error", PERCENT * percent)?,
-        Warning::OutlierRegion { percent, others, .. } => {
+        Warning::OutlierRegion { percent, others, .. } | Warning::AmbiguousRegion { percent, others, .. } => {
             set("contour_share", PERCENT * percent)?;
             set("contour_share_of_others", PERCENT * others)?;
-        }
-        Warning::AmbiguousRegion { degrees, percent, others, .. } => {
-            set("rotation_deg", *degrees)?;
-            set("contour_share", PERCENT * percent)?;
-            set("contour_share_of_others", PERCENT * others)?;
+            if let Warning::AmbiguousRegion { degrees, .. } = warning {
+                set("rotation_deg", *degrees)?;
+            }
         }
         Warning::LowConfidence { percent } => set("confidence", PERCENT * percent)?,
         Warning::WeakGeometry { degrees, shift, .. } => {

@@ -440,7 +440,7 @@ fn own_fits(problem: &Problem, single: &[Vec<Pose>]) -> Vec<ContourFit> {
     let (contours, few) = (problem.contours(), problem.few());
     let own = single.iter().zip(contours).flat_map(|(poses, contour)| {
         let contour = std::slice::from_ref(contour);
-        let poses = nearest(contour, poses.clone(), few, MOST_LED / contours.len());
+        let poses = nearest(contour, poses.clone(), few, (MOST_LED / contours.len()).max(1));
         poses.into_iter().filter_map(move |pose| refined(contour, &pose, few))
     });
     own.filter_map(|fit| ContourFit::at(contours, &fit.pose, few)).collect()
