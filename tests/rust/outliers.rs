@@ -5,7 +5,7 @@ mod support;
 
 use nalgebra::{Rotation3, Vector3};
 use regionpose::contour::fit::ContourFit;
-use regionpose::verdict::outliers::log_odds;
+use regionpose::contour::members::log_odds;
 use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
 use support::contours::{all_bitten, one_turned};
 use support::random::Random;

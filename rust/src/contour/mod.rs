@@ -5,6 +5,7 @@ pub mod correlation;
 pub mod covariance;
 pub mod creases;
 pub mod fit;
+pub mod members;
 pub mod mixture;
 pub mod pieces;
 pub mod readings;

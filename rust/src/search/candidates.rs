@@ -14,6 +14,7 @@ use super::poses::{apart, distinct, sorted};
 use super::symmetry::turned_poses;
 pub use crate::contour::fit::AMBIGUITY;
 use crate::contour::fit::{ContourFit, MOSTLY, Sketch, refined, refined_again};
+use crate::contour::members::least_evidence;
 use crate::contour::readings::Contour;
 use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
@@ -31,12 +32,8 @@ const COARSE_AMBIGUITY: f64 = 4.0;
 /// chance, and 7 more stand for odds of a thousand to one.
 const DECISIVE: f64 = 10.0;
 
-/// Clean share of every region's boundary from which a pose of several regions is found. Measured: 0.2, 0.3 and 0.5 solve 955, 963
-/// and 968 of 1,112 problems with hidden parts (`regionpose evaluate trust --only model=occlusion --scenes 556`), and with 0.5
-/// outlines with noise on every vertex take six times as long (`benchmarks/speed.py --rows noisy`).
-const FOUND: f64 = 0.3;
-
-/// The same of one region alone: three sides can be led onto any three lines. A convention.
+/// Clean share of its boundary from which a pose of one region alone is found: three sides can be led onto any three lines. A
+/// convention.
 const FOUND_ALONE: f64 = 0.9;
 
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
@@ -246,7 +243,7 @@ impl<'a> Looks<'a> {
             return true;
         }
         let led = if self.leads { self.led_from(pose) } else { None };
-        let explains = led.as_ref().is_some_and(|fit| is_found(fit, MOSTLY));
+        let explains = led.as_ref().is_some_and(|fit| is_mostly_clean(fit, MOSTLY));
         self.led.extend(led.map(|fit| (*pose, fit)));
         explains
     }
@@ -375,8 +372,7 @@ fn places(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks, alo
     let known = looks.known.iter().copied();
     let starts = likeliest(contours, poses, few, MOST_LED).into_iter().chain(known).collect();
     let mut found = led(starts);
-    let least = if contours.len() > 1 { FOUND } else { FOUND_ALONE };
-    if problem.hides_edges() || !found.iter().any(|fit| is_found(fit, least)) {
+    if problem.hides_edges() || !found.iter().any(is_found) {
         let single = single_region_poses(problem, alone);
         found.extend(led(further_poses(problem, &single)));
         found.extend(own_fits(problem, &single));
@@ -413,8 +409,16 @@ fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Contou
     could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior)
 }
 
+/// Whether the contours of all regions tell that they are where a pose shows them, or nearly the whole contour of one alone.
+fn is_found(fit: &ContourFit) -> bool {
+    match fit.regions().count() {
+        1 => is_mostly_clean(fit, FOUND_ALONE),
+        _ => fit.mixture.sigma < LOOSE && least_evidence(fit) >= DECISIVE,
+    }
+}
+
 /// Whether at least this share of every region's contour is explained.
-fn is_found(fit: &ContourFit, least: f64) -> bool {
+fn is_mostly_clean(fit: &ContourFit, least: f64) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
 }
 

@@ -2,12 +2,13 @@
 
 use nalgebra::Matrix6;
 
+use super::outliers::contradicts;
+use super::weakness::weakest;
 use crate::contour::fit::ContourFit;
+use crate::contour::members::{contradicted, log_odds};
 use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::verdict::outliers::{contradicted, contradicts, log_odds};
-use crate::verdict::weakness::weakest;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 120`.
 const WEIGHTS: [f64; 6] = [-2.321, -0.767, 2.306, -1.510, 1.526, 1.493];

@@ -6,11 +6,12 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
-use super::outliers::{contradicted, contradicts, log_odds};
+use super::outliers::{Outlier, outliers};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
+use crate::contour::members::contradicted;
 use crate::contour::votes::Vote;
 use crate::effort;
 use crate::equations::information::honest;
@@ -25,7 +26,7 @@ use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, 
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
-const POOR_OVERLAP: f64 = 0.05;
+pub(super) const POOR_OVERLAP: f64 = 0.05;
 
 /// Overlap error of a region of which a pose shows nothing: no trust bears more.
 const NOT_SHOWN: f64 = 1.0;
@@ -341,57 +342,6 @@ fn warnings(
         warnings.push(Warning::LowConfidence { percent: 100.0 * best.confidence });
     }
     warnings
-}
-
-/// A region that does not belong to a pose: the share of it that lies where the pose puts it, and the least of the others', percent.
-struct Outlier {
-    region: usize,
-    percent: f64,
-    others: f64,
-}
-
-/// The regions that do not belong to a pose while others do: of contours first, then of samples.
-fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
-    let of_contours = contour_outliers(solution, sampled);
-    let of_samples = solution.posterior.iter().flat_map(|posterior| sample_outliers(posterior, sampled));
-    of_contours.into_iter().chain(of_samples).collect()
-}
-
-/// Those whose contours the pose projects elsewhere.
-fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
-    let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
-    // A pose by the moments is a compromise of all regions.
-    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE {
-        return Vec::new();
-    }
-    // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
-    let needed = (odds.len() - 1).min(2);
-    let outlier = |region: usize| {
-        let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
-        let others: Vec<f64> = others.map(|other| shares[other]).collect();
-        let least = others.iter().copied().reduce(f64::min).filter(|_| others.len() >= needed)?;
-        Some(Outlier { region, percent: 100.0 * shares[region], others: 100.0 * least })
-    };
-    let elsewhere = |&region: &usize| {
-        let is_off = solution.region_overlap_errors[region] >= POOR_OVERLAP && !sampled.contains(&region);
-        is_off && odds[region] < 0.0
-    };
-    (0..odds.len()).filter(elsewhere).filter_map(outlier).collect()
-}
-
-/// Those whose samples lie on the wrong sides of their contours.
-fn sample_outliers(posterior: &Posterior, sampled: &[usize]) -> Vec<Outlier> {
-    let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
-    let others_of = |place: usize| {
-        let others =
-            right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
-        others.map(|(_, &right)| right).reduce(f64::min)
-    };
-    let outlier = |(place, &region): (usize, &usize)| {
-        let others = others_of(place).filter(|_| contradicts(posterior.wrong[place]))?;
-        Some(Outlier { region, percent: right[place], others })
-    };
-    sampled.iter().enumerate().filter_map(outlier).collect()
 }
 
 /// The warnings of regions that do not belong to the best pose, of those that fit no better than nothing and, unless the pose is

@@ -1,49 +1,9 @@
-//! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, eq. 11.8).
+//! The regions that do not belong to a pose while others do (`docs/math.md`, sections 11 and 17).
 
-use crate::contour::fit::{ContourFit, MOSTLY};
-use crate::contour::readings::Reading;
-
-/// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
-const BY_CHANCE: f64 = 0.06;
-
-/// Share, of a region that belongs to the pose, below which nothing counts as found: twice what chance gives.
-const LEAST_OWN: f64 = 2.0 * BY_CHANCE;
-
-/// Half a pixel: as far as the edge of a binary mask lies from the true one. What is nearer is off by no more than masks are.
-const HALF_A_PIXEL: f64 = 0.5;
-
-/// Natural logarithm of the odds that a region belongs to the pose, for each region; infinite for a region alone.
-///
-/// Of `m` pieces that vary independently a share `q` is clean. Of a region elsewhere each is by chance, with `BY_CHANCE`; of
-/// one that belongs to the pose with half the share that the cleanest of the others has: it may be disturbed so much more.
-pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
-    let shares = fit.clean_shares();
-    let all: usize = fit.regions().map(|(_, readings)| readings.len()).sum();
-    let independent = fit.independent() / all.max(1) as f64;
-    let odds = |(region, pieces): (usize, usize)| {
-        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
-        let Some(own) = others.reduce(f64::max).map(|cleanest| MOSTLY * cleanest) else { return f64::INFINITY };
-        // Where nothing is found, nothing is known of what belongs together.
-        let own = if own < LEAST_OWN { BY_CHANCE } else { own };
-        let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
-        independent * pieces as f64 * (shares[region] * clean + (1.0 - shares[region]) * disturbed)
-    };
-    fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
-}
-
-/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it. What
-/// lies within half a pixel is not off, however much closer other regions fit.
-pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
-    let near = |readings: &[Reading]| readings.iter().filter(|reading| reading.misfit < HALF_A_PIXEL).count() as f64;
-    let shares = fit.clean_shares().into_iter().zip(fit.regions());
-    let shares: Vec<f64> =
-        shares.map(|(clean, (_, readings))| clean.max(near(readings) / readings.len().max(1) as f64)).collect();
-    let cleanest = |region: usize| {
-        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
-        others.reduce(f64::max).unwrap_or(0.0)
-    };
-    (0..shares.len()).map(|region| shares[region] + MOSTLY < cleanest(region)).collect()
-}
+use super::estimate::{POOR_OVERLAP, Solution};
+use crate::contour::members::log_odds;
+use crate::samples::posterior::Posterior;
+use crate::search::candidates::LOOSE;
 
 /// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
 const MISLABELED: f64 = 0.1;
@@ -53,4 +13,55 @@ const ELSEWHERE: f64 = 0.5;
 pub fn contradicts(wrong: f64) -> bool {
     let (label, right) = (ELSEWHERE / MISLABELED, (1.0 - ELSEWHERE) / (1.0 - MISLABELED));
     wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
+}
+
+/// A region that does not belong to a pose: the share of it that lies where the pose puts it, and the least of the others', percent.
+pub(super) struct Outlier {
+    pub(super) region: usize,
+    pub(super) percent: f64,
+    pub(super) others: f64,
+}
+
+/// The regions that do not belong to a pose while others do: of contours first, then of samples.
+pub(super) fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
+    let of_contours = contour_outliers(solution, sampled);
+    let of_samples = solution.posterior.iter().flat_map(|posterior| sample_outliers(posterior, sampled));
+    of_contours.into_iter().chain(of_samples).collect()
+}
+
+/// Those whose contours the pose projects elsewhere.
+fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
+    let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
+    // A pose by the moments is a compromise of all regions.
+    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE {
+        return Vec::new();
+    }
+    // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
+    let needed = (odds.len() - 1).min(2);
+    let outlier = |region: usize| {
+        let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
+        let others: Vec<f64> = others.map(|other| shares[other]).collect();
+        let least = others.iter().copied().reduce(f64::min).filter(|_| others.len() >= needed)?;
+        Some(Outlier { region, percent: 100.0 * shares[region], others: 100.0 * least })
+    };
+    let elsewhere = |&region: &usize| {
+        let is_off = solution.region_overlap_errors[region] >= POOR_OVERLAP && !sampled.contains(&region);
+        is_off && odds[region] < 0.0
+    };
+    (0..odds.len()).filter(elsewhere).filter_map(outlier).collect()
+}
+
+/// Those whose samples lie on the wrong sides of their contours.
+fn sample_outliers(posterior: &Posterior, sampled: &[usize]) -> Vec<Outlier> {
+    let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
+    let others_of = |place: usize| {
+        let others =
+            right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
+        others.map(|(_, &right)| right).reduce(f64::min)
+    };
+    let outlier = |(place, &region): (usize, &usize)| {
+        let others = others_of(place).filter(|_| contradicts(posterior.wrong[place]))?;
+        Some(Outlier { region, percent: right[place], others })
+    };
+    sampled.iter().enumerate().filter_map(outlier).collect()
 }
