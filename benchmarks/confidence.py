@@ -94,7 +94,7 @@ def solved(chosen: tuple[Kind, int]) -> Solved | None:
         return None
     answers = [estimate.best, *estimate.alternatives]
     errors = [rotation_error(answer.rotation, problem.scene.rotation) for answer in answers]
-    stated = sum(answer.confidence for answer in answers)
+    stated = sum(answer.share for answer in answers)
     return Solved(kind.name, tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
 
 

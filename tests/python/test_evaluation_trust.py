@@ -231,7 +231,7 @@ def test_poses_are_counted_by_their_confidence_and_by_how_near_the_truth_they_ar
 def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) -> None:
     problem = draw_problem(perspective_setup(), Condition(templates="symmetric", side=side, noise=0.05), 3)
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
-    shares = [estimate.confidence, *(other.confidence for other in estimate.alternatives)]
+    shares = [estimate.share, *(other.share for other in estimate.alternatives)]
     assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
 
 
@@ -243,7 +243,7 @@ def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) 
         estimate = estimate_pose(
             problem.camera, problem.image_regions, problem.world_regions, solver=Solver(driver="native")
         )
-        stated = estimate.confidence + sum(other.confidence for other in estimate.alternatives)
+        stated = estimate.share + sum(other.share for other in estimate.alternatives)
         assert stated > 0.9 or estimate.warnings, f"seed {seed}: {stated}"
         found.append(stated)
     assert max(found) > 0.9

@@ -129,13 +129,13 @@ def estimate(confidences: list[float], *codes: str) -> PoseEstimate:
     """Answers that are turned by 0, 90, 180... degrees."""
     poses = [turned(90.0 * place) for place in range(len(confidences))]
     others = (
-        Alternative(pose, np.eye(6), confidence, 0.01, np.zeros(1))
+        Alternative(pose, np.eye(6), confidence, confidence, 0.01, np.zeros(1))
         for pose, confidence in zip(poses[1:], confidences[1:], strict=True)
     )
     warnings = tuple(PoseWarning(code, "as it was") for code in codes)
     nothing = np.zeros(1)
     return PoseEstimate(
-        poses[0], np.eye(6), confidences[0], 0.01, nothing, 0.1, None, tuple(others), warnings, True, "", 1
+        poses[0], np.eye(6), confidences[0], confidences[0], 0.01, nothing, 0.1, None, tuple(others), warnings, True, "", 1
     )
 
 
@@ -158,8 +158,8 @@ def heard(given: PoseEstimate, leads: list[float]) -> tuple[PoseEstimate, list[r
         settled.append(pose)
         first = next(other for other in given.alternatives if np.allclose(other.pose.matrix, pose.matrix))
         rest = tuple(other for other in given.alternatives if other is not first)
-        old = Alternative(given.pose, np.eye(6), given.confidence, 0.01, np.zeros(1))
-        return replace(given, pose=first.pose, confidence=first.confidence, alternatives=(old, *rest))
+        old = Alternative(given.pose, np.eye(6), given.confidence, given.share, 0.01, np.zeros(1))
+        return replace(given, pose=first.pose, confidence=first.confidence, share=first.share, alternatives=(old, *rest))
 
     return witnessed(given, align, settle).estimate, settled
 

@@ -81,7 +81,7 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
             assert!(nearest < 5e-3, "seed {seed}, turn {index}: {nearest} rad, {} answers", answers.len());
         }
         let shared: f64 =
-            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.confidence).sum();
+            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.share).sum();
         assert!(shared <= 1.0 && estimate.best.confidence < 0.3, "{} of {shared}", estimate.best.confidence);
         assert_eq!(estimate.warnings[0].code(), "ambiguous");
     }

@@ -54,6 +54,8 @@ class Alternative(Judged):
         Of the left increment `[omega (rad), tau (meters)]`, as of `PoseEstimate`.
     confidence : float
         Probability that it is within 5 degrees of the true pose.
+    share : float
+        Probability that it is the place, as of `PoseEstimate`.
     overlap_error : float
         Of all regions, a fraction, as of `PoseEstimate`.
     region_overlap_errors : (k,) array
@@ -64,6 +66,7 @@ class Alternative(Judged):
     pose: Pose
     covariance: Array
     confidence: float
+    share: float
     overlap_error: float
     region_overlap_errors: Array
 
@@ -101,7 +104,10 @@ class PoseEstimate(Judged):
         Of the left increment `[omega (rad), tau (meters)]`, `P' = exp(omega) P + tau`.
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
-        15); poses that fit equally well share it.
+        15).
+    share : float
+        Probability that this answer is the place, each being one of its own: answers that fit alike share what one of
+        them would have. The confidence is the sum of the shares of those within 5 degrees.
     overlap_error : float
         Area of the symmetric difference of projected and observed regions over the observed area (the paper's delta, on
         the sphere), a fraction.
@@ -130,6 +136,7 @@ class PoseEstimate(Judged):
     pose: Pose
     covariance: Array
     confidence: float
+    share: float
     overlap_error: float
     region_overlap_errors: Array
     boundary_noise_px: float
@@ -162,6 +169,7 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         pose=pose_of(best),
         covariance=best.covariance,
         confidence=best.confidence,
+        share=best.share,
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise_px=estimate.boundary_noise,
@@ -180,6 +188,7 @@ def _alternative(solution: _core.Solution) -> Alternative:
         pose=pose_of(solution),
         covariance=solution.covariance,
         confidence=solution.confidence,
+        share=solution.share,
         overlap_error=solution.overlap_error,
         region_overlap_errors=solution.region_overlap_errors,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
-from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
@@ -104,11 +104,11 @@ def witnessed(
     decides between answers and may lower the probability that one of them is right. It raises that for a refined pose
     alone, since photo and cloud may agree at one that is some degrees off (docs/math.md, eq. 18.5 and 18.10).
     """
-    alignments, confidences = _heard(estimate, align)
-    place = int(np.argmax(confidences))
+    alignments, shares = _heard(estimate, align)
+    place = _likeliest(estimate, shares)
     if place:
         estimate = settle(estimate.alternatives[place - 1].pose)
-        alignments, confidences = _heard(estimate, align)
+        alignments, shares = _heard(estimate, align)
     before, refinement = estimate.confidence, None
     if refine is not None and np.isfinite(estimate.covariance).all():
         given = estimate
@@ -116,13 +116,9 @@ def witnessed(
         if refinement.refined:
             told = iter(refinement.alignments)
             alignments[0] = [None if frame is None else next(told) for frame in alignments[0]]
-            confidences = _of_refined(given, estimate, alignments)
+            shares = _of_refined(given, estimate, alignments)
     witness = SceneWitness(tuple(alignments[0]), before, place, len(alignments), refinement)
-    others = tuple(
-        replace(other, confidence=float(confidence))
-        for other, confidence in zip(estimate.alternatives, confidences[1:], strict=True)
-    )
-    judged = replace(estimate, confidence=float(confidences[0]), alternatives=others)
+    judged = _with_shares(estimate, shares)
     lead = witness.log_odds - max((_log_odds(other) for other in alignments[1:]), default=np.inf)
     return Witnessed(replace(judged, warnings=_warnings(judged, witness, lead)), witness)
 
@@ -130,26 +126,50 @@ def witnessed(
 def _heard(
     estimate: PoseEstimate, align: Callable[[Pose], Sequence[Alignment | None]]
 ) -> tuple[list[Sequence[Alignment | None]], Array]:
-    """How well photo and cloud agree at each answer, and the answers' confidences (n,) after that."""
-    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
-    alignments = [align(pose) for pose in answers]
-    before = _confidences(estimate)
+    """How well photo and cloud agree at each answer, and the answers' shares (n,) after that."""
+    alignments = [align(answer.pose) for answer in _answers(estimate)]
+    before = _shares(estimate)
     after = weighed(before, [_log_odds(frames) for frames in alignments])
     total, most = float(after.sum()), float(before.sum())
     return alignments, after * (most / total) if total > most else after
 
 
 def _of_refined(given: PoseEstimate, refined: PoseEstimate, alignments: Sequence[Sequence[Alignment | None]]) -> Array:
-    """The answers' confidences (n,) after the first one's pose was refined: that it is the right place, which
+    """The answers' shares (n,) after the first one's pose was refined: that it is the right place, which
     alignments speak for, and that the noise leaves it near the true pose, which the refined covariance says.
     """
     near = _core.nearness(given.covariance)
-    after = weighed(_confidences(given) / near, [_log_odds(frames) for frames in alignments])
+    after = weighed(_shares(given) / near, [_log_odds(frames) for frames in alignments])
     return np.asarray(after * np.array([_core.nearness(refined.covariance)] + [near] * (len(after) - 1)))
 
 
-def _confidences(estimate: PoseEstimate) -> Array:
-    return np.array([estimate.confidence, *(other.confidence for other in estimate.alternatives)])
+def _answers(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
+    return [estimate, *estimate.alternatives]
+
+
+def _shares(estimate: PoseEstimate) -> Array:
+    return np.array([answer.share for answer in _answers(estimate)])
+
+
+def _confidences(estimate: PoseEstimate, shares: Array) -> Array:
+    """The answers' confidences (n,) by shares (n,)."""
+    turns = [answer.pose.rotation.as_quat() for answer in _answers(estimate)]
+    return _core.together(np.stack(turns), shares)
+
+
+def _likeliest(estimate: PoseEstimate, shares: Array) -> int:
+    """The place of the answer of the largest confidence, and of those of the largest share among them."""
+    return int(np.lexsort((-shares, -_confidences(estimate, shares)))[0])
+
+
+def _with_shares(estimate: PoseEstimate, shares: Array) -> PoseEstimate:
+    """The estimate with other shares (n,), and confidences by them."""
+    first, *rest = zip(_confidences(estimate, shares).tolist(), shares.tolist(), strict=True)
+    others = tuple(
+        replace(other, confidence=confidence, share=share)
+        for other, (confidence, share) in zip(estimate.alternatives, rest, strict=True)
+    )
+    return replace(estimate, confidence=first[0], share=first[1], alternatives=others)
 
 
 def _log_odds(alignments: Sequence[Alignment | None]) -> float:

@@ -40,12 +40,12 @@ def _nodes() -> tuple[Array, Array]:
     return RIGHT_MEDIAN * np.exp(RIGHT_LOG_SIGMA * norm.ppf(shares)), np.full(200, -np.log(200.0))
 
 
-def weighed(confidences: ArrayLike, odds: ArrayLike) -> Array:
+def weighed(shares: ArrayLike, odds: ArrayLike) -> Array:
     """Probabilities (n,) of answers of which one at most is right, from those before and logarithms of odds since.
 
     What the answers leave of 1 is the probability that none is right, which no odds speak for.
     """
-    before = np.clip(np.asarray(confidences, dtype=np.float64), 0.0, 1.0)
+    before = np.clip(np.asarray(shares, dtype=np.float64), 0.0, 1.0)
     with np.errstate(divide="ignore"):
         logs = np.log(before) + np.asarray(odds, dtype=np.float64)
         none = np.log(max(1.0 - float(before.sum()), 0.0))

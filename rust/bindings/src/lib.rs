@@ -31,7 +31,7 @@ mod _core {
         spherical_moments,
     };
     #[pymodule_export]
-    use crate::poses::{moved_pose, nearness};
+    use crate::poses::{moved_pose, nearness, together};
     #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]

@@ -187,6 +187,11 @@ impl Solution {
     }
 
     #[getter]
+    fn share(&self) -> f64 {
+        self.held().share
+    }
+
+    #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Ok(kept(matrix(py, self.held().covariance.iter().copied().collect(), [6, 6])?))
     }

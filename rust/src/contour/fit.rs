@@ -189,10 +189,10 @@ impl ContourFit {
 
     /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
     /// likelihoods, or what is left of that where chance may have decided. Where regions belong to one of both poses alone, more
-    /// regions decide, not longer contours, and as many on either side nothing.
+    /// regions decide, not longer contours, and of as many on either side those that lie farther off at the other pose.
     pub fn against(&self, other: &Self) -> f64 {
         let votes = self.votes(other);
-        decided(&votes, |counted| {
+        decided(&votes, [&self.distances(), &other.distances()], |counted| {
             let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
             let differences = densities(self).into_iter().zip(densities(other)).map(|(a, b)| a - b).collect::<Vec<_>>();
             let share = self.independent() / self.readings.len().max(1) as f64;
@@ -200,6 +200,15 @@ impl ContourFit {
             let sigmas = sigmas(&differences, &counts);
             (2.0 * share * differences.iter().sum::<f64>()).min(AMBIGUITY * sigmas * sigmas.abs())
         })
+    }
+
+    /// Root of the mean square of the distances of each region's pieces, pixels.
+    fn distances(&self) -> Vec<f64> {
+        let of = |(_, readings): (usize, &[Reading])| {
+            let squares: f64 = readings.iter().map(|reading| reading.misfit * reading.misfit).sum();
+            (squares / readings.len().max(1) as f64).sqrt()
+        };
+        self.regions().map(of).collect()
     }
 
     /// Which of this pose and another each region belongs to: alone to one where half more of its contour lies on the projection

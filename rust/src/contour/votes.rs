@@ -27,18 +27,32 @@ impl Vote {
     }
 }
 
-/// How much worse the second pose is, of `worse` by all regions or some: with the sign of the more votes, and where there are as
-/// many for either pose by the other regions alone.
-pub fn decided(votes: &[Vote], worse: impl Fn(&[bool]) -> f64) -> f64 {
+/// How much worse the second pose is, in variances, of `worse` by all regions or some: with the sign of the more votes, and where
+/// there are as many for either pose by the other regions and by how far off, pixels, each region lies at each.
+pub fn decided(votes: &[Vote], distances: [&[f64]; 2], worse: impl Fn(&[bool]) -> f64) -> f64 {
     let count = |vote: Vote| votes.iter().filter(|&&other| other == vote).count();
     let (first, second) = (count(Vote::First), count(Vote::Second));
     let by_all = || worse(&vec![true; votes.len()]);
+    let by_others = || worse(&votes.iter().map(|&vote| vote == Vote::Neither).collect::<Vec<_>>());
     match first.cmp(&second) {
-        _ if first == 0 || second == 0 => by_all(),
+        // What chance alone puts ahead of the likelier pose is not better.
+        _ if first == 0 || second == 0 => by_all().max(0.0),
         Ordering::Greater => by_all().abs(),
         Ordering::Less => -by_all().abs(),
-        Ordering::Equal => worse(&votes.iter().map(|&vote| vote == Vote::Neither).collect::<Vec<_>>()),
+        Ordering::Equal => by_others() + 2.0 * by_distances(votes, distances),
     }
+}
+
+/// Logarithm of the odds of the first pose by how far off each region lies at the pose that it does not belong to.
+///
+/// The place of a region that is elsewhere has no scale: at a distance `r` in the image its density falls as `1 / r^2`.
+fn by_distances(votes: &[Vote], [first, second]: [&[f64]; 2]) -> f64 {
+    let odds = |((vote, first), second): ((&Vote, &f64), &f64)| match vote {
+        Vote::First => 2.0 * second.ln(),
+        Vote::Neither => 0.0,
+        Vote::Second => -2.0 * first.ln(),
+    };
+    votes.iter().zip(first).zip(second).map(odds).sum()
 }
 
 /// The values of the regions that count, and how many each of these has.

@@ -6,12 +6,13 @@ use super::outliers::contradicts;
 use super::weakness::weakest;
 use crate::contour::fit::ContourFit;
 use crate::contour::members::{contradicted, log_odds};
+use crate::geometry::pose::Pose;
 use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 120`.
-const WEIGHTS: [f64; 6] = [-2.321, -0.767, 2.306, -1.510, 1.526, 1.493];
+const WEIGHTS: [f64; 6] = [-1.901, -0.871, 2.225, -1.335, 1.781, 1.249];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
@@ -73,6 +74,14 @@ impl Evidence {
         let odds: f64 = self.features().iter().zip(WEIGHTS).map(|(feature, weight)| feature * weight).sum();
         within(self.rotation_sigma) / (1.0 + (-odds).exp())
     }
+}
+
+/// The probability that the true pose is within 5 degrees of each of some answers, from those that each is the place: the sum of those
+/// of all answers so near to it.
+pub fn together(poses: &[Pose], shares: &[f64]) -> Vec<f64> {
+    let near = |pose: &Pose, other: &Pose| pose.angle_to(other).to_degrees() < RIGHT;
+    let all = || poses.iter().zip(shares);
+    poses.iter().map(|pose| all().filter(|(other, _)| near(pose, other)).map(|(_, share)| share).sum()).collect()
 }
 
 /// Probability that a pose at the right place, of this covariance, is within 5 degrees of the true one.

@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::confidence::Evidence;
+use super::confidence::{Evidence, together};
 use super::coverage::region_overlap;
 use super::outliers::{Outlier, outliers};
 use super::warning::{Warning, Way};
@@ -56,6 +56,8 @@ pub struct Solution {
     pub covariance: Matrix6<f64>,
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
+    /// Probability that this answer is the place, each answer being one of its own.
+    pub share: f64,
 }
 
 impl Solution {
@@ -130,10 +132,12 @@ impl Search {
             (None, None) => best.fit.mixture.sigma,
         };
         let all: f64 = places.iter().map(Place::weight).sum();
-        let mut solutions = places.into_iter().map(|place| {
-            let confidence = evidence.probability() * place.weight() / all;
-            solution(&self.problem, place, confidence)
-        });
+        let shares: Vec<f64> = places.iter().map(|place| evidence.probability() * place.weight() / all).collect();
+        let poses: Vec<Pose> = places.iter().map(|place| place.pose).collect();
+        let confidences = together(&poses, &shares);
+        let stated = shares.into_iter().zip(confidences);
+        let mut solutions =
+            places.into_iter().zip(stated).map(|(place, stated)| solution(&self.problem, place, stated));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
@@ -200,7 +204,7 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
         // The evidence of samples holds the prior already.
         let weighed = place.posterior.is_none() && prior.most() > 0.0;
         let unlikely = if weighed { prior.penalty(&place.pose, place.covariance(problem)) } else { 0.0 };
-        (if worse <= TIE { 0.0 } else { worse }) + unlikely + behind
+        (if worse.abs() <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
     let mut places = by_against(places.into_iter().map(|place| Place { against: against(&place), ..place }).collect());
     let least = places.first().map_or(0.0, |best| best.against);
@@ -227,14 +231,15 @@ fn by_against(places: Vec<Place>) -> Vec<Place> {
         .collect()
 }
 
-/// The places with what counts against them, those that the same regions vote for sharing what one of them would have
+/// The places with what counts against them, those that the same regions vote for sharing what the likeliest of them would have
 /// (`docs/math.md`, section 15).
 fn shared_by_votes(places: Vec<Place>) -> Vec<Place> {
     let Some(best) = places.first() else { return places };
     let votes: Vec<Vec<Vote>> = places.iter().map(|place| best.votes(place)).collect();
     let sharing = |same: &[Vote]| {
-        let alike = places.iter().zip(&votes).filter(|(_, votes)| *votes == same);
-        2.0 * alike.map(|(place, _)| (0.5 * (best.against - place.against)).exp()).sum::<f64>().ln()
+        let alike = || places.iter().zip(&votes).filter(|(_, votes)| *votes == same).map(|(place, _)| place.against);
+        let least = alike().fold(f64::INFINITY, f64::min);
+        2.0 * alike().map(|against| (0.5 * (least - against)).exp()).sum::<f64>().ln()
     };
     let against: Vec<f64> = places.iter().zip(&votes).map(|(place, votes)| place.against + sharing(votes)).collect();
     places.into_iter().zip(against).map(|(place, against)| Place { against, ..place }).collect()
@@ -264,7 +269,7 @@ impl Place {
             return 0.0;
         }
         if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
-            return own.against(posterior, problem.sampled());
+            return own.against(posterior, problem.sampled()).max(0.0);
         }
         let by_contours = self.fit.against(&other.fit);
         match (&self.minimum, &other.minimum) {
@@ -301,11 +306,11 @@ impl Place {
     }
 }
 
-fn solution(problem: &Problem, place: Place, confidence: f64) -> Solution {
+fn solution(problem: &Problem, place: Place, (share, confidence): (f64, f64)) -> Solution {
     let covariance = *place.covariance(problem);
     let Place { pose, minimum, fit, posterior, .. } = place;
     let (overlap_error, region_overlap_errors) = overlap_errors(problem, &pose);
-    Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence }
+    Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence, share }
 }
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each.
