@@ -4,8 +4,8 @@
     python fuzz/readers.py --kind pcd --files 100000 --seed 3
 
 A find is a foreign exception, a message without the file's name, a file left open, and a file below a megabyte that
-takes more than 500 MB or over ten seconds. It is written to the folder of `--keep`; the exit code is 1 if there were
-any. Runs on Linux.
+takes more than 500 MB or over ten seconds of processor time. It is written to the folder of `--keep`; the exit code is
+1 if there were any. Runs on Linux.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ OWN = (ValueError, FileError, CloudError, CalibrationError, SceneError)
 
 MOST_MEMORY = 500 * 2**20
 LONGEST = 10
-"""Bytes and seconds that a file below a megabyte may take."""
+"""Bytes and seconds of processor time that a file below a megabyte may take."""
 
 CALIBRATIONS = Path(__file__).parents[1] / "tests" / "python" / "samples"
 
@@ -48,7 +48,7 @@ def find(sample: Sample, content: bytes, folder: Path) -> str | None:
     """What is wrong with how a file is read; None where nothing is."""
     path = folder / sample.name
     path.write_bytes(content)
-    signal.alarm(LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -60,7 +60,7 @@ def find(sample: Sample, content: bytes, folder: Path) -> str | None:
             return f"{type(error).__name__}: {error}"
         return None if path.name in str(error) else f"no name: {error}"
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     return None
 
 
@@ -105,7 +105,7 @@ def main() -> int:
     def too_long(*_: object) -> None:
         raise Slow
 
-    signal.signal(signal.SIGALRM, too_long)
+    signal.signal(signal.SIGPROF, too_long)
     samples(CALIBRATIONS)  # The libraries are loaded now, and their memory is not the files'.
     held = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     resource.setrlimit(resource.RLIMIT_AS, (held + MOST_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))

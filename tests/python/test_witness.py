@@ -127,15 +127,16 @@ def test_probabilities_follow_from_odds(answers: list[tuple[float, float]]) -> N
 
 def estimate(confidences: list[float], *codes: str) -> PoseEstimate:
     """Answers that are turned by 0, 90, 180... degrees."""
+    first, *rest = confidences
     poses = [turned(90.0 * place) for place in range(len(confidences))]
     others = (
         Alternative(pose, np.eye(6), confidence, confidence, 0.01, np.zeros(1))
-        for pose, confidence in zip(poses[1:], confidences[1:], strict=True)
+        for pose, confidence in zip(poses[1:], rest, strict=True)
     )
     warnings = tuple(PoseWarning(code, "as it was") for code in codes)
     nothing = np.zeros(1)
     return PoseEstimate(
-        poses[0], np.eye(6), confidences[0], confidences[0], 0.01, nothing, 0.1, None, tuple(others), warnings, True, "", 1
+        poses[0], np.eye(6), first, first, 0.01, nothing, 0.1, None, tuple(others), warnings, True, "", 1
     )
 
 
@@ -159,7 +160,8 @@ def heard(given: PoseEstimate, leads: list[float]) -> tuple[PoseEstimate, list[r
         first = next(other for other in given.alternatives if np.allclose(other.pose.matrix, pose.matrix))
         rest = tuple(other for other in given.alternatives if other is not first)
         old = Alternative(given.pose, np.eye(6), given.confidence, given.share, 0.01, np.zeros(1))
-        return replace(given, pose=first.pose, confidence=first.confidence, share=first.share, alternatives=(old, *rest))
+        stated = {"confidence": first.confidence, "share": first.share}
+        return replace(given, pose=first.pose, alternatives=(old, *rest), **stated)
 
     return witnessed(given, align, settle).estimate, settled
 
@@ -177,6 +179,14 @@ def test_a_choice_that_leaves_doubt_is_no_longer_ambiguous() -> None:
     assert [warning.code for warning in after.warnings] == ["low-confidence"]
     weak, _ = heard(estimate([0.4, 0.4], "ambiguous", "weak-geometry"), [0.0, 0.12])
     assert [warning.code for warning in weak.warnings] == ["weak-geometry"]
+
+
+def test_answers_near_one_another_share_what_is_said_of_the_place() -> None:
+    given = estimate([0.5, 0.45], "ambiguous")
+    near = replace(given.alternatives[0], pose=turned(2.0))
+    after, _ = heard(replace(given, alternatives=(near,)), [0.06, 0.06])
+    assert after.confidence == after.alternatives[0].confidence == pytest.approx(0.95)
+    assert after.share == pytest.approx(0.5) and after.warnings == ()
 
 
 def test_a_scene_that_does_not_decide_leaves_the_answers_ambiguous() -> None:

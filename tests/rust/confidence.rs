@@ -1,7 +1,11 @@
 //! The confidence: a probability, higher for better evidence, defined for the worst there can be.
 
+use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
+use regionpose::Pose;
+use regionpose::contour::votes::Vote;
 use regionpose::verdict::confidence::Evidence;
+use regionpose::verdict::shares::{shares, together};
 
 const GOOD: Evidence = Evidence { rotation_sigma: 0.01, whole: true, scatter: 0.25, contradicted: 0, regions: 3 };
 
@@ -27,6 +31,32 @@ fn a_direction_that_is_free_has_a_finite_confidence() {
 fn the_noise_alone_bounds_it() {
     let probability = Evidence { rotation_sigma: 10.0, ..GOOD }.probability();
     assert!((0.2..0.383).contains(&probability), "{probability}");
+}
+
+#[test]
+fn answers_within_five_degrees_of_each_other_speak_for_one_another() {
+    let turned = |degrees: f64| Pose::new(Rotation3::new(Vector3::x() * degrees.to_radians()), Vector3::zeros());
+    let found = together(&[0.0, 3.0, 6.0, 90.0].map(turned), &[0.4, 0.2, 0.1, 0.25]);
+    for (found, sum) in found.into_iter().zip([0.6, 0.7, 0.3, 0.25]) {
+        assert!((found - sum).abs() < 1e-12, "{found} for {sum}");
+    }
+}
+
+#[test]
+fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
+    let turned = |degrees: f64| Pose::new(Rotation3::new(Vector3::x() * degrees.to_radians()), Vector3::zeros());
+    let (first, second) = (vec![Vote::Neither; 2], vec![Vote::Second, Vote::First]);
+    let poses = [0.0, 1.0, 2.0, 90.0, 130.0, 170.0].map(turned);
+    let votes = [&first, &first, &first, &second, &second, &second].map(Vec::clone);
+    let found = shares(&[0.0; 6], &poses, &votes);
+    for share in found {
+        assert!((share - 1.0 / 6.0).abs() < 1e-12, "{share}");
+    }
+    // Two places in one group, one of them reached three times.
+    let found = shares(&[0.0, 0.0, 0.0, 0.0], &poses[..4], &vec![first; 4]);
+    for (share, needed) in found.into_iter().zip([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0, 0.5]) {
+        assert!((share - needed).abs() < 1e-12, "{share} for {needed}");
+    }
 }
 
 proptest! {

@@ -54,6 +54,7 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
     estimate = run.estimate
     return {
         "confidence": estimate.confidence,
+        "share": estimate.share,
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise_px,
         "disturbed_share": estimate.disturbed_share,
@@ -75,6 +76,7 @@ def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
             {
                 "camera_from_world": pose_values(other.pose),
                 "confidence": other.confidence,
+                "share": other.share,
                 "overlap_error": other.overlap_error,
             }
             for other in estimate.alternatives

@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::Pose;
-use regionpose::verdict::confidence;
+use regionpose::verdict::{confidence, shares};
 
 use crate::arrays::{covariance, finite_points, numbers, pose, rotation, tangent, translation};
 
@@ -27,14 +27,14 @@ pub fn together<'py>(
     quaternions: &Bound<'py, PyAny>,
     shares: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let (quaternions, shares) = (finite_points::<4>("quaternions", quaternions)?, numbers("shares", shares)?);
-    if quaternions.len() != shares.len() {
-        let found = format!("{} quaternions and {} shares; one is needed for each", quaternions.len(), shares.len());
+    let (quaternions, given) = (finite_points::<4>("quaternions", quaternions)?, numbers("shares", shares)?);
+    if quaternions.len() != given.len() {
+        let found = format!("{} quaternions and {} shares; one is needed for each", quaternions.len(), given.len());
         return Err(PyValueError::new_err(found));
     }
     let turned = |xyzw: Vector4<f64>| UnitQuaternion::from_quaternion(Quaternion::from(xyzw)).to_rotation_matrix();
     let poses: Vec<Pose> = quaternions.into_iter().map(|xyzw| Pose::new(turned(xyzw), Vector3::zeros())).collect();
-    Ok(PyArray1::from_vec(py, confidence::together(&poses, &shares)))
+    Ok(PyArray1::from_vec(py, shares::together(&poses, &given)))
 }
 
 /// Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,).

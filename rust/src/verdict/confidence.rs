@@ -6,7 +6,6 @@ use super::outliers::contradicts;
 use super::weakness::weakest;
 use crate::contour::fit::ContourFit;
 use crate::contour::members::{contradicted, log_odds};
-use crate::geometry::pose::Pose;
 use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
@@ -18,7 +17,7 @@ const WEIGHTS: [f64; 6] = [-1.901, -0.871, 2.225, -1.335, 1.781, 1.249];
 const ROTATION: (f64, f64) = (1e-3, 1e2);
 
 /// Rotation, degrees, within which a pose is right: a convention.
-const RIGHT: f64 = 5.0;
+pub(super) const RIGHT: f64 = 5.0;
 
 /// What a fit shows of the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,14 +73,6 @@ impl Evidence {
         let odds: f64 = self.features().iter().zip(WEIGHTS).map(|(feature, weight)| feature * weight).sum();
         within(self.rotation_sigma) / (1.0 + (-odds).exp())
     }
-}
-
-/// The probability that the true pose is within 5 degrees of each of some answers, from those that each is the place: the sum of those
-/// of all answers so near to it.
-pub fn together(poses: &[Pose], shares: &[f64]) -> Vec<f64> {
-    let near = |pose: &Pose, other: &Pose| pose.angle_to(other).to_degrees() < RIGHT;
-    let all = || poses.iter().zip(shares);
-    poses.iter().map(|pose| all().filter(|(other, _)| near(pose, other)).map(|(_, share)| share).sum()).collect()
 }
 
 /// Probability that a pose at the right place, of this covariance, is within 5 degrees of the true one.

@@ -4,9 +4,10 @@ use std::cell::OnceCell;
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::confidence::{Evidence, together};
+use super::confidence::Evidence;
 use super::coverage::region_overlap;
 use super::outliers::{Outlier, outliers};
+use super::shares::{shares, together};
 use super::warning::{Warning, Way};
 use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
@@ -123,21 +124,18 @@ impl Search {
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
-        let places = likely(&self.problem, answers, &self.options.prior);
-        let best = places.first()?;
+        let places = stated(likely(&self.problem, answers, &self.options.prior), &self.options.prior);
+        let (best, _) = places.first()?;
         let evidence = best.evidence(&self.problem);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
             (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
             (None, None) => best.fit.mixture.sigma,
         };
-        let all: f64 = places.iter().map(Place::weight).sum();
-        let shares: Vec<f64> = places.iter().map(|place| evidence.probability() * place.weight() / all).collect();
-        let poses: Vec<Pose> = places.iter().map(|place| place.pose).collect();
-        let confidences = together(&poses, &shares);
-        let stated = shares.into_iter().zip(confidences);
-        let mut solutions =
-            places.into_iter().zip(stated).map(|(place, stated)| solution(&self.problem, place, stated));
+        let probability = evidence.probability();
+        let mut solutions = places
+            .into_iter()
+            .map(|(place, stated)| solution(&self.problem, place, stated.map(|share| probability * share)));
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
@@ -215,9 +213,7 @@ fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
             |place: &Place| place.against == least && best.votes(place).iter().all(|&vote| vote == Vote::Neither);
         places.sort_by_key(|place| if ties(place) { order(&place.pose) } else { [i64::MAX; 3] });
     }
-    let mut places = by_against(shared_by_votes(places));
-    let least = places.first().map_or(0.0, |best| best.against);
-    if let (Some(initial), None) = (prior.initial, prior.initial_sigma) {
+    if let (Some(initial), true) = (prior.initial, chooses(prior)) {
         places.sort_by(|a, b| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
     }
     places.into_iter().map(|place| Place { against: place.against - least, ..place }).collect()
@@ -231,18 +227,26 @@ fn by_against(places: Vec<Place>) -> Vec<Place> {
         .collect()
 }
 
-/// The places with what counts against them, those that the same regions vote for sharing what the likeliest of them would have
-/// (`docs/math.md`, section 15).
-fn shared_by_votes(places: Vec<Place>) -> Vec<Place> {
-    let Some(best) = places.first() else { return places };
+/// The places with the share and the confidence of each, if one of them is the place, the largest confidence first, but where the prior
+/// has chosen.
+fn stated(places: Vec<Place>, prior: &Prior) -> Vec<(Place, [f64; 2])> {
+    let Some(best) = places.first() else { return Vec::new() };
+    let against: Vec<f64> = places.iter().map(|place| place.against).collect();
+    let poses: Vec<Pose> = places.iter().map(|place| place.pose).collect();
     let votes: Vec<Vec<Vote>> = places.iter().map(|place| best.votes(place)).collect();
-    let sharing = |same: &[Vote]| {
-        let alike = || places.iter().zip(&votes).filter(|(_, votes)| *votes == same).map(|(place, _)| place.against);
-        let least = alike().fold(f64::INFINITY, f64::min);
-        2.0 * alike().map(|against| (0.5 * (least - against)).exp()).sum::<f64>().ln()
-    };
-    let against: Vec<f64> = places.iter().zip(&votes).map(|(place, votes)| place.against + sharing(votes)).collect();
-    places.into_iter().zip(against).map(|(place, against)| Place { against, ..place }).collect()
+    let shares = shares(&against, &poses, &votes);
+    let confidences = together(&poses, &shares);
+    let stated = shares.into_iter().zip(confidences).map(|(share, confidence)| [share, confidence]);
+    let mut places: Vec<(Place, [f64; 2])> = places.into_iter().zip(stated).collect();
+    if !chooses(prior) {
+        places.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
+    }
+    places
+}
+
+/// Whether an initial pose without an uncertainty chooses among what fits alike.
+fn chooses(prior: &Prior) -> bool {
+    prior.initial.is_some() && prior.initial_sigma.is_none()
 }
 
 /// Where a pose comes among those that fit equally: by its rotation vector, in steps that round-off does not cross but by
@@ -299,14 +303,9 @@ impl Place {
     fn cost(&self) -> f64 {
         self.minimum.as_ref().map_or(-self.fit.mixture.likelihood, |minimum| minimum.cost)
     }
-
-    /// Likelihood against that of the best place.
-    fn weight(&self) -> f64 {
-        (-0.5 * self.against).exp()
-    }
 }
 
-fn solution(problem: &Problem, place: Place, (share, confidence): (f64, f64)) -> Solution {
+fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2]) -> Solution {
     let covariance = *place.covariance(problem);
     let Place { pose, minimum, fit, posterior, .. } = place;
     let (overlap_error, region_overlap_errors) = overlap_errors(problem, &pose);

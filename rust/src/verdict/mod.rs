@@ -4,5 +4,6 @@ pub mod confidence;
 pub mod coverage;
 pub mod estimate;
 pub mod outliers;
+pub mod shares;
 pub mod warning;
 pub mod weakness;
