@@ -160,8 +160,9 @@ def heard(given: PoseEstimate, leads: list[float]) -> tuple[PoseEstimate, list[r
         first = next(other for other in given.alternatives if np.allclose(other.pose.matrix, pose.matrix))
         rest = tuple(other for other in given.alternatives if other is not first)
         old = Alternative(given.pose, np.eye(6), given.confidence, given.share, 0.01, np.zeros(1))
-        stated = {"confidence": first.confidence, "share": first.share}
-        return replace(given, pose=first.pose, alternatives=(old, *rest), **stated)
+        return replace(
+            given, pose=first.pose, alternatives=(old, *rest), confidence=first.confidence, share=first.share
+        )
 
     return witnessed(given, align, settle).estimate, settled
 
