@@ -3,9 +3,9 @@
 
 mod support;
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector3, Vector6};
 use regionpose::contour::fit::ContourFit;
-use regionpose::contour::members::log_odds;
+use regionpose::contour::members::{least_evidence, log_odds};
 use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
 use support::contours::{all_bitten, one_turned};
 use support::random::Random;
@@ -47,6 +47,21 @@ fn a_region_alone_belongs_to_its_pose() {
     let scene = scene(7, 1);
     assert_eq!(odds(&scene, &scene.observed), [f64::INFINITY]);
     assert_eq!(odds(&scene, &all_bitten(&scene, 1.0)), [f64::INFINITY]);
+}
+
+#[test]
+fn contours_tell_that_regions_are_there_and_nothing_of_a_pose_beside() {
+    let increment = Vector6::new(0.0, 0.02, 0.0, 0.1, 0.0, 0.0);
+    for seed in 0..6 {
+        let scene = scene(seed, 3);
+        for observed in [scene.observed.clone(), all_bitten(&scene, 1.0)] {
+            let problem = Problem::new(&observed, &scene.worlds).unwrap();
+            let pose = problem.centered(&scene.pose);
+            let evidence = |pose| least_evidence(&ContourFit::at(problem.contours(), &pose, 1).unwrap());
+            let (there, beside) = (evidence(pose), evidence(pose.moved(&increment)));
+            assert!(there > 50.0 && beside < 5.0, "seed {seed}: {there}, {beside}");
+        }
+    }
 }
 
 /// The estimate with one of the regions moved in the world, as a thing that was moved between photo and scan.
