@@ -71,11 +71,17 @@ struct Tally {
     /// Seconds of those that were taken, and the work that they counted: what is refused is told at a glance.
     times: Vec<f64>,
     works: Vec<f64>,
+    /// The work over that of one look at all of the problem, of whole problems.
+    looks: Vec<f64>,
     slowest: (f64, u64),
     most: (f64, u64),
+    most_looks: (f64, u64),
     /// By kind: how often, and the first with its seed.
     finds: BTreeMap<String, (usize, u64, String)>,
 }
+
+/// What one look at all of the problem of the run counts as; zero where a run is no whole problem.
+pub static LOOK_WORK: AtomicU64 = AtomicU64::new(0);
 
 /// The seed of the run that goes on, and when it began, for the watch.
 static RUNNING: AtomicU64 = AtomicU64::new(0);
@@ -130,10 +136,13 @@ fn tally(&(_, run): &Target, given: &Given, seconds: f64) -> Tally {
             break;
         }
         RUNNING.store(seed, Ordering::Relaxed);
+        LOOK_WORK.store(0, Ordering::Relaxed);
         let before = processor_time();
         set_began(Some(before));
         let (outcome, work) = counted(|| catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed)))));
-        let cost = Cost { seconds: processor_time() - before, work: work as f64 };
+        let look = LOOK_WORK.load(Ordering::Relaxed);
+        let looks = (look > 0).then(|| work as f64 / look as f64);
+        let cost = Cost { seconds: processor_time() - before, work: work as f64, looks };
         set_began(None);
         tally.add(seed, cost, outcome.unwrap_or_else(|_| Err(last_panic())));
     }
@@ -144,15 +153,17 @@ fn tally(&(_, run): &Target, given: &Given, seconds: f64) -> Tally {
 struct Cost {
     seconds: f64,
     work: f64,
+    looks: Option<f64>,
 }
 
 impl Tally {
-    fn add(&mut self, seed: u64, Cost { seconds, work }: Cost, outcome: Outcome) {
+    fn add(&mut self, seed: u64, Cost { seconds, work, looks }: Cost, outcome: Outcome) {
         match outcome {
             Ok(true) => {
                 self.taken += 1;
                 self.times.push(seconds);
                 self.works.push(work);
+                self.looks.extend(looks);
             }
             Ok(false) => {}
             Err(what) => {
@@ -166,6 +177,7 @@ impl Tally {
         self.runs += 1;
         self.slowest = later(self.slowest, (seconds, seed));
         self.most = later(self.most, (work, seed));
+        self.most_looks = later(self.most_looks, (looks.unwrap_or(0.0), seed));
     }
 }
 
@@ -196,6 +208,14 @@ fn print(name: &str, mut tally: Tally) {
     let (most, seed) = tally.most;
     if most > 0.0 {
         println!("{:10} edges looked at: median {:.1e}, most {most:.1e} (seed {seed})", "", median(&mut tally.works));
+    }
+    let (most, seed) = tally.most_looks;
+    if most > 0.0 {
+        println!(
+            "{:10} looks at all of a problem: median {:.0}, most {most:.0} (seed {seed})",
+            "",
+            median(&mut tally.looks)
+        );
     }
     for (times, seed, what) in tally.finds.values() {
         println!("{times:10}  seed {seed}: {what}");

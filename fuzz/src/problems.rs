@@ -2,6 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Debug;
+use std::sync::atomic::Ordering;
 
 use nalgebra::{Matrix6, Rotation3, Vector3};
 use regionpose::contour::covariance::covariance;
@@ -11,10 +12,10 @@ use regionpose::{
     WorldRegion,
 };
 
-use crate::Outcome;
 use crate::kernels::needed;
 use crate::random::Random;
 use crate::shapes::{Ring, magnitude, once_in, ring, rings};
+use crate::{LOOK_WORK, Outcome};
 
 type SpaceRing = Vec<Vector3<f64>>;
 
@@ -185,6 +186,7 @@ pub fn estimate(random: &mut Random) -> Outcome {
     let Some(set) = set(random, -13.0, 6.0) else { return Ok(false) };
     let options = options(random);
     let Some(problem) = set.problem(random) else { return Ok(false) };
+    LOOK_WORK.store(problem.work(), Ordering::Relaxed);
     let Some(estimate) = problem.estimate_with(&options) else { return Ok(true) };
     checked(&estimate)?;
     Ok(true)
