@@ -4,7 +4,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::Pose;
+use regionpose::geometry::pose::Pose;
 use regionpose::verdict::{confidence, shares};
 
 use crate::arrays::{covariance, finite_points, numbers, pose, rotation, tangent, translation};
