@@ -130,11 +130,11 @@ def check_alignment(
         For other shapes.
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
-    steps = steps_at(pose, points, camera, photo, intensity)
-    return _aligned(photo, camera, steps, beside(regions))
+    return aligned(photo, camera, steps_at(pose, points, camera, photo, intensity), beside(regions))
 
 
-def _aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) -> Alignment:
+def aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) -> Alignment:
+    """The same of steps as the camera sees them at the pose."""
     here = seen_steps(photo, camera, steps, known)
     turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in Rotation.from_rotvec(far_turns())]
     turned = [seen for seen in turned if len(seen.places) >= LEAST_STEPS]

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from numpy.typing import ArrayLike
 
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
-from regionpose.witness.alignment import Alignment, check_alignment
+from regionpose.witness.alignment import Alignment, aligned
 from regionpose.witness.photo import Photo
+from regionpose.witness.steps import Steps, beside, steps_at
+
+KEPT = 4
+"""Poses whose steps are kept: alignment and refinement look at the same one, and few answers are looked at twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +43,25 @@ class SceneFrame:
     regions: Sequence[ImageRegion] = ()
     intensity: ArrayLike | None = None
 
+    @cached_property
+    def photo(self) -> Photo:
+        """The image, as its edges are looked for; ValueError for another shape."""
+        return self.image if isinstance(self.image, Photo) else Photo.of(self.image)
+
+    def steps(self, pose: Pose) -> Steps:
+        """The steps of the points that the camera would see at a pose; ValueError for points of another shape."""
+        key = pose.matrix.tobytes()
+        if key not in self._steps:
+            if len(self._steps) == KEPT:
+                del self._steps[next(iter(self._steps))]
+            self._steps[key] = steps_at(pose, self.points, self.camera, self.photo, self.intensity)
+        return self._steps[key]
+
+    @cached_property
+    def _steps(self) -> dict[bytes, Steps]:
+        """Those that were looked at last: to find them takes longer than all else."""
+        return {}
+
     def alignment(self, pose: Pose) -> Alignment:
         """How well photo and points agree at a pose, as of `check_alignment`."""
-        return check_alignment(
-            self.image, self.points, self.camera, pose, regions=self.regions, intensity=self.intensity
-        )
+        return aligned(self.photo, self.camera, self.steps(pose), beside(self.regions))
