@@ -94,6 +94,7 @@ def _of_scene(
         count = min(len(images), len(worlds))
         images = list(images[:count])
         held = replace(photo, points=frame.points, intensity=frame.intensity, camera=camera, regions=images)
+        held = replace(held, world_regions=worlds[:count])
         return Problem(mistake, name, camera, images, worlds[:count], held, scene.priors[prior], scene.truth)
 
     yield problem("none")

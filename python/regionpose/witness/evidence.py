@@ -13,7 +13,7 @@ from regionpose import _core
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Pictures
-from regionpose.witness.steps import DIFFERENCE, SEED, beside, far_turns, seen_steps
+from regionpose.witness.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 
 Array = NDArray[np.float64]
 
@@ -53,15 +53,9 @@ class Evidence:
     def move_to(self, pose: Pose) -> None:
         """Take a pose as the one of increments; the steps stay those that they are."""
         local = (self._steps - pose.camera_center) @ pose.rotation.as_matrix().T
-        start = self._camera.project(local)
-        ends = [
-            self._camera.project(local + DIFFERENCE * (np.cross(axis, local) if turn else axis))
-            for turn in (True, False)
-            for axis in np.eye(3)
-        ]
-        moved = np.stack([(end - start) / (DIFFERENCE * self._photo.reduction) for end in ends], axis=2)
-        self._pixels = np.nan_to_num(self._photo.places(start), nan=-1e6)
-        self._moved = np.nan_to_num(moved.reshape(len(local), 12))
+        shifts = np.broadcast_to(np.eye(3)[:, None], (3, *local.shape))
+        places, self._moved = places_moved(self._photo, self._camera, local, np.concatenate([local @ TURNS, shifts]))
+        self._pixels = np.nan_to_num(places, nan=-1e6)
 
     @property
     def count(self) -> int:

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 from regionpose.witness.alignment import Alignment, aligned
 from regionpose.witness.photo import Photo
 from regionpose.witness.steps import Steps, beside, steps_at
+from regionpose.witness.visibility import occlusions
 
 KEPT = 4
 """Poses whose steps are kept: alignment and refinement look at the same one, and few answers are looked at twice."""
@@ -32,9 +34,11 @@ class SceneFrame:
     camera : Camera
         That took the photo.
     regions : sequence of ImageRegion
-        Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+        Those that the pose comes from; steps beside them are left out, since they are not new.
     intensity : (n,) array, optional
         What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
+    world_regions : sequence of WorldRegion
+        Those at the places of `regions`; a pose at which the points hide them is contradicted. None by default.
     """
 
     image: ArrayLike | Photo
@@ -42,6 +46,7 @@ class SceneFrame:
     camera: Camera
     regions: Sequence[ImageRegion] = ()
     intensity: ArrayLike | None = None
+    world_regions: Sequence[WorldRegion] = ()
 
     @cached_property
     def photo(self) -> Photo:
@@ -64,4 +69,46 @@ class SceneFrame:
 
     def alignment(self, pose: Pose) -> Alignment:
         """How well photo and points agree at a pose, as of `check_alignment`."""
-        return aligned(self.photo, self.camera, self.steps(pose), beside(self.regions))
+        hidden = occlusions(self.regions, self.world_regions, self.points, self.camera, pose)
+        return aligned(self.photo, self.camera, self.steps(pose), beside(self.regions), hidden)
+
+
+def check_alignment(
+    image: ArrayLike | Photo,
+    points: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    *,
+    regions: Sequence[ImageRegion] = (),
+    world_regions: Sequence[WorldRegion] = (),
+    intensity: ArrayLike | None = None,
+) -> Alignment:
+    """How well photo and cloud agree at a pose, however it was found.
+
+    Steps of the points' depth and intensity as the camera would see them, against edges of the photo; and whether
+    points stand before the regions that the photo shows.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
+    points : (n, 3) array
+        World coordinates, meters.
+    camera : Camera
+        That took the photo.
+    pose : Pose
+        `camera_from_world`.
+    regions : sequence of ImageRegion
+        Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
+        allow.
+    world_regions : sequence of WorldRegion
+        Those at the places of `regions`, of which it is told how much the points hide; none by default.
+    intensity : (n,) array, optional
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, and for world regions of another number than regions.
+    """
+    return SceneFrame(image, points, camera, regions, intensity, world_regions).alignment(pose)
