@@ -46,11 +46,11 @@ class Alignment:
         Whether an edge stands out there.
     score : float
         The mean strength of edges under them, of the best turn of the camera within a degree; NaN where too few steps
-        are in view to say anything.
+        are in view to say anything, or the photo has no edges.
     turn : (3,) array
         That turn, a rotation vector about the camera's axes, rad.
     turned : (t,) array
-        The same scores at poses turned by 3 to 8 degrees; empty where too few steps are in view.
+        The same scores at poses turned by 3 to 8 degrees; empty where the score is NaN.
     occlusions : tuple of Occlusion
         How much of each region the cloud hides; empty where no regions of the world were given.
     """
@@ -112,6 +112,9 @@ def aligned(
     says = len(here.places) >= LEAST_STEPS and len(turned) >= TURNED_COUNT // 2
     score, turn = _best_turn(photo, here) if says else (float("nan"), np.zeros(3))
     others = np.array([_best_turn(photo, seen)[0] for seen in turned] if says else [])
+    if says and others.min() == others.max():
+        # Such as a photo of one shade, which has no edge anywhere.
+        score, others = float("nan"), others[:0]
     return Alignment(photo.pixels(here.places), _agrees(photo, here), score, turn, others, hidden)
 
 
