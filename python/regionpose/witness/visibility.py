@@ -128,15 +128,15 @@ def _shadows(world: WorldRegion, points: Array, center: Array) -> tuple[NDArray[
     """The numbers (m,) of the points before a region as seen from a center, and where the rays through them meet its
     plane, (m, 2).
     """
-    origin, axes = world.core.origin, world.core.axes
+    origin, (*flat, normal), surface = world.core.origin, world.core.axes, world.core.surface
+    height = float(normal @ (origin - center))
     with np.errstate(invalid="ignore", divide="ignore"):
         # 0 at the camera, 1 on the plane; a curved surface begins before its mean plane.
-        from_center, height = (points - center) @ axes.T, float(axes[2] @ (origin - center))
-        way = from_center[:, 2] / height
-        surface = world.core.surface
-        begins = 1.0 if surface is None else min(1.0, float(((surface[0] - center) @ axes[2] / height).min()))
+        way = (points @ normal - normal @ center) / height
+        begins = 1.0 if surface is None else min(1.0, float(((surface[0] - center) @ normal / height).min()))
         nearer = np.flatnonzero((way > 0.0) & (way < (1.0 - STEP_SHARE) * begins))
-    return nearer, from_center[nearer, :2] / way[nearer, None] + axes[:2] @ (center - origin)
+    shadows = (points[nearer] - center) / way[nearer, None] + (center - origin)
+    return nearer, shadows @ np.transpose(flat)
 
 
 def _cells(observed: ImageRegion, world: WorldRegion, camera: Camera, pose: Pose) -> _Cells:
