@@ -17,8 +17,8 @@ DECISIVE = float(np.log(9.0))
 
 HIDDEN = -DECISIVE
 """Logarithm of the odds that a pose has which hides one of its regions: a convention. None of 104 right poses does, and
-a seventh of 808 wrong ones (`python -m benchmarks.visibility`): right if photo and cloud show something else before a
-region in one pair of sixty."""
+13 % of 964 wrong ones (`python -m benchmarks.visibility`): the odds are these if something that the photo does not show
+stands before a region in one cloud of 70."""
 
 RIGHT_MEDIAN, RIGHT_LOG_SIGMA = 0.05, 0.75
 """Median of how far right poses stand out, and the standard deviation of its logarithm, of 21 frames of cars, fisheyes

@@ -111,16 +111,16 @@ def steps_at(pose: Pose, points: ArrayLike, camera: Camera, photo: Photo, intens
     """
     places = checked_points(points)
     values = checked_intensity(intensity, places)
-    return _local_steps((places - pose.camera_center) @ pose.rotation.as_matrix().T, camera, photo, values)
+    return _local_steps(places - pose.camera_center, pose.rotation.as_matrix(), camera, photo, values)
 
 
-def _local_steps(points: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
-    """The same of points in the camera's axes."""
+def _local_steps(points: Array, rotation: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
+    """The same of points about the camera's center, and the rotation (3, 3) to its axes."""
     margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     with np.errstate(invalid="ignore"):
-        shown = points[:, 2] > reach * np.linalg.norm(points, axis=1)
-    seen = points[shown]
+        shown = points @ rotation[2] > reach * np.sqrt(np.einsum("ij,ij->i", points, points))
+    seen = points[shown] @ rotation.T
     spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
     cell = CELL_PX * pixel_angle(camera, photo)
     gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
