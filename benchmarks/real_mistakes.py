@@ -94,6 +94,7 @@ def _of_scene(
         count = min(len(images), len(worlds))
         images = list(images[:count])
         held = replace(photo, points=frame.points, intensity=frame.intensity, camera=camera, regions=images)
+        held = replace(held, world_regions=worlds[:count])
         return Problem(mistake, name, camera, images, worlds[:count], held, scene.priors[prior], scene.truth)
 
     yield problem("none")
@@ -149,7 +150,7 @@ def row_of(problem: Problem, *, verbose: bool) -> Row | None:
         prior=problem.prior,
     )
     ways = (alone, heard, refined)
-    wrong = [_is_wrong(way.pose, problem.truth) for way in ways]
+    wrong = [is_wrong(way.pose, problem.truth) for way in ways]
     trusted = [not way.warnings for way in ways]
     if verbose and any(np.logical_and(wrong, trusted)):
         turn = np.degrees((refined.pose.rotation * problem.truth.rotation.inv()).magnitude())
@@ -158,7 +159,8 @@ def row_of(problem: Problem, *, verbose: bool) -> Row | None:
     return Row(problem.mistake, (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2]))
 
 
-def _is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
+def is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
+    """Whether a pose is another one than the true one."""
     turn = np.degrees((pose.rotation * truth.rotation.inv()).magnitude())
     return not (turn < WRONG_DEG and np.linalg.norm(pose.camera_center - truth.camera_center) < WRONG_M)
 

@@ -89,6 +89,12 @@ def test_nothing_in_view_says_nothing() -> None:
         assert np.isnan(alignment.z) and np.isnan(alignment.share_worse) and alignment.log_odds == 0.0
 
 
+def test_a_photo_of_one_shade_says_nothing() -> None:
+    _, points = cards(0)
+    alignment = rp.check_alignment(np.full((480, 640), 128, dtype=np.uint8), points, CAMERA, POSE)
+    assert len(alignment.places) > 100 and np.isnan(alignment.z) and alignment.log_odds == 0.0
+
+
 def test_wrong_shapes_are_named() -> None:
     photo, points = cards(0)
     with pytest.raises(ValueError, match=r"points has shape \(5, 2\); needed \(n, 3\)"):

@@ -218,7 +218,9 @@ def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
         return _estimate(run.frames, pose)
 
     with stages.stage("witness"):
-        heard = witnessed(run.estimate, rest.align, settled, rest.refined if solver.refine == "scene" else None)
+        refine = rest.refined if solver.refine == "scene" else None
+        counts = [len(sides.names) for sides in run.frames]
+        heard = witnessed(run.estimate, rest.align, settled, refine, counts)
     return replace(run, estimate=heard.estimate, witness=heard.witness)
 
 
@@ -238,6 +240,7 @@ class RestOfScene:
                 sides.image_regions,
                 # Colors may come from this very photo, at a wrong pose.
                 sides.cloud.intensity,
+                [side.region for side in sides.world_sides],
             )
             for sides in frames
         ]

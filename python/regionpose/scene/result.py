@@ -177,7 +177,7 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
     """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the share of its
-    samples that are seen on their side of its contour, and its sizes.
+    samples that are seen on their side of its contour, the share that the cloud hides, and its sizes.
     """
     errors, before, fits = run.estimate.region_overlap_errors, run.errors_before, run.sample_fits
     found = {} if run.sides.matching is None else dict(run.sides.matching.pairs)
@@ -189,10 +189,19 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
             "overlap_error": float(error),
             **({"overlap_error_before": float(first)} if given else {}),
             "samples_on_their_side": None if fit is None else fit.share,
+            "hidden_share": hidden,
             **{key: value for key, value in size.items() if key != "name"},
         }
-        for name, size, error, first, fit in zip(run.names, region_sizes(run.sides), errors, before, fits, strict=True)
+        for name, size, error, first, fit, hidden in zip(
+            run.names, region_sizes(run.sides), errors, before, fits, hidden_shares(run), strict=True
+        )
     ]
+
+
+def hidden_shares(run: SceneEstimate) -> list[float | None]:
+    """How much of each region of a frame the cloud hides; None where that was not looked at."""
+    told = () if run.witness is None else run.witness.told
+    return [each.share for alignment in told for each in alignment.occlusions] or [None] * len(run.names)
 
 
 def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:

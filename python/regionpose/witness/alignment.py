@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.pose import Pose
-from regionpose.regions.image import ImageRegion
-from regionpose.witness.odds import log_odds
+from regionpose.witness.odds import HIDDEN, log_odds
 from regionpose.witness.photo import Photo
 from regionpose.witness.steps import (
     TURNED_COUNT,
     Known,
     SeenSteps,
     Steps,
-    beside,
     far_turns,
     seen_steps,
-    steps_at,
 )
+from regionpose.witness.visibility import Occlusion
 
 Array = NDArray[np.float64]
 
@@ -50,11 +46,13 @@ class Alignment:
         Whether an edge stands out there.
     score : float
         The mean strength of edges under them, of the best turn of the camera within a degree; NaN where too few steps
-        are in view to say anything.
+        are in view to say anything, or the photo has no edges.
     turn : (3,) array
         That turn, a rotation vector about the camera's axes, rad.
     turned : (t,) array
-        The same scores at poses turned by 3 to 8 degrees; empty where too few steps are in view.
+        The same scores at poses turned by 3 to 8 degrees; empty where the score is NaN.
+    occlusions : tuple of Occlusion
+        How much of each region the cloud hides; empty where no regions of the world were given.
     """
 
     places: Array
@@ -62,6 +60,7 @@ class Alignment:
     score: float
     turn: Array
     turned: Array
+    occlusions: tuple[Occlusion, ...] = ()
 
     @property
     def z(self) -> float:
@@ -77,7 +76,12 @@ class Alignment:
 
     @property
     def log_odds(self) -> float:
-        """Logarithm of the odds for the pose that the agreement makes; 0 without evidence."""
+        """Logarithm of the odds for the pose that the agreement makes, and what it hides; 0 without evidence."""
+        return self.edge_log_odds + (HIDDEN if any(each.is_hidden for each in self.occlusions) else 0.0)
+
+    @property
+    def edge_log_odds(self) -> float:
+        """The same of the agreement alone."""
         return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
 
     @property
@@ -92,56 +96,26 @@ class Alignment:
 
     def __repr__(self) -> str:
         """What it says, in numbers."""
-        return f"Alignment(steps={len(self.places)}, z={self.z:.2f}, log_odds={self.log_odds:.2f})"
+        hidden = f", hidden={sum(each.is_hidden for each in self.occlusions)}" if self.occlusions else ""
+        return f"Alignment(steps={len(self.places)}, z={self.z:.2f}, log_odds={self.log_odds:.2f}{hidden})"
 
 
-def check_alignment(
-    image: ArrayLike | Photo,
-    points: ArrayLike,
-    camera: Camera,
-    pose: Pose,
-    *,
-    regions: Sequence[ImageRegion] = (),
-    intensity: ArrayLike | None = None,
+def aligned(
+    photo: Photo, camera: Camera, steps: Steps, known: Known | None, hidden: tuple[Occlusion, ...] = ()
 ) -> Alignment:
-    """How well photo and cloud agree at a pose, however it was found.
-
-    Steps of the points' depth and intensity as the camera would see them, against edges of the photo.
-
-    Parameters
-    ----------
-    image : (h, w) or (h, w, 3) array, or Photo
-        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
-    points : (n, 3) array
-        World coordinates, meters.
-    camera : Camera
-        That took the photo.
-    pose : Pose
-        `camera_from_world`.
-    regions : sequence of ImageRegion
-        Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
-        allow.
-    intensity : (n,) array, optional
-        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
-
-    Raises
-    ------
-    ValueError
-        For other shapes.
+    """How well a photo agrees with steps as its camera would see them, without known ones; `hidden`: what the cloud
+    hides of the regions.
     """
-    photo = image if isinstance(image, Photo) else Photo.of(image)
-    steps = steps_at(pose, points, camera, photo, intensity)
-    return _aligned(photo, camera, steps, beside(regions))
-
-
-def _aligned(photo: Photo, camera: Camera, steps: Steps, known: Known | None) -> Alignment:
     here = seen_steps(photo, camera, steps, known)
     turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in Rotation.from_rotvec(far_turns())]
     turned = [seen for seen in turned if len(seen.places) >= LEAST_STEPS]
     says = len(here.places) >= LEAST_STEPS and len(turned) >= TURNED_COUNT // 2
     score, turn = _best_turn(photo, here) if says else (float("nan"), np.zeros(3))
     others = np.array([_best_turn(photo, seen)[0] for seen in turned] if says else [])
-    return Alignment(photo.pixels(here.places), _agrees(photo, here), score, turn, others)
+    if says and others.min() == others.max():
+        # Such as a photo of one shade, which has no edge anywhere.
+        score, others = float("nan"), others[:0]
+    return Alignment(photo.pixels(here.places), _agrees(photo, here), score, turn, others, hidden)
 
 
 def _best_turn(photo: Photo, seen: SeenSteps) -> tuple[float, Array]:

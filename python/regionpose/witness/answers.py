@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
 from regionpose.witness.odds import DECISIVE, weighed
 from regionpose.witness.refinement import SceneRefinement
+from regionpose.witness.visibility import Occlusion
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,11 @@ class SceneWitness:
         """Logarithm of the odds for the pose that all frames make: each saw the scene by itself."""
         return _log_odds(self.alignments)
 
+    @property
+    def edge_log_odds(self) -> float:
+        """The same of edges alone, whatever the pose hides."""
+        return sum(alignment.edge_log_odds for alignment in self.told)
+
     def __repr__(self) -> str:
         """What photo and cloud said, in numbers."""
         parts = f"confidence_before={self.confidence_before:.3f}, place={self.place}, answers={self.answers}"
@@ -96,13 +102,15 @@ def witnessed(
     align: Callable[[Pose], Sequence[Alignment | None]],
     settle: Callable[[Pose], PoseEstimate],
     refine: Callable[[PoseEstimate], tuple[PoseEstimate, SceneRefinement]] | None = None,
+    counts: Sequence[int] = (),
 ) -> Witnessed:
     """The estimate with the answer first that photo and cloud agree with, and the confidences that follow.
 
     `align`: how well they agree at a pose, frame by frame; `settle`: the estimate that has the answer nearest to a pose
-    first; `refine`: an estimate with its pose refined by them if they say enough, and what they said. The evidence
-    decides between answers and may lower the probability that one of them is right. It raises that for a refined pose
-    alone, since photo and cloud may agree at one that is some degrees off (docs/math.md, eq. 18.5 and 18.10).
+    first; `refine`: an estimate with its pose refined by them if they say enough, and what they said; `counts`: how
+    many regions each of several frames has. The evidence decides between answers and may lower the probability that one
+    of them is right. It raises that for a refined pose alone, since photo and cloud may agree at one that is some
+    degrees off (docs/math.md, eq. 18.5 and 18.10).
     """
     alignments, shares = _heard(estimate, align)
     place = _likeliest(estimate, shares)
@@ -120,7 +128,8 @@ def witnessed(
     witness = SceneWitness(tuple(alignments[0]), before, place, len(alignments), refinement)
     judged = _with_shares(estimate, shares)
     lead = witness.log_odds - max((_log_odds(other) for other in alignments[1:]), default=np.inf)
-    return Witnessed(replace(judged, warnings=_warnings(judged, witness, lead)), witness)
+    warnings = (*_warnings(judged, witness, lead), *_hidden_regions(witness.alignments, counts))
+    return Witnessed(replace(judged, warnings=warnings), witness)
 
 
 def _heard(
@@ -183,7 +192,7 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tup
     sure = estimate.confidence >= SURE
     settled = OF_CONFIDENCE if sure else OF_OTHERS if lead >= DECISIVE else set()
     kept = [warning for warning in estimate.warnings if warning.code not in settled]
-    if witness.log_odds < -DECISIVE:
+    if witness.edge_log_odds < -DECISIVE:
         kept.append(_disagreement(witness))
     elif not sure and not kept:
         text = f"the confidence is {100.0 * estimate.confidence:.1f} %"
@@ -203,3 +212,25 @@ def _disagreement(witness: SceneWitness) -> PoseWarning:
     )
     values = {"share": share, "steps": steps, "z": z, "confidence_before": before}
     return PoseWarning("scene-disagrees", text, values=values)
+
+
+def _hidden_regions(alignments: Sequence[Alignment | None], counts: Sequence[int]) -> Iterator[PoseWarning]:
+    """A warning for each region that a pose hides, by its place among those of all frames."""
+    firsts = np.cumsum([0, *counts])
+    for first, alignment in zip(firsts.tolist(), alignments, strict=False):
+        for place, occlusion in enumerate(() if alignment is None else alignment.occlusions):
+            if occlusion.is_hidden:
+                yield _hidden_region(first + place, occlusion)
+
+
+def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
+    text = (
+        "the photo shows {0}, but at this pose {percent:.0f} % of it would be hidden by what the cloud has"
+        " {distance_m:.1f} m from the camera, before the region at {region_distance_m:.1f} m"
+    )
+    values = {
+        "percent": 100.0 * occlusion.share,
+        "distance_m": occlusion.distance_m,
+        "region_distance_m": occlusion.region_distance_m,
+    }
+    return PoseWarning("hidden-region", text, (region,), values)

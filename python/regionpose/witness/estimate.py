@@ -33,11 +33,12 @@ def estimate_with_scene(
     prior: Prior | None = None,
     solver: Solver | None = None,
 ) -> Witnessed:
-    """The pose of `estimate_pose`, judged by the rest of photo and cloud: the edges of both away from the regions.
+    """The pose of `estimate_pose`, judged by the rest of photo and cloud: the edges of both away from the regions, and
+    what stands before these.
 
     They choose among answers that fit alike, lower the confidence of a pose at which they do not agree, and refine one
-    at which they do, as of `refine_with_scene`; odds of 9 to 1 against it give the warning `scene-disagrees`
-    (docs/math.md, section 18). Scene files do the same.
+    at which they do, as of `refine_with_scene`; odds of 9 to 1 against it give the warning `scene-disagrees`, and a
+    region that the cloud hides at the pose gives `hidden-region` (docs/math.md, section 18). Scene files do the same.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def estimate_with_scene(
     """
     photo = image if isinstance(image, Photo) else Photo.of(image)
     places = checked_points(points)
-    frame = SceneFrame(photo, places, camera, image_regions, checked_intensity(intensity, places))
+    frame = SceneFrame(photo, places, camera, image_regions, checked_intensity(intensity, places), world_regions)
 
     def estimated(known: Prior | None) -> PoseEstimate:
         return estimate_pose(camera, image_regions, world_regions, prior=known, solver=solver)

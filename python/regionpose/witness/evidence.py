@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from regionpose import _core
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
-from regionpose.witness.photo import Photo, Pictures
-from regionpose.witness.steps import DIFFERENCE, SEED, beside, far_turns, seen_steps, steps_at
+from regionpose.witness.photo import Pictures
+from regionpose.witness.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 
 Array = NDArray[np.float64]
 
@@ -34,10 +34,9 @@ class Evidence:
     def __init__(self, frame: SceneFrame, pose: Pose) -> None:
         """The steps that the camera would see at a pose; ValueError for points or an image of another shape."""
         self._camera, self._pose = frame.camera, pose
-        self._photo = frame.image if isinstance(frame.image, Photo) else Photo.of(frame.image)
-        self._known = beside(frame.regions)
+        self._photo, self._known = frame.photo, beside(frame.regions)
         self._pictures: dict[float, Pictures] = {}
-        self._all = steps_at(pose, frame.points, frame.camera, self._photo, frame.intensity)
+        self._all = frame.steps(pose)
         self.turn(Rotation.identity())
 
     def turn(self, rotation: Rotation) -> Pose:
@@ -54,15 +53,9 @@ class Evidence:
     def move_to(self, pose: Pose) -> None:
         """Take a pose as the one of increments; the steps stay those that they are."""
         local = (self._steps - pose.camera_center) @ pose.rotation.as_matrix().T
-        start = self._camera.project(local)
-        ends = [
-            self._camera.project(local + DIFFERENCE * (np.cross(axis, local) if turn else axis))
-            for turn in (True, False)
-            for axis in np.eye(3)
-        ]
-        moved = np.stack([(end - start) / (DIFFERENCE * self._photo.reduction) for end in ends], axis=2)
-        self._pixels = np.nan_to_num(self._photo.places(start), nan=-1e6)
-        self._moved = np.nan_to_num(moved.reshape(len(local), 12))
+        shifts = np.broadcast_to(np.eye(3)[:, None], (3, *local.shape))
+        places, self._moved = places_moved(self._photo, self._camera, local, np.concatenate([local @ TURNS, shifts]))
+        self._pixels = np.nan_to_num(places, nan=-1e6)
 
     @property
     def count(self) -> int:
@@ -89,18 +82,22 @@ class Evidence:
 
     def _spread(self, spread_px: float) -> Pictures:
         if spread_px not in self._pictures:
-            self._pictures[spread_px] = _log_ratios(self._photo, spread_px)
+            self._pictures[spread_px] = _log_ratios(self._densities, spread_px)
         return self._pictures[spread_px]
 
+    @cached_property
+    def _densities(self) -> list[tuple[Pictures, Pictures]]:
+        """For each direction the density (h, w) of the ranks of steps, and its mean about each place."""
+        densities = [np.float32(POWER) * ranks ** np.float32(POWER - 1.0) for ranks in self._photo.ranks]
+        return [(each, np.maximum(uniform_filter(each, AROUND_PX), np.float32(1e-3))) for each in densities]
 
-def _log_ratios(photo: Photo, spread_px: float) -> Pictures:
+
+def _log_ratios(densities: list[tuple[Pictures, Pictures]], spread_px: float) -> Pictures:
     """Logarithms (k, h, w) of how much likelier the photo is with the image of a step in a pixel than with none."""
-    spread = []
-    for ranks in photo.ranks:
-        density = np.float32(POWER) * ranks ** np.float32(POWER - 1.0)
-        mean = uniform_filter(density, AROUND_PX)
-        spread.append(gaussian_filter(density, spread_px, truncate=3.0) / np.maximum(mean, np.float32(1e-3)))
-    return np.log1p(np.float32(SHOWN) * (np.stack(spread) - np.float32(1.0)))
+    ratios = np.stack([gaussian_filter(density, spread_px, truncate=3.0) / mean for density, mean in densities])
+    ratios -= np.float32(1.0)
+    ratios *= np.float32(SHOWN)
+    return np.log1p(ratios, out=ratios)
 
 
 @cache

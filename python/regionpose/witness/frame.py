@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from numpy.typing import ArrayLike
 
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
-from regionpose.witness.alignment import Alignment, check_alignment
+from regionpose.regions.world import WorldRegion
+from regionpose.witness.alignment import Alignment, aligned
 from regionpose.witness.photo import Photo
+from regionpose.witness.steps import Steps, beside, steps_at
+from regionpose.witness.visibility import occlusions
+
+KEPT = 4
+"""Poses whose steps are kept: alignment and refinement look at the same one, and few answers are looked at twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +34,11 @@ class SceneFrame:
     camera : Camera
         That took the photo.
     regions : sequence of ImageRegion
-        Those that the pose to be refined comes from; steps beside them are left out, since they are not new.
+        Those that the pose comes from; steps beside them are left out, since they are not new.
     intensity : (n,) array, optional
         What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
+    world_regions : sequence of WorldRegion
+        Those at the places of `regions`; a pose at which the points hide them is contradicted. None by default.
     """
 
     image: ArrayLike | Photo
@@ -37,9 +46,69 @@ class SceneFrame:
     camera: Camera
     regions: Sequence[ImageRegion] = ()
     intensity: ArrayLike | None = None
+    world_regions: Sequence[WorldRegion] = ()
+
+    @cached_property
+    def photo(self) -> Photo:
+        """The image, as its edges are looked for; ValueError for another shape."""
+        return self.image if isinstance(self.image, Photo) else Photo.of(self.image)
+
+    def steps(self, pose: Pose) -> Steps:
+        """The steps of the points that the camera would see at a pose; ValueError for points of another shape."""
+        key = pose.matrix.tobytes()
+        if key not in self._steps:
+            if len(self._steps) == KEPT:
+                del self._steps[next(iter(self._steps))]
+            self._steps[key] = steps_at(pose, self.points, self.camera, self.photo, self.intensity)
+        return self._steps[key]
+
+    @cached_property
+    def _steps(self) -> dict[bytes, Steps]:
+        """Those that were looked at last: to find them takes longer than all else."""
+        return {}
 
     def alignment(self, pose: Pose) -> Alignment:
         """How well photo and points agree at a pose, as of `check_alignment`."""
-        return check_alignment(
-            self.image, self.points, self.camera, pose, regions=self.regions, intensity=self.intensity
-        )
+        hidden = occlusions(self.regions, self.world_regions, self.points, self.camera, pose)
+        return aligned(self.photo, self.camera, self.steps(pose), beside(self.regions), hidden)
+
+
+def check_alignment(
+    image: ArrayLike | Photo,
+    points: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    *,
+    regions: Sequence[ImageRegion] = (),
+    world_regions: Sequence[WorldRegion] = (),
+    intensity: ArrayLike | None = None,
+) -> Alignment:
+    """How well photo and cloud agree at a pose, however it was found.
+
+    Steps of the points' depth and intensity as the camera would see them, against edges of the photo; and whether
+    points stand before the regions that the photo shows.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
+    points : (n, 3) array
+        World coordinates, meters.
+    camera : Camera
+        That took the photo.
+    pose : Pose
+        `camera_from_world`.
+    regions : sequence of ImageRegion
+        Those that the pose comes from; steps beside them are left out, since they agree at any pose that the regions
+        allow.
+    world_regions : sequence of WorldRegion
+        Those at the places of `regions`, of which it is told how much the points hide; none by default.
+    intensity : (n,) array, optional
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, and for world regions of another number than regions.
+    """
+    return SceneFrame(image, points, camera, regions, intensity, world_regions).alignment(pose)

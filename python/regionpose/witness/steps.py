@@ -37,6 +37,9 @@ GAP_SPACINGS = 4.0
 MOST_STEPS = 2000
 """Steps that are looked at, drawn evenly: of more the mean is no surer, since neighbors show the same edges."""
 
+TURNS = np.cross(np.eye(3)[:, None], np.eye(3))
+"""Matrices (3, 3, 3) that take rows to the ways that turns about x, y, z move them, a radian."""
+
 DIFFERENCE = 1e-4
 """Rotation, rad, over which derivatives of pixels are taken: their error is far below a pixel."""
 
@@ -86,7 +89,7 @@ def far_turns() -> Array:
 
 def checked_points(points: ArrayLike) -> Array:
     """Points (n, 3); ValueError for another shape."""
-    places = real_array(points, "points", "(n, 3)").astype(np.float64)
+    places = real_array(points, "points", "(n, 3)").astype(np.float64, copy=False)
     if places.ndim != 2 or places.shape[1] != 3:
         raise ValueError(f"points has shape {places.shape}; needed (n, 3)")
     return places
@@ -108,16 +111,16 @@ def steps_at(pose: Pose, points: ArrayLike, camera: Camera, photo: Photo, intens
     """
     places = checked_points(points)
     values = checked_intensity(intensity, places)
-    return _local_steps((places - pose.camera_center) @ pose.rotation.as_matrix().T, camera, photo, values)
+    return _local_steps(places - pose.camera_center, pose.rotation.as_matrix(), camera, photo, values)
 
 
-def _local_steps(points: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
-    """The same of points in the camera's axes."""
+def _local_steps(points: Array, rotation: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
+    """The same of points about the camera's center, and the rotation (3, 3) to its axes."""
     margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     with np.errstate(invalid="ignore"):
-        shown = points[:, 2] > reach * np.linalg.norm(points, axis=1)
-    seen = points[shown]
+        shown = points @ rotation[2] > reach * np.sqrt(np.einsum("ij,ij->i", points, points))
+    seen = points[shown] @ rotation.T
     spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
     cell = CELL_PX * pixel_angle(camera, photo)
     gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
@@ -138,7 +141,8 @@ def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None =
     across = (far - near)[chosen]
     directions = np.round(np.arctan2(across[:, 1], across[:, 0]) / np.pi * DIRECTIONS).astype(np.int64) % DIRECTIONS
     bearings = 0.5 * (steps.near[chosen] + steps.far[chosen])
-    return SeenSteps(middle[chosen], _moved(photo, camera, bearings), directions, chosen)
+    _, moved = places_moved(photo, camera, bearings, bearings @ TURNS)
+    return SeenSteps(middle[chosen], moved, directions, chosen)
 
 
 def _evenly(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -148,12 +152,13 @@ def _evenly(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.random.default_rng(SEED).choice(numbers, MOST_STEPS, replace=False)
 
 
-def _moved(photo: Photo, camera: Camera, bearings: Array) -> Array:
-    """Derivatives (n, 6) of places x, then y, a radian, by rotations about the camera's axes; 0 where unknown."""
-    start = camera.project(bearings)
-    ends = [camera.project(bearings + DIFFERENCE * np.cross(axis, bearings)) for axis in np.eye(3)]
+def places_moved(photo: Photo, camera: Camera, points: Array, ways: Array) -> tuple[Array, Array]:
+    """Places (n, 2) of points (n, 3) in the camera's axes, and the derivatives (n, 2 k) of x, then y, by moves along
+    ways (k, n, 3); 0 where unknown.
+    """
+    start, *ends = camera.project(np.concatenate([points, *(points + DIFFERENCE * ways)])).reshape(1 + len(ways), -1, 2)
     moved = np.stack([(end - start) / (DIFFERENCE * photo.reduction) for end in ends], axis=2)
-    return np.asarray(np.nan_to_num(moved.reshape(len(bearings), 6)))
+    return photo.places(start), np.asarray(np.nan_to_num(moved.reshape(len(points), 2 * len(ways))))
 
 
 def beside(regions: Sequence[ImageRegion]) -> Known | None:
