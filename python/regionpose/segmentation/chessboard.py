@@ -1,0 +1,208 @@
+"""The chessboard around a pixel of a photo: its inner rectangle, its pattern and the board that it is printed on.
+
+The corners of its squares are followed from one to the next, so that a lens may bend it as it likes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from regionpose.segmentation.x_corners import Corners, x_corners
+
+Array = NDArray[np.float64]
+Cell = tuple[int, int]
+
+WORK_PIXELS = 2_500_000
+"""Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it."""
+
+STARTS = 40
+"""Corners nearest to the click from which a grid is begun: more than the marks that a square may hold."""
+
+NEIGHBORS = 12
+"""Corners around the first one among which its neighbors are looked for."""
+
+STEP_TOLERANCE = 0.35
+"""Distance of a corner from where it is predicted, in steps. A step changes by a quarter where the board is seen at 70
+deg from four squares away; a neighbor of the right colors is a whole step off."""
+
+CROSSING_DEG = 20.0
+"""Least angle between both directions of the grid; a convention."""
+
+EDGE_PLACES = np.array([0.25, 0.5, 0.75])
+"""Places between two neighbors at which the edge is looked at."""
+
+EDGE_REACH, LEAST_EDGE_REACH = 0.1, 2.0
+"""Distance across the edge at which both sides are looked at, in steps and in pixels at the least. It is beyond the
+bend of an edge by a fisheye, and within the next square of a board that is seen at 80 deg."""
+
+EDGE_SHARE = 0.3
+"""Contrast of the edge at the least, over that of its corners."""
+
+FEWEST = 3
+"""Corners along each side of a grid at the least; a checkered scrap has fewer by chance."""
+
+
+class Link(NamedTuple):
+    """A corner at its place in the grid."""
+
+    cell: Cell
+    corner: int
+
+
+def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
+    """The outlines (n, 2), pixels, of the chessboard around a pixel (x, y) of a photo (h, w, 3) uint8.
+
+    The rectangle of its outermost inner corners first, then all its squares, then the board around these where its edge
+    shows. Each has a vertex for each square along it and so bends as the photo does. Empty where there's no chessboard.
+    """
+    gray = Image.fromarray(image).convert("L")
+    factor = max(1, round(float(np.sqrt(gray.width * gray.height / WORK_PIXELS))))
+    corners = x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
+    place = (np.array(seed) + 0.5) / factor - 0.5
+    grid = _grid_around(corners, place)
+    if grid is None:
+        return []
+    return [(outline + 0.5) * factor - 0.5 for outline in (_outline(grid, 0.0), _outline(grid, 1.0))]
+
+
+def _grid_around(corners: Corners, place: Array) -> Array | None:
+    """The largest full grid (rows, columns, 2) of corners whose squares hold a place; None where there's none."""
+    if len(corners.places) < FEWEST**2:
+        return None
+    tree = cKDTree(corners.places)
+    tried: set[int] = set()
+    for start in tree.query(place, min(STARTS, len(corners.places)))[1].tolist():
+        if start in tried:
+            continue
+        cells = _followed(corners, tree, start)
+        tried.update(cells.values())
+        grid = _full_grid(corners, cells)
+        if grid is not None and _holds(_outline(grid, 1.0), place):
+            return grid
+    return None
+
+
+def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
+    """The corners that are reached from one of them over the squares' edges, by their places in the grid."""
+    steps = _first_steps(corners, tree, start)
+    cells: dict[Cell, int] = {(0, 0): start}
+    queue = deque([(0, 0)] if steps else [])
+    while queue:
+        cell = queue.popleft()
+        for direction in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            beyond = (cell[0] + direction[0], cell[1] + direction[1])
+            if beyond in cells:
+                continue
+            step = _step(corners, cells, cell, direction, steps)
+            found = _neighbor(corners, tree, cells[cell], step)
+            if found is not None and found not in cells.values():
+                cells[beyond] = found
+                queue.append(beyond)
+    return cells
+
+
+def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
+    """The steps (2,) from a corner to its nearest neighbors in both directions of the grid; None where it has none."""
+    here = corners.places[start]
+    near = tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1][1:].tolist()
+    steps = [corners.places[other] - here for other in near if _linked(corners, start, other)]
+    for step in steps[1:]:
+        first = steps[0]
+        sine = abs(first[0] * step[1] - first[1] * step[0]) / (np.hypot(*first) * np.hypot(*step))
+        if sine >= np.sin(np.radians(CROSSING_DEG)):
+            return first, step
+    return None
+
+
+def _step(
+    corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: tuple[Array, Array] | None
+) -> Array:
+    """The step (2,) from a corner of the grid in a direction: the one before it, or beside it, or the first one."""
+    (row, column), (down, right) = cell, direction
+    pairs = [((row - down, column - right), cell)]
+    pairs += [((row + s * right, column + s * down), (row + s * right + down, column + s * down + right)) for s in (1, -1)]
+    for one, other in pairs:
+        if one in cells and other in cells:
+            return np.asarray(corners.places[cells[other]] - corners.places[cells[one]])
+    assert steps is not None
+    return (down + right) * steps[0 if down else 1]
+
+
+def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int | None:
+    """The corner about a step from another, over an edge of a square; None where there's none."""
+    reach = STEP_TOLERANCE * float(np.hypot(*step))
+    predicted = corners.places[corner] + step
+    near = tree.query_ball_point(predicted, reach)
+    near.sort(key=lambda other: float(np.hypot(*(corners.places[other] - predicted))))
+    return next((other for other in near if other != corner and _linked(corners, corner, other)), None)
+
+
+def _linked(corners: Corners, one: int, other: int) -> bool:
+    """Whether two corners are the ends of a square's edge: their colors alternate, and an edge runs between them."""
+    turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
+    if turned > np.pi / 4:
+        return False
+    start, step = corners.places[one], corners.places[other] - corners.places[one]
+    length = float(np.hypot(*step))
+    left = np.array([-step[1], step[0]]) / length * max(EDGE_REACH * length, LEAST_EDGE_REACH)
+    middle = start + EDGE_PLACES[:, None] * step
+    sides = np.stack([middle + left, middle - left])
+    shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
+    # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
+    sign = 1.0 if (corners.bright[one] - np.arctan2(step[1], step[0])) % np.pi < np.pi / 2 else -1.0
+    least = EDGE_SHARE * min(corners.contrasts[one], corners.contrasts[other])
+    return bool((sign * (shades[0] - shades[1]) >= least).all())
+
+
+def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
+    """The largest rectangle (rows, columns, 2) of the grid that lacks no corner; None where all are small."""
+    low = np.min(list(cells), axis=0)
+    there = np.zeros(np.max(list(cells), axis=0) - low + 1, dtype=np.intp)
+    for row, column in cells:
+        there[row - low[0], column - low[1]] = 1
+    best, most = None, 0
+    sums = np.pad(there.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    height, width = there.shape
+    for top, bottom in ((t, b) for t in range(height) for b in range(t + FEWEST, height + 1)):
+        for left, right in ((lo, hi) for lo in range(width) for hi in range(lo + FEWEST, width + 1)):
+            area = (bottom - top) * (right - left)
+            held = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+            if held == area > most:
+                best, most = (top, bottom, left, right), area
+    if best is None:
+        return None
+    top, bottom, left, right = best
+    listed = [[cells[row + low[0], column + low[1]] for column in range(left, right)] for row in range(top, bottom)]
+    return np.asarray(corners.places[np.array(listed)])
+
+
+def _outline(grid: Array, beyond: float) -> Array:
+    """The outline (n, 2) of a grid (rows, columns, 2) grown by some squares on every side."""
+    rows, columns = (np.concatenate([[-beyond], np.arange(1, n - 1), [n - 1 + beyond]]) for n in grid.shape[:2])
+    lattice = np.einsum("ia,jb,abk->ijk", _weights(rows, grid.shape[0]), _weights(columns, grid.shape[1]), grid)
+    return np.concatenate([lattice[0, :-1], lattice[:-1, -1], lattice[-1, :0:-1], lattice[:0:-1, 0]])
+
+
+def _weights(places: Array, count: int) -> Array:
+    """Weights (n, count) of evenly spaced values at places between and beyond them: parabolas through the nearest three."""
+    middle = np.clip(np.round(places), 1, count - 2).astype(np.intp)
+    off = places - middle
+    weights = np.zeros((len(places), count))
+    rows = np.arange(len(places))
+    for step, value in ((-1, off * (off - 1.0) / 2.0), (0, 1.0 - off**2), (1, off * (off + 1.0) / 2.0)):
+        weights[rows, middle + step] = value
+    return weights
+
+
+def _holds(outline: Array, place: Array) -> bool:
+    """Whether a place (2,) is inside an outline (n, 2)."""
+    import shapely
+
+    return bool(shapely.contains_xy(shapely.Polygon(outline).buffer(0), *place))
