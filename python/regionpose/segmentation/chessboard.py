@@ -14,6 +14,8 @@ from PIL import Image
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from regionpose.segmentation.board_edge import board_around
+from regionpose.segmentation.grid_places import placed
 from regionpose.segmentation.x_corners import Corners, x_corners
 
 Array = NDArray[np.float64]
@@ -22,8 +24,8 @@ Cell = tuple[int, int]
 WORK_PIXELS = 2_500_000
 """Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it."""
 
-STARTS = 40
-"""Corners nearest to the click from which a grid is begun: more than the marks that a square may hold."""
+STARTS = 300
+"""Corners nearest to the click from which a grid is begun: more than noise makes within a square. Most end at once."""
 
 NEIGHBORS = 12
 """Corners around the first one among which its neighbors are looked for."""
@@ -41,6 +43,9 @@ EDGE_PLACES = np.array([0.25, 0.5, 0.75])
 EDGE_REACH, LEAST_EDGE_REACH = 0.1, 2.0
 """Distance across the edge at which both sides are looked at, in steps and in pixels at the least. It is beyond the
 bend of an edge by a fisheye, and within the next square of a board that is seen at 80 deg."""
+
+LIKE_CONTRAST = 1 / 3
+"""Contrast of a corner over that of its neighbor at the least: light falls off slowly along a board."""
 
 EDGE_SHARE = 0.3
 """Contrast of the edge at the least, over that of its corners."""
@@ -69,7 +74,10 @@ def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> li
     grid = _grid_around(corners, place)
     if grid is None:
         return []
-    return [(outline + 0.5) * factor - 0.5 for outline in (_outline(grid, 0.0), _outline(grid, 1.0))]
+    grid = (grid + 0.5) * factor - 0.5
+    pattern = _rectangle(grid, 1.0)
+    quads = [_rectangle(grid, 0.0), pattern, board_around(image, grid, pattern)]
+    return [_outline(grid, corners) for corners in quads if corners is not None]
 
 
 def _grid_around(corners: Corners, place: Array) -> Array | None:
@@ -84,7 +92,7 @@ def _grid_around(corners: Corners, place: Array) -> Array | None:
         cells = _followed(corners, tree, start)
         tried.update(cells.values())
         grid = _full_grid(corners, cells)
-        if grid is not None and _holds(_outline(grid, 1.0), place):
+        if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0)), place):
             return grid
     return None
 
@@ -147,7 +155,8 @@ def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int 
 def _linked(corners: Corners, one: int, other: int) -> bool:
     """Whether two corners are the ends of a square's edge: their colors alternate, and an edge runs between them."""
     turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
-    if turned > np.pi / 4:
+    low, high = sorted((corners.contrasts[one], corners.contrasts[other]))
+    if turned > np.pi / 4 or low < LIKE_CONTRAST * high:
         return False
     start, step = corners.places[one], corners.places[other] - corners.places[one]
     length = float(np.hypot(*step))
@@ -157,8 +166,7 @@ def _linked(corners: Corners, one: int, other: int) -> bool:
     shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
     # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
     sign = 1.0 if (corners.bright[one] - np.arctan2(step[1], step[0])) % np.pi < np.pi / 2 else -1.0
-    least = EDGE_SHARE * min(corners.contrasts[one], corners.contrasts[other])
-    return bool((sign * (shades[0] - shades[1]) >= least).all())
+    return bool((sign * (shades[0] - shades[1]) >= EDGE_SHARE * low).all())
 
 
 def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
@@ -183,22 +191,20 @@ def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
     return np.asarray(corners.places[np.array(listed)])
 
 
-def _outline(grid: Array, beyond: float) -> Array:
-    """The outline (n, 2) of a grid (rows, columns, 2) grown by some squares on every side."""
-    rows, columns = (np.concatenate([[-beyond], np.arange(1, n - 1), [n - 1 + beyond]]) for n in grid.shape[:2])
-    lattice = np.einsum("ia,jb,abk->ijk", _weights(rows, grid.shape[0]), _weights(columns, grid.shape[1]), grid)
-    return np.concatenate([lattice[0, :-1], lattice[:-1, -1], lattice[-1, :0:-1], lattice[:0:-1, 0]])
+def _rectangle(grid: Array, beyond: float) -> Array:
+    """Corners (4, 2), rows and columns of a grid (rows, columns, 2), of the grid grown by some squares on every side."""
+    low, (bottom, right) = -beyond, np.array(grid.shape[:2]) - 1.0 + beyond
+    return np.array([[low, low], [low, right], [bottom, right], [bottom, low]])
 
 
-def _weights(places: Array, count: int) -> Array:
-    """Weights (n, count) of evenly spaced values at places between and beyond them: parabolas through the nearest three."""
-    middle = np.clip(np.round(places), 1, count - 2).astype(np.intp)
-    off = places - middle
-    weights = np.zeros((len(places), count))
-    rows = np.arange(len(places))
-    for step, value in ((-1, off * (off - 1.0) / 2.0), (0, 1.0 - off**2), (1, off * (off + 1.0) / 2.0)):
-        weights[rows, middle + step] = value
-    return weights
+def _outline(grid: Array, corners: Array) -> Array:
+    """The outline (n, 2) in pixels of a quadrilateral (4, 2) of rows and columns, with a vertex for each square."""
+    sides = []
+    for k in range(4):
+        step = corners[(k + 1) % 4] - corners[k]
+        pieces = max(round(float(np.abs(step).max())), 1)
+        sides.append(corners[k] + np.arange(pieces)[:, None] / pieces * step)
+    return placed(grid, np.concatenate(sides))
 
 
 def _holds(outline: Array, place: Array) -> bool:
