@@ -23,14 +23,12 @@ SIDE_SAMPLES = 80
 MOST_STEPS = 200
 """Steps beyond a side at the most: that of a square of 133 px is a pixel."""
 
-CLEAR_STEP = 3.0
-"""CIELAB units a pixel from which an edge is clear: more than noise and shading make of a smoothed photo, and no more
-is asked of an edge, so that a strong one beyond the board doesn't win over the board's own. A convention."""
+CLEAR_STEP = 1.5
+"""CIELAB units a pixel at which an edge is half as clear as it can be: that of a step of 5 units in a smoothed photo.
+Ones far stronger count little more, so that an edge beyond the board doesn't win over the board's own. A convention."""
 
 LEAST_CLEAR = 0.6
-"""Share of a clear edge that a side shows on average at the least. The pattern's own side has the half, where its dark
-squares end."""
-
+"""How clear a side's edge is on average at the least. Dark squares end at half of the pattern's own side."""
 
 OUTWARD = np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, -1.0]])
 """The rows and columns that lead out of a pattern's sides, in the order of its corners."""
@@ -82,4 +80,4 @@ def _edges_beyond(lab: Floats, grid: Array, side: Array, outward: Array) -> tupl
     x, y = np.moveaxis(placed(grid, cells), 2, 0)
     shades = [ndimage.map_coordinates(lab[..., k], [y, x], order=1, mode="nearest") for k in range(3)]
     steps = np.sqrt(sum(np.gradient(shade, axis=0) ** 2 for shade in shades)) * (count / (BEYOND * length))
-    return np.minimum(steps / CLEAR_STEP, 1.0), float(beyond[1])
+    return steps / (steps + CLEAR_STEP), float(beyond[1])

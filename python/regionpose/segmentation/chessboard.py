@@ -6,7 +6,7 @@ The corners of its squares are followed from one to the next, so that a lens may
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from PIL import Image
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from regionpose.segmentation.board_edge import board_around
+from regionpose.segmentation.board_edge import BEYOND, board_around
 from regionpose.segmentation.grid_places import placed
 from regionpose.segmentation.x_corners import Corners, x_corners
 
@@ -23,6 +23,9 @@ Cell = tuple[int, int]
 
 WORK_PIXELS = 2_500_000
 """Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it."""
+
+SCALES = 3
+"""Times that the picture is looked at, halved each time: a board out of focus shows its corners in a smaller one."""
 
 STARTS = 300
 """Corners nearest to the click from which a grid is begun: more than noise makes within a square. Most end at once."""
@@ -54,54 +57,55 @@ FEWEST = 3
 """Corners along each side of a grid at the least; a checkered scrap has fewer by chance."""
 
 
-class Link(NamedTuple):
-    """A corner at its place in the grid."""
-
-    cell: Cell
-    corner: int
-
-
 def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
     """The outlines (n, 2), pixels, of the chessboard around a pixel (x, y) of a photo (h, w, 3) uint8.
 
     The rectangle of its outermost inner corners first, then all its squares, then the board around these where its edge
     shows. Each has a vertex for each square along it and so bends as the photo does. Empty where there's no chessboard.
     """
-    gray = Image.fromarray(image).convert("L")
-    factor = max(1, round(float(np.sqrt(gray.width * gray.height / WORK_PIXELS))))
-    corners = x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
-    place = (np.array(seed) + 0.5) / factor - 0.5
-    grid = _grid_around(corners, place)
-    if grid is None:
+    finest = max(1, round(float(np.sqrt(image.shape[0] * image.shape[1] / WORK_PIXELS))))
+    found = [grid for halved in range(SCALES) for grid in _grids_at(image, seed, finest * 2**halved)]
+    if not found:
         return []
-    grid = (grid + 0.5) * factor - 0.5
+    grid = max(found, key=np.size)
     pattern = _rectangle(grid, 1.0)
-    quads = [_rectangle(grid, 0.0), pattern, board_around(image, grid, pattern)]
-    return [_outline(grid, corners) for corners in quads if corners is not None]
+    board = board_around(image, grid, pattern)
+    outlines = [_outline(grid, _rectangle(grid, 0.0)), _outline(grid, pattern)]
+    outlines += [] if board is None else [_outline(grid, board)]
+    return outlines if _holds(outlines[-1], np.array(seed)) else []
 
 
-def _grid_around(corners: Corners, place: Array) -> Array | None:
-    """The largest full grid (rows, columns, 2) of corners whose squares hold a place; None where there's none."""
+def _grids_at(image: NDArray[np.uint8], seed: tuple[float, float], factor: int) -> Iterator[Array]:
+    """Grids (rows, columns, 2) of pixels around one, found in a photo that is averaged down by a factor."""
+    gray = Image.fromarray(image).convert("L")
+    corners = x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
+    for grid in _grids_around(corners, (np.array(seed) + 0.5) / factor - 0.5):
+        yield (grid + 0.5) * factor - 0.5
+
+
+def _grids_around(corners: Corners, place: Array) -> Iterator[Array]:
+    """Full grids (rows, columns, 2) of corners whose boards may hold a place."""
     if len(corners.places) < FEWEST**2:
-        return None
+        return
     tree = cKDTree(corners.places)
     tried: set[int] = set()
-    for start in tree.query(place, min(STARTS, len(corners.places)))[1].tolist():
+    for start in np.atleast_1d(tree.query(place, min(STARTS, len(corners.places)))[1]).tolist():
         if start in tried:
             continue
         cells = _followed(corners, tree, start)
         tried.update(cells.values())
         grid = _full_grid(corners, cells)
-        if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0)), place):
-            return grid
-    return None
+        if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0 + BEYOND)), place):
+            yield grid
 
 
 def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
     """The corners that are reached from one of them over the squares' edges, by their places in the grid."""
-    steps = _first_steps(corners, tree, start)
     cells: dict[Cell, int] = {(0, 0): start}
-    queue = deque([(0, 0)] if steps else [])
+    steps = _first_steps(corners, tree, start)
+    if steps is None:
+        return cells
+    queue = deque([(0, 0)])
     while queue:
         cell = queue.popleft()
         for direction in ((0, 1), (1, 0), (0, -1), (-1, 0)):
@@ -119,7 +123,7 @@ def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
 def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
     """The steps (2,) from a corner to its nearest neighbors in both directions of the grid; None where it has none."""
     here = corners.places[start]
-    near = tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1][1:].tolist()
+    near = np.atleast_1d(tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1])[1:].tolist()
     steps = [corners.places[other] - here for other in near if _linked(corners, start, other)]
     for step in steps[1:]:
         first = steps[0]
@@ -129,17 +133,16 @@ def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Ar
     return None
 
 
-def _step(
-    corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: tuple[Array, Array] | None
-) -> Array:
+def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: tuple[Array, Array]) -> Array:
     """The step (2,) from a corner of the grid in a direction: the one before it, or beside it, or the first one."""
     (row, column), (down, right) = cell, direction
     pairs = [((row - down, column - right), cell)]
-    pairs += [((row + s * right, column + s * down), (row + s * right + down, column + s * down + right)) for s in (1, -1)]
+    pairs += [
+        ((row + s * right, column + s * down), (row + s * right + down, column + s * down + right)) for s in (1, -1)
+    ]
     for one, other in pairs:
         if one in cells and other in cells:
             return np.asarray(corners.places[cells[other]] - corners.places[cells[one]])
-    assert steps is not None
     return (down + right) * steps[0 if down else 1]
 
 
@@ -171,28 +174,30 @@ def _linked(corners: Corners, one: int, other: int) -> bool:
 
 def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
     """The largest rectangle (rows, columns, 2) of the grid that lacks no corner; None where all are small."""
-    low = np.min(list(cells), axis=0)
-    there = np.zeros(np.max(list(cells), axis=0) - low + 1, dtype=np.intp)
-    for row, column in cells:
-        there[row - low[0], column - low[1]] = 1
-    best, most = None, 0
-    sums = np.pad(there.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    height, width = there.shape
-    for top, bottom in ((t, b) for t in range(height) for b in range(t + FEWEST, height + 1)):
-        for left, right in ((lo, hi) for lo in range(width) for hi in range(lo + FEWEST, width + 1)):
-            area = (bottom - top) * (right - left)
-            held = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-            if held == area > most:
-                best, most = (top, bottom, left, right), area
-    if best is None:
-        return None
-    top, bottom, left, right = best
-    listed = [[cells[row + low[0], column + low[1]] for column in range(left, right)] for row in range(top, bottom)]
-    return np.asarray(corners.places[np.array(listed)])
+    places = np.array(list(cells))
+    low = places.min(axis=0)
+    held = np.full(places.max(axis=0) - low + 1, -1)
+    held[tuple((places - low).T)] = list(cells.values())
+    best = held[:0]
+    for top in range(len(held)):
+        for bottom in range(top + FEWEST, len(held) + 1):
+            left, right = _longest_run(np.asarray((held[top:bottom] >= 0).all(axis=0)))
+            if right - left >= FEWEST and (bottom - top) * (right - left) > best.size:
+                best = held[top:bottom, left:right]
+    return np.asarray(corners.places[best]) if best.size else None
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+    """Where the longest run of true flags begins and ends."""
+    turns = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    if not len(turns):
+        return 0, 0
+    longest = int(np.argmax(turns[1::2] - turns[::2]))
+    return int(turns[2 * longest]), int(turns[2 * longest + 1])
 
 
 def _rectangle(grid: Array, beyond: float) -> Array:
-    """Corners (4, 2), rows and columns of a grid (rows, columns, 2), of the grid grown by some squares on every side."""
+    """Corners (4, 2), rows and columns, of a grid (rows, columns, 2) that is grown by some squares on every side."""
     low, (bottom, right) = -beyond, np.array(grid.shape[:2]) - 1.0 + beyond
     return np.array([[low, low], [low, right], [bottom, right], [bottom, low]])
 

@@ -53,8 +53,8 @@ def x_corners(gray: NDArray[np.uint8]) -> Corners:
     -(c sin a / (pi s^2))^2: the product of two error functions, each of slope sqrt(2 / pi) / s.
     """
     picture = np.asarray(ndimage.gaussian_filter(gray.astype(np.float32), BLUR_PX))
-    down, across = np.gradient(picture)
-    (yy, xy), xx = np.gradient(down), np.gradient(across, axis=1)
+    down, across = _slope(picture, 0), _slope(picture, 1)
+    yy, xy, xx = _slope(down, 0), _slope(down, 1), _slope(across, 1)
     contrast = np.pi * BLUR_PX**2 * np.sqrt(np.maximum(xy**2 - xx * yy, 0.0))
     around = ndimage.maximum_filter(picture, AROUND_PX) - ndimage.minimum_filter(picture, AROUND_PX)
     clear = contrast >= np.maximum(LEAST_CONTRAST, LEAST_SHARE * around)
@@ -66,6 +66,11 @@ def x_corners(gray: NDArray[np.uint8]) -> Corners:
     rows, columns = rows[kept], columns[kept]
     bright = 0.5 * np.arctan2(2.0 * xy[rows, columns], xx[rows, columns] - yy[rows, columns])
     return Corners(picture, places[kept], bright.astype(np.float64), contrast[rows, columns].astype(np.float64))
+
+
+def _slope(values: Floats, axis: int) -> Floats:
+    """Central differences along an axis."""
+    return np.asarray(ndimage.correlate1d(values, [-0.5, 0.0, 0.5], axis=axis, mode="nearest"))
 
 
 def _saddles(start: Array, slopes: tuple[Floats, Floats], curvatures: tuple[Floats, Floats, Floats]) -> Array:
