@@ -90,8 +90,9 @@ def _outlined_parts(image: Picture, outlines: list[Array], label: str) -> list[I
     photo = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
     parts = []
     for outline in outlines:
-        inside = shapely.Polygon(outline)
-        if not inside.is_valid or (inside := inside.intersection(photo)).geom_type != "Polygon":
+        whole = shapely.Polygon(outline)
+        inside = whole.intersection(photo) if whole.is_valid else shapely.Point()
+        if inside.geom_type != "Polygon":
             continue
         ring = shapely.get_coordinates(shapely.get_exterior_ring(inside))[:-1]
         written = [[round(float(value), 2) for value in vertex] for vertex in ring]
