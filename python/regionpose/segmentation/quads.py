@@ -35,15 +35,14 @@ LEAST_SHARE = 0.02
 """Share of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
 
 SIZE_POWER = 0.15
-"""Power of the area by which a larger quadrilateral is preferred. Chosen on the faces of `benchmarks/click_masks.py`:
-quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
-
-SHOWN_SHARE = 0.6
-"""Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met
-with 0.5, 0.7 and 0.8."""
+"""Power of the area by which a larger quadrilateral is preferred, among those that the photo's border doesn't cut.
+Chosen on the faces of `benchmarks/click_masks.py`: of 0, 0.06, 0.1, 0.15 and 0.25 it meets most. On other photos expect less."""
 
 OTHER_OVERLAP = 0.75
 """Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
+
+FEWEST_SHOWN = 2
+"""Sides that aren't the photo's border, at the least: a corner of a face is seen."""
 
 MOST_OF_WINDOW = 150
 """Quadrilaterals of a window that are looked at further, of either kind."""
@@ -56,7 +55,7 @@ SIDE_SAMPLES = 200
 
 
 class Quads(NamedTuple):
-    """Corners (n, 4, 2), and the shares (n, 4) of their sides that show an edge."""
+    """Corners (n, 4, 2), and the shares (n, 4) of their sides that show an edge; nan of sides on the photo's border."""
 
     corners: Array
     shares: Array
@@ -68,15 +67,19 @@ class Quads(NamedTuple):
         return np.asarray(0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)))
 
     @property
-    def clear(self) -> Array:
-        """How clearly they show (n,): the geometric mean of the shares, times a power of the area."""
-        means = np.exp(np.log(np.clip(self.shares, LEAST_SHARE, 1.0)).mean(axis=1))
-        return np.asarray(means * self.areas**SIZE_POWER)
+    def shown(self) -> Array:
+        """How clearly they show (n,): the geometric mean of the shares."""
+        return np.asarray(np.exp(np.nanmean(np.log(np.clip(self.shares, LEAST_SHARE, 1.0)), axis=1)))
 
     @property
-    def large(self) -> Array:
-        """Their areas (n,), 0 where a side is hardly shown."""
-        return np.where(self.shares.min(axis=1) >= SHOWN_SHARE, self.areas, 0.0)
+    def clear(self) -> Array:
+        """How clearly the whole ones show (n,), times a power of the area; 0 of those that the photo's border cuts."""
+        return np.where(np.isnan(self.shares).any(axis=1), 0.0, self.shown * self.areas**SIZE_POWER)
+
+    @property
+    def cut(self) -> Array:
+        """How clearly those show (n,) that the photo's border cuts; 0 of the others."""
+        return np.where(np.isnan(self.shares).any(axis=1), self.shown, 0.0)
 
     def taken(self, which: Indices) -> Quads:
         """Some of them."""
@@ -84,30 +87,34 @@ class Quads(NamedTuple):
 
 
 def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
-    """Up to two quadrilaterals (4, 2), pixels, around a pixel (x, y) of a photo (h, w, 3) uint8.
+    """Up to three quadrilaterals (4, 2), pixels, around a pixel (x, y) of a photo (h, w, 3) uint8.
 
-    The one that shows most clearly, and the largest one all of whose sides show. Their sides are refined on the photo.
+    The one that shows most clearly, the one that does close around the pixel, and the one of those that the photo's
+    border cuts. Their sides are refined on the photo.
     """
     reach = max(image.shape[:2])
     found = [_window_quads(image, seed, share * reach) for share in WINDOWS]
     quads = Quads(np.concatenate([each.corners for each in found]), np.concatenate([each.shares for each in found]))
-    chosen: list[Array] = []
-    for scores in (quads.clear, quads.large):
-        for index in np.argsort(-scores, kind="stable"):
-            if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in chosen):
-                chosen.append(quads.corners[index])
+    close = np.where(np.arange(len(quads.corners)) < len(found[0].corners), quads.clear, 0.0)
+    chosen: list[int] = []
+    for scores in (quads.clear, close, quads.cut):
+        for index in np.argsort(-scores, kind="stable").tolist():
+            others = (quads.corners[other] for other in chosen)
+            if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in others):
+                chosen.append(index)
                 break
-    return [_refined(image, corners) for corners in chosen]
+    return [_refined(image, quads.corners[index], np.isnan(quads.shares[index])) for index in chosen]
 
 
 def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Quads:
-    """The quadrilaterals of a window that show most clearly, and the largest ones."""
+    """The quadrilaterals of a window that show most clearly, whole ones and those that the photo's border cuts."""
     window = window_around(image, seed, half)
     if min(window.values.shape[:2]) < SMALLEST_WINDOW:
         return Quads(np.empty((0, 4, 2)), np.empty((0, 4)))
     lines, place = straight_lines(edges_of(window.values)), window.inside(np.array(seed))
+    lines = lines.beside(*window.borders(image.shape))
     quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
-    best = np.argsort(-np.stack([quads.clear, quads.large]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
+    best = np.argsort(-np.stack([quads.clear, quads.cut]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
     kept = quads.taken(np.unique(best))
     return Quads(window.outside(kept.corners), kept.shares)
 
@@ -126,7 +133,8 @@ def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
     sides = np.stack([pairs[first, 0], pairs[second, 0], pairs[first, 1], pairs[second, 1]], axis=1)
     steep = np.abs(lines.normals @ lines.normals.T) <= np.cos(np.radians(ADJACENT_DEG))
     after = np.roll(sides, -1, axis=1)
-    sides = sides[steep[sides, after].all(axis=1)]
+    shown = ~np.isnan(lines.shown[sides, 0])
+    sides = sides[steep[sides, after].all(axis=1) & (shown.sum(axis=1) >= FEWEST_SHOWN)]
     corners = _corners(lines, sides)
     within = ((corners > -BEYOND_PX) & (corners < size + BEYOND_PX)).all(axis=(1, 2))
     edges, to_place = np.roll(corners, -1, axis=1) - corners, place - corners
@@ -163,15 +171,19 @@ def _overlap(one: Array, other: Array) -> float:
     return float(first.intersection(second).area / first.union(second).area)
 
 
-def _refined(image: NDArray[np.uint8], corners: Array) -> Array:
-    """The quadrilateral with its sides on the edges beside them; as it is where these don't make one around it."""
+def _refined(image: NDArray[np.uint8], corners: Array, fixed: NDArray[np.bool_]) -> Array:
+    """The quadrilateral with its sides on the edges beside them; as it is where these don't make one around it.
+
+    `fixed` (4,) sides, on the photo's border, stay.
+    """
     margin = 2.0 * REFINED_PX
     low = np.maximum(np.floor(corners.min(axis=0) - margin), 0.0).astype(np.intp)
     high = np.ceil(corners.max(axis=0) + margin).astype(np.intp) + 1
     lab = smooth_lab(image[low[1] : high[1], low[0] : high[0]])
     refined = corners - low
     for reach in np.linspace(REFINED_PX, 0.5 * REFINED_PX, REFINED_ROUNDS):
-        lines = [_refined_side(lab, refined[k], refined[(k + 1) % 4], reach) for k in range(4)]
+        ends = list(zip(refined, np.roll(refined, -1, axis=0), fixed, strict=True))
+        lines = [_line(start, end) if held else _refined_side(lab, start, end, reach) for start, end, held in ends]
         held = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
         refined = _corners(held, np.arange(4)[None])[0]
     refined = refined + low
@@ -196,6 +208,10 @@ def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[
         return np.asarray(weights * (line[0] + line[1] * lever - offs))
 
     shift, slope = least_squares(residuals, np.zeros(2), loss="cauchy").x
-    direction = (end - start) + slope * normal
-    turned = np.array([-direction[1], direction[0]]) / np.hypot(*direction)
-    return turned, float(turned @ (0.5 * (start + end) + shift * normal))
+    return _line(start + (shift - 0.5 * slope) * normal, end + (shift + 0.5 * slope) * normal)
+
+
+def _line(start: Array, end: Array) -> tuple[Array, float]:
+    """Normal (2,) and offset of the line through two places."""
+    x, y = (end - start) / np.hypot(*(end - start))
+    return np.array([-y, x]), float(x * start[1] - y * start[0])
