@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 
-from regionpose.segmentation.image_lines import Floats, Lines, edges_of, smooth_lab, straight_lines, window_around
+from regionpose.segmentation.image_lines import (
+    NEAR_PX,
+    Floats,
+    Lines,
+    edges_of,
+    smooth_lab,
+    straight_lines,
+    window_around,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -36,7 +44,8 @@ LEAST_SHARE = 0.02
 
 SIZE_POWER = 0.15
 """Power of the area by which a larger quadrilateral is preferred, among those that the photo's border doesn't cut.
-Chosen on the faces of `benchmarks/click_masks.py`: of 0, 0.06, 0.1, 0.15 and 0.25 it meets most. On other photos expect less."""
+Chosen on the faces of `benchmarks/click_masks.py`: of 0, 0.06, 0.1, 0.15 and 0.25
+it meets most. On other photos expect less."""
 
 OTHER_OVERLAP = 0.75
 """Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
@@ -47,18 +56,24 @@ FEWEST_SHOWN = 2
 MOST_OF_WINDOW = 150
 """Quadrilaterals of a window that are looked at further, of either kind."""
 
-REFINED_PX, REFINED_ROUNDS = 3.0, 3
-"""Pixels across a side within which its edge is looked for, less in each round, to the last pixel and a half."""
+REFINED_ROUNDS = 3
+"""Times that the edges beside a side are looked for: first within `NEAR_PX` of the window, where those lie that showed
+the line, at last within half of it."""
 
 SIDE_SAMPLES = 200
 """Places along a side, at the most, at which its edge is looked for."""
 
 
 class Quads(NamedTuple):
-    """Corners (n, 4, 2), and the shares (n, 4) of their sides that show an edge; nan of sides on the photo's border."""
+    """Quadrilaterals that were found in windows of a photo.
+
+    `corners` (n, 4, 2), pixels; `shares` (n, 4): those of their sides that show an edge, nan of sides on the photo's
+    border; `grain` (n,): pixels of the photo in one of the window.
+    """
 
     corners: Array
     shares: Array
+    grain: Array
 
     @property
     def areas(self) -> Array:
@@ -83,7 +98,7 @@ class Quads(NamedTuple):
 
     def taken(self, which: Indices) -> Quads:
         """Some of them."""
-        return Quads(self.corners[which], self.shares[which])
+        return Quads(self.corners[which], self.shares[which], self.grain[which])
 
 
 def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
@@ -94,7 +109,7 @@ def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Ar
     """
     reach = max(image.shape[:2])
     found = [_window_quads(image, seed, share * reach) for share in WINDOWS]
-    quads = Quads(np.concatenate([each.corners for each in found]), np.concatenate([each.shares for each in found]))
+    quads = Quads(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     close = np.where(np.arange(len(quads.corners)) < len(found[0].corners), quads.clear, 0.0)
     chosen: list[int] = []
     for scores in (quads.clear, close, quads.cut):
@@ -103,20 +118,20 @@ def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Ar
             if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in others):
                 chosen.append(index)
                 break
-    return [_refined(image, quads.corners[index], np.isnan(quads.shares[index])) for index in chosen]
+    return [_refined(image, quads.taken(np.array([index]))) for index in chosen]
 
 
 def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Quads:
     """The quadrilaterals of a window that show most clearly, whole ones and those that the photo's border cuts."""
     window = window_around(image, seed, half)
     if min(window.values.shape[:2]) < SMALLEST_WINDOW:
-        return Quads(np.empty((0, 4, 2)), np.empty((0, 4)))
+        return Quads(np.empty((0, 4, 2)), np.empty((0, 4)), np.empty(0))
     lines, place = straight_lines(edges_of(window.values)), window.inside(np.array(seed))
     lines = lines.beside(*window.borders(image.shape))
     quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
     best = np.argsort(-np.stack([quads.clear, quads.cut]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
     kept = quads.taken(np.unique(best))
-    return Quads(window.outside(kept.corners), kept.shares)
+    return Quads(window.outside(kept.corners), kept.shares, kept.grain * window.factor)
 
 
 def _opposite(lines: Lines, place: Array) -> Indices:
@@ -141,7 +156,7 @@ def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
     turns = edges[..., 0] * to_place[..., 1] - edges[..., 1] * to_place[..., 0]
     around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
     kept = within & around & (np.hypot(edges[..., 0], edges[..., 1]).min(axis=1) > SHORTEST_SIDE)
-    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]))
+    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]), np.ones(int(kept.sum())))
 
 
 def _corners(lines: Lines, sides: Indices) -> Array:
@@ -171,23 +186,24 @@ def _overlap(one: Array, other: Array) -> float:
     return float(first.intersection(second).area / first.union(second).area)
 
 
-def _refined(image: NDArray[np.uint8], corners: Array, fixed: NDArray[np.bool_]) -> Array:
-    """The quadrilateral with its sides on the edges beside them; as it is where these don't make one around it.
+def _refined(image: NDArray[np.uint8], quad: Quads) -> Array:
+    """The only quadrilateral with its sides on the edges beside them; as it is where these don't make one around it.
 
-    `fixed` (4,) sides, on the photo's border, stay.
+    Sides on the photo's border stay.
     """
-    margin = 2.0 * REFINED_PX
-    low = np.maximum(np.floor(corners.min(axis=0) - margin), 0.0).astype(np.intp)
-    high = np.ceil(corners.max(axis=0) + margin).astype(np.intp) + 1
+    corners, fixed = quad.corners[0], np.isnan(quad.shares[0])
+    reaches = float(quad.grain[0]) * NEAR_PX * np.linspace(1.0, 0.5, REFINED_ROUNDS)
+    low = np.maximum(np.floor(corners.min(axis=0) - 2.0 * reaches[0]), 0.0).astype(np.intp)
+    high = np.ceil(corners.max(axis=0) + 2.0 * reaches[0]).astype(np.intp) + 1
     lab = smooth_lab(image[low[1] : high[1], low[0] : high[0]])
     refined = corners - low
-    for reach in np.linspace(REFINED_PX, 0.5 * REFINED_PX, REFINED_ROUNDS):
+    for reach in reaches:
         ends = list(zip(refined, np.roll(refined, -1, axis=0), fixed, strict=True))
         lines = [_line(start, end) if held else _refined_side(lab, start, end, reach) for start, end, held in ends]
         held = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
         refined = _corners(held, np.arange(4)[None])[0]
     refined = refined + low
-    return refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners
+    return np.asarray(refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners)
 
 
 def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[Array, float]:
