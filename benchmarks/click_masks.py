@@ -2,8 +2,8 @@
 
 The scenes are folders with image.png and regions.json below --data. The click is the pixel deepest inside the drawn
 face; of the masks that `regionpose pick` proposes there the best one counts. A line each, then the share of faces with
-an overlap (IoU) of 0.9, and the median. A drawn face holds its windows and what stands before it, and the inner
-rectangle of a checkerboard has no edge of its own: no mask that follows the photo reaches 0.9 there.
+an overlap (IoU) of 0.9, and the median. A drawn face holds its windows, and a mask by color doesn't; the inner
+rectangle of a chessboard has no edge of its own: it is known by the corners of its squares alone.
 
     python -m benchmarks.click_masks [--data ../shared/data] [--only natural kitti]
 """

@@ -48,8 +48,8 @@ From 0.15 to 0.5 the same faces of `benchmarks/click_masks.py` are met."""
 
 SIZE_POWER = 0.15
 """Power of the area by which a larger quadrilateral is preferred, among those that the photo's border doesn't cut.
-Chosen on the faces of `benchmarks/click_masks.py`: of the 19 that are no chessboards, quadrilaterals meet 7, and 5, 6, 6
-and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
+Chosen on the faces of `benchmarks/click_masks.py`: of the 19 that are no chessboards, quadrilaterals meet 7, and 5, 6,
+6 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
 
 OTHER_OVERLAP = 0.75
 """Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
