@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 Cell = tuple[int, int]
 
 WORK_PIXELS = 2_500_000
-"""Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it."""
+"""Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it. A
+convention: a square of 8 of these pixels fills 1/200 of the photo's width."""
 
 SCALES = 3
 """Times that the picture is looked at, halved each time: a board out of focus shows its corners in a smaller one."""
@@ -34,8 +35,8 @@ NEIGHBORS = 12
 """Corners around the first one among which its neighbors are looked for."""
 
 STEP_TOLERANCE = 0.35
-"""Distance of a corner from where it is predicted, in steps. A step changes by a quarter where the board is seen at 70
-deg from four squares away; a neighbor of the right colors is a whole step off."""
+"""Distance of a corner from where it is predicted, in steps. A step is a fifth longer than the next where the board is
+seen at 70 deg from eight squares away; another corner of the right colors is a whole step off."""
 
 CROSSING_DEG = 20.0
 """Least angle between both directions of the grid; a convention."""
@@ -48,10 +49,11 @@ EDGE_REACH, LEAST_EDGE_REACH = 0.1, 2.0
 bend of an edge by a fisheye, and within the next square of a board that is seen at 80 deg."""
 
 LIKE_CONTRAST = 1 / 3
-"""Contrast of a corner over that of its neighbor at the least: light falls off slowly along a board."""
+"""Contrast of a corner over that of its neighbor at the least: light falls off slowly along a board. A
+convention."""
 
 EDGE_SHARE = 0.3
-"""Contrast of the edge at the least, over that of its corners."""
+"""Contrast of the edge at the least, over that of its corners; a convention."""
 
 FEWEST = 3
 """Corners along each side of a grid at the least; a checkered scrap has fewer by chance."""
