@@ -159,6 +159,24 @@ def test_holes_are_filled_on_request_only() -> None:
     assert overlap(grow_image_region(image, seed, fill_holes=False), ring) > 0.97
 
 
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_a_hole_that_the_border_cuts_is_filled(turns: int) -> None:
+    wall = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    wall[:90, 20:140] = True
+    windowed = wall.copy()
+    windowed[:30, 60:90] = False
+    image = np.rot90(painted(windowed.astype(np.float64)), turns)
+    y, x = np.argwhere(np.rot90(wall & (np.arange(HEIGHT)[:, None] == 60), turns))[60]
+    assert overlap(grow_image_region(image, (int(x), int(y))), np.rot90(wall, turns)) > 0.98
+
+
+def test_a_gap_wider_than_what_the_border_shows_stays_open() -> None:
+    towers = np.zeros((HEIGHT, WIDTH), dtype=np.bool_)
+    towers[:90, 20:140] = True
+    towers[:40, 40:120] = False
+    assert overlap(grow_image_region(painted(towers.astype(np.float64)), (80, 65)), towers) > 0.97
+
+
 def test_pieces_that_are_not_connected_stay_out() -> None:
     share = np.zeros((HEIGHT, WIDTH))
     share[20:100, 10:70] = share[20:100, 90:150] = 1.0

@@ -18,6 +18,7 @@ from regionpose.regions.image import ImageRegion
 from regionpose.scene import Scene
 from regionpose.scene.sensors import Picture
 from regionpose.scene.sides import Scan, world_side
+from regionpose.segmentation.chessboard import chessboard_around
 from regionpose.segmentation.cloud import grow_plane
 from regionpose.segmentation.image import grow_image_region, stable_tolerances
 from regionpose.segmentation.quads import quads_around
@@ -46,24 +47,28 @@ NEAREST_AND_SELF = NEIGHBORS + 1
 
 
 def mask_choices(image: Picture, seed: Sequence[float]) -> Choices[ImagePart]:
-    """Masks around a pixel (x, y), and quadrilaterals whose sides the photo shows, in order of size.
+    """Masks around a pixel (x, y), and outlines that the photo shows there, in order of size.
 
-    The mask that `grow_image_region` would choose is taken, or the clearest quadrilateral where nothing grows.
-    ValueError for a seed outside the image, or one around which there is neither.
+    The outlines are those of a chessboard, or quadrilaterals where there's none. The largest of a chessboard is taken,
+    else the mask that `grow_image_region` would choose, or the clearest quadrilateral where nothing grows. ValueError
+    for a seed outside the image, or one around which there is nothing.
     """
     place = (float(seed[0]), float(seed[1]))
     tolerances = stable_tolerances(image, place, most=MOST_MASKS)
-    quads = [only(part) for part in _quad_parts(image, place)]
+    board = [only(part) for part in _outlined_parts(image, chessboard_around(image, place), "chessboard")]
+    drawn = board or [only(part) for part in _outlined_parts(image, quads_around(image, place), "edges of the photo")]
     masks = Choices(tuple(partial(_mask, image, place, tolerance) for tolerance, _ in tolerances))
     own = masks.at(min(range(len(masks)), key=lambda index: abs(tolerances[index][1] - 1.0)))
+    areas = [part.chosen.region.area for part in drawn]
     try:
         area = own.chosen.region.area
     except ValueError:
-        if not quads:
+        if not drawn:
             raise
-        return _by_size(quads, [quad.chosen.region.area for quad in quads], quads[0])
-    sized = [ratio * area for _, ratio in tolerances] + [quad.chosen.region.area for quad in quads]
-    return _by_size([own if k == own.index else masks.at(k) for k in range(len(masks))] + quads, sized, own)
+        return _by_size(drawn, areas, drawn[-1 if board else 0])
+    sized = [ratio * area for _, ratio in tolerances] + areas
+    grown = [own if k == own.index else masks.at(k) for k in range(len(masks))]
+    return _by_size(grown + drawn, sized, drawn[-1] if board else own)
 
 
 def _by_size(parts: list[Choices[ImagePart]], areas: list[float], taken: Choices[ImagePart]) -> Choices[ImagePart]:
@@ -77,18 +82,21 @@ def _chosen_part(choices: Choices[ImagePart]) -> ImagePart:
     return choices.chosen
 
 
-def _quad_parts(image: Picture, seed: tuple[float, float]) -> list[ImagePart]:
-    """The quadrilaterals around a pixel, as polygons within the photo."""
+def _outlined_parts(image: Picture, outlines: list[Array], label: str) -> list[ImagePart]:
+    """Outlines (n, 2) as polygons within the photo; those that cross themselves or that it cuts up are left out."""
     import shapely
 
     height, width = image.shape[:2]
     photo = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
     parts = []
-    for corners in quads_around(image, seed):
-        inside = shapely.Polygon(corners).intersection(photo)
+    for outline in outlines:
+        whole = shapely.Polygon(outline)
+        inside = whole.intersection(photo) if whole.is_valid else shapely.Point()
+        if inside.geom_type != "Polygon":
+            continue
         ring = shapely.get_coordinates(shapely.get_exterior_ring(inside))[:-1]
         written = [[round(float(value), 2) for value in vertex] for vertex in ring]
-        parts.append(ImagePart({"polygon": written}, ImageRegion.from_polygon(written), label="edges of the photo"))
+        parts.append(ImagePart({"polygon": written}, ImageRegion.from_polygon(written), label=label))
     return parts
 
 

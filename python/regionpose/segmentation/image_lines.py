@@ -33,8 +33,8 @@ SPREAD = 2
 """Directions to either side that an edge votes for: its own is known to 4 deg."""
 
 MOST_LINES = 60
-"""Lines of a window that are kept, the longest. Chosen on the faces of `benchmarks/click_masks.py`: quadrilaterals of
-these meet 8 of 37, and 6 and 7 with 44 and 80 lines."""
+"""Lines of a window that are kept, the longest. Chosen on the faces of `benchmarks/click_masks.py`: of the 19 that
+are no chessboards, quadrilaterals of these meet 7, and 6 and 5 with 44 and 80 lines."""
 
 NEAR_PX = 1.5
 """Distance of an edge from a line that it shows, pixels of the window."""
@@ -54,7 +54,7 @@ class Lines(NamedTuple):
     """Lines of a window, and which of their pixels show an edge.
 
     `normals` (n, 2), `offsets` (n,): points x of a line have normal @ x = offset. `shown` (n, 2 reach + 2): how many
-    pixels of the line show an edge before each place along it, from -reach on.
+    pixels of the line show an edge before each place along it, from -reach on; nan of lines where none can show.
     """
 
     normals: Array
@@ -65,6 +65,12 @@ class Lines(NamedTuple):
     def reach(self) -> int:
         """The places along a line go from -reach to reach, pixels from the foot of the window's zero."""
         return int(self.shown.shape[1] - 2) // 2
+
+    def beside(self, normals: Array, offsets: Array) -> Lines:
+        """The lines with others (m, 2), (m,) beside them at which no edge can show."""
+        blank = np.full((len(offsets), self.shown.shape[1]), np.nan)
+        joined = [(self.normals, normals.reshape(-1, 2)), (self.offsets, offsets), (self.shown, blank)]
+        return Lines(*(np.concatenate(pair) for pair in joined))
 
 
 class Window(NamedTuple):
@@ -81,6 +87,15 @@ class Window(NamedTuple):
     def outside(self, pixels: Array) -> Array:
         """Pixels of the window (..., 2) as those of the photo."""
         return np.asarray((pixels + 0.5) * self.factor - 0.5 + self.corner)
+
+    def borders(self, shape: tuple[int, ...]) -> tuple[Array, Array]:
+        """Normals (m, 2) and offsets (m,), pixels of the window, of the borders of a photo (h, w, ...) beside it."""
+        size = np.array([shape[1], shape[0]], dtype=np.float64)
+        edges = self.inside(np.stack([np.full(2, -0.5), size - 0.5]))
+        inner = np.array(self.values.shape[1::-1])
+        beside = np.stack([self.corner <= 0, edges[1] <= inner])
+        which, axes = np.nonzero(beside)
+        return np.eye(2)[axes], edges[which, axes]
 
 
 def window_around(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Window:

@@ -65,7 +65,7 @@ def outlined(
 ) -> Floats:
     """Share (h, w) of each pixel of the image that a region grown in the reduced image covers."""
     if fill_holes:
-        growth = growth._replace(mask=np.asarray(ndimage.binary_fill_holes(growth.mask)))
+        growth = growth._replace(mask=_without_holes(growth.mask))
     near, window = _windows(growth.mask, reduced, image.shape)
     reduced, growth = reduced._replace(levels=reduced.levels[near]), growth._replace(mask=growth.mask[near])
     mask, textured = _full_size(image[window], reduced, growth, linear_light)
@@ -75,6 +75,19 @@ def outlined(
     shares = np.zeros(image.shape[:2], dtype=np.float32)
     shares[window] = mask if textured else _outline_shares(image[window], mask, linear_light)
     return shares
+
+
+def _without_holes(mask: Mask) -> Mask:
+    """A mask with its holes filled, also those that the image's border cuts, as it does a window of a wall.
+
+    Beyond a border the mask is taken to go on between its first and last pixel there if most of those between are its.
+    """
+    beyond = np.pad(mask, 1)
+    for turned in (beyond, beyond[::-1], beyond.T, beyond.T[::-1]):
+        held = np.flatnonzero(turned[1, 1:-1])
+        if len(held) and 2 * len(held) > held[-1] - held[0]:
+            turned[0, 1 + held[0] : 2 + held[-1]] = True
+    return np.asarray(ndimage.binary_fill_holes(beyond)[1:-1, 1:-1])
 
 
 def _windows(mask: Mask, reduced: Reduced, shape: tuple[int, ...]) -> tuple[Window, Window]:

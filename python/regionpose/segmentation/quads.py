@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.optimize import least_squares
 
-from regionpose.segmentation.image_lines import Floats, Lines, edges_of, smooth_lab, straight_lines, window_around
+from regionpose.segmentation.image_lines import (
+    NEAR_PX,
+    Floats,
+    Lines,
+    edges_of,
+    smooth_lab,
+    straight_lines,
+    window_around,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,32 +42,42 @@ BEYOND_PX = 3.0
 LEAST_SHARE = 0.02
 """Share of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
 
-SIZE_POWER = 0.15
-"""Power of the area by which a larger quadrilateral is preferred. Chosen on the faces of `benchmarks/click_masks.py`:
-quadrilaterals meet 8 of the 37, and 6, 6, 7 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
+BORDER_SHARE = 0.5
+"""Share that a side on the photo's border counts as: one that may be there or not, so that sides that show count more.
+From 0.15 to 0.5 the same faces of `benchmarks/click_masks.py` are met."""
 
-SHOWN_SHARE = 0.6
-"""Share of each side that is shown of the largest quadrilateral; chosen like `SIZE_POWER`: 7, 6 and 5 faces are met
-with 0.5, 0.7 and 0.8."""
+SIZE_POWER = 0.15
+"""Power of the area by which a larger quadrilateral is preferred, among those that the photo's border doesn't cut.
+Chosen on the faces of `benchmarks/click_masks.py`: of the 19 that are no chessboards, quadrilaterals meet 7, and 5, 6,
+6 and 4 with 0, 0.06, 0.1 and 0.25. On other photos expect less."""
 
 OTHER_OVERLAP = 0.75
 """Overlap (IoU) from which two quadrilaterals are the same proposal; plain to see."""
 
+FEWEST_SHOWN = 2
+"""Sides that aren't the photo's border, at the least: a corner of a face is seen."""
+
 MOST_OF_WINDOW = 150
 """Quadrilaterals of a window that are looked at further, of either kind."""
 
-REFINED_PX, REFINED_ROUNDS = 3.0, 3
-"""Pixels across a side within which its edge is looked for, less in each round, to the last pixel and a half."""
+REFINED_ROUNDS = 3
+"""Times that the edges beside a side are looked for: first within `NEAR_PX` of the window, where those lie that showed
+the line, at last within half of it."""
 
 SIDE_SAMPLES = 200
 """Places along a side, at the most, at which its edge is looked for."""
 
 
 class Quads(NamedTuple):
-    """Corners (n, 4, 2), and the shares (n, 4) of their sides that show an edge."""
+    """Quadrilaterals that were found in windows of a photo.
+
+    `corners` (n, 4, 2), pixels; `shares` (n, 4): those of their sides that show an edge, nan of sides on the photo's
+    border; `grain` (n,): pixels of the photo in one of the window.
+    """
 
     corners: Array
     shares: Array
+    grain: Array
 
     @property
     def areas(self) -> Array:
@@ -68,48 +86,57 @@ class Quads(NamedTuple):
         return np.asarray(0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)))
 
     @property
-    def clear(self) -> Array:
-        """How clearly they show (n,): the geometric mean of the shares, times a power of the area."""
-        means = np.exp(np.log(np.clip(self.shares, LEAST_SHARE, 1.0)).mean(axis=1))
-        return np.asarray(means * self.areas**SIZE_POWER)
+    def shown(self) -> Array:
+        """How clearly they show (n,): the geometric mean of the shares."""
+        shares = np.clip(np.nan_to_num(self.shares, nan=BORDER_SHARE), LEAST_SHARE, 1.0)
+        return np.asarray(np.exp(np.log(shares).mean(axis=1)))
 
     @property
-    def large(self) -> Array:
-        """Their areas (n,), 0 where a side is hardly shown."""
-        return np.where(self.shares.min(axis=1) >= SHOWN_SHARE, self.areas, 0.0)
+    def clear(self) -> Array:
+        """How clearly the whole ones show (n,), times a power of the area; 0 of those that the photo's border cuts."""
+        return np.where(np.isnan(self.shares).any(axis=1), 0.0, self.shown * self.areas**SIZE_POWER)
+
+    @property
+    def cut(self) -> Array:
+        """How clearly those show (n,) that the photo's border cuts; 0 of the others."""
+        return np.where(np.isnan(self.shares).any(axis=1), self.shown, 0.0)
 
     def taken(self, which: Indices) -> Quads:
         """Some of them."""
-        return Quads(self.corners[which], self.shares[which])
+        return Quads(self.corners[which], self.shares[which], self.grain[which])
 
 
 def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
-    """Up to two quadrilaterals (4, 2), pixels, around a pixel (x, y) of a photo (h, w, 3) uint8.
+    """Up to three quadrilaterals (4, 2), pixels, around a pixel (x, y) of a photo (h, w, 3) uint8.
 
-    The one that shows most clearly, and the largest one all of whose sides show. Their sides are refined on the photo.
+    The one that shows most clearly, the one that does close around the pixel, and the one of those that the photo's
+    border cuts. Their sides are refined on the photo.
     """
     reach = max(image.shape[:2])
     found = [_window_quads(image, seed, share * reach) for share in WINDOWS]
-    quads = Quads(np.concatenate([each.corners for each in found]), np.concatenate([each.shares for each in found]))
-    chosen: list[Array] = []
-    for scores in (quads.clear, quads.large):
-        for index in np.argsort(-scores, kind="stable"):
-            if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in chosen):
-                chosen.append(quads.corners[index])
+    quads = Quads(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    close = np.where(np.arange(len(quads.corners)) < len(found[0].corners), quads.clear, 0.0)
+    chosen: list[int] = []
+    for scores in (quads.clear, close, quads.cut):
+        for index in np.argsort(-scores, kind="stable").tolist():
+            others = (quads.corners[other] for other in chosen)
+            if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in others):
+                chosen.append(index)
                 break
-    return [_refined(image, corners) for corners in chosen]
+    return [_refined(image, quads.taken(np.array([index]))) for index in chosen]
 
 
 def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Quads:
-    """The quadrilaterals of a window that show most clearly, and the largest ones."""
+    """The quadrilaterals of a window that show most clearly, whole ones and those that the photo's border cuts."""
     window = window_around(image, seed, half)
     if min(window.values.shape[:2]) < SMALLEST_WINDOW:
-        return Quads(np.empty((0, 4, 2)), np.empty((0, 4)))
+        return Quads(np.empty((0, 4, 2)), np.empty((0, 4)), np.empty(0))
     lines, place = straight_lines(edges_of(window.values)), window.inside(np.array(seed))
+    lines = lines.beside(*window.borders(image.shape))
     quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
-    best = np.argsort(-np.stack([quads.clear, quads.large]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
+    best = np.argsort(-np.stack([quads.clear, quads.cut]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
     kept = quads.taken(np.unique(best))
-    return Quads(window.outside(kept.corners), kept.shares)
+    return Quads(window.outside(kept.corners), kept.shares, kept.grain * window.factor)
 
 
 def _opposite(lines: Lines, place: Array) -> Indices:
@@ -126,14 +153,15 @@ def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
     sides = np.stack([pairs[first, 0], pairs[second, 0], pairs[first, 1], pairs[second, 1]], axis=1)
     steep = np.abs(lines.normals @ lines.normals.T) <= np.cos(np.radians(ADJACENT_DEG))
     after = np.roll(sides, -1, axis=1)
-    sides = sides[steep[sides, after].all(axis=1)]
+    shown = ~np.isnan(lines.shown[sides, 0])
+    sides = sides[steep[sides, after].all(axis=1) & (shown.sum(axis=1) >= FEWEST_SHOWN)]
     corners = _corners(lines, sides)
     within = ((corners > -BEYOND_PX) & (corners < size + BEYOND_PX)).all(axis=(1, 2))
     edges, to_place = np.roll(corners, -1, axis=1) - corners, place - corners
     turns = edges[..., 0] * to_place[..., 1] - edges[..., 1] * to_place[..., 0]
     around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
     kept = within & around & (np.hypot(edges[..., 0], edges[..., 1]).min(axis=1) > SHORTEST_SIDE)
-    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]))
+    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]), np.ones(int(kept.sum())))
 
 
 def _corners(lines: Lines, sides: Indices) -> Array:
@@ -163,19 +191,24 @@ def _overlap(one: Array, other: Array) -> float:
     return float(first.intersection(second).area / first.union(second).area)
 
 
-def _refined(image: NDArray[np.uint8], corners: Array) -> Array:
-    """The quadrilateral with its sides on the edges beside them; as it is where these don't make one around it."""
-    margin = 2.0 * REFINED_PX
-    low = np.maximum(np.floor(corners.min(axis=0) - margin), 0.0).astype(np.intp)
-    high = np.ceil(corners.max(axis=0) + margin).astype(np.intp) + 1
+def _refined(image: NDArray[np.uint8], quad: Quads) -> Array:
+    """The only quadrilateral with its sides on the edges beside them; as it is where these don't make one around it.
+
+    Sides on the photo's border stay.
+    """
+    corners, fixed = quad.corners[0], np.isnan(quad.shares[0])
+    reaches = float(quad.grain[0]) * NEAR_PX * np.linspace(1.0, 0.5, REFINED_ROUNDS)
+    low = np.maximum(np.floor(corners.min(axis=0) - 2.0 * reaches[0]), 0.0).astype(np.intp)
+    high = np.ceil(corners.max(axis=0) + 2.0 * reaches[0]).astype(np.intp) + 1
     lab = smooth_lab(image[low[1] : high[1], low[0] : high[0]])
     refined = corners - low
-    for reach in np.linspace(REFINED_PX, 0.5 * REFINED_PX, REFINED_ROUNDS):
-        lines = [_refined_side(lab, refined[k], refined[(k + 1) % 4], reach) for k in range(4)]
+    for reach in reaches:
+        ends = list(zip(refined, np.roll(refined, -1, axis=0), fixed, strict=True))
+        lines = [_line(start, end) if held else _refined_side(lab, start, end, reach) for start, end, held in ends]
         held = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
         refined = _corners(held, np.arange(4)[None])[0]
     refined = refined + low
-    return refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners
+    return np.asarray(refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners)
 
 
 def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[Array, float]:
@@ -196,6 +229,10 @@ def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[
         return np.asarray(weights * (line[0] + line[1] * lever - offs))
 
     shift, slope = least_squares(residuals, np.zeros(2), loss="cauchy").x
-    direction = (end - start) + slope * normal
-    turned = np.array([-direction[1], direction[0]]) / np.hypot(*direction)
-    return turned, float(turned @ (0.5 * (start + end) + shift * normal))
+    return _line(start + (shift - 0.5 * slope) * normal, end + (shift + 0.5 * slope) * normal)
+
+
+def _line(start: Array, end: Array) -> tuple[Array, float]:
+    """Normal (2,) and offset of the line through two places."""
+    x, y = (end - start) / np.hypot(*(end - start))
+    return np.array([-y, x]), float(x * start[1] - y * start[0])
