@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use regionpose::equations::residual::{RegionEquations, cost, normal_equations};
 use regionpose::equations::system::Weighting;
 use regionpose::equations::whitening::Orders;
-use regionpose::search::closed_form::{WantedTurns, closed_form};
+use regionpose::search::closed_form::closed_form;
 use regionpose::verdict::coverage::region_overlap;
 use regionpose::{ObservedRegion, Pose, Problem, WorldRegion};
 
@@ -127,7 +127,7 @@ fn whitening(region: RegionEquations) -> RegionEquations {
 
 #[inline(never)]
 fn closed_form_poses(region: &RegionEquations, world: &WorldRegion) {
-    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros(), WantedTurns::Likely));
+    black_box(closed_form(region.chart(), region.outline(), world, &Vector3::zeros()));
 }
 
 #[inline(never)]

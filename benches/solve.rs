@@ -8,7 +8,7 @@ use std::hint::black_box;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
 use regionpose::equations::system::Weighting;
-use regionpose::search::closed_form::{WantedTurns, closed_form};
+use regionpose::search::closed_form::closed_form;
 use regionpose::{Integration, ObservedRegion, Options, Pose, Problem, System, WorldRegion};
 
 /// Vertices of each region.
@@ -77,9 +77,7 @@ fn search(criterion: &mut Criterion) {
     let region = &ready.regions()[0];
     let origin = Vector3::zeros();
     group.bench_function("closed form of one region", |bencher| {
-        bencher.iter(|| {
-            closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin, WantedTurns::Likely)
-        });
+        bencher.iter(|| closed_form(region.chart(), region.outline(), black_box(&worlds[0]), &origin));
     });
     group.bench_function("candidates", |bencher| bencher.iter(|| ready.search(&options)));
     group.bench_function("pose from nothing", |bencher| {

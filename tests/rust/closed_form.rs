@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use regionpose::equations::least_squares::{Stopping, minimize};
 use regionpose::equations::system::Weighting;
 use regionpose::geometry::rings::PlaneRings;
-use regionpose::search::closed_form::{WantedTurns, closed_form, conjugate, facing};
+use regionpose::search::closed_form::{closed_form, conjugate, facing};
 use regionpose::view::chart::Chart;
 use regionpose::{Integration, Options, Pose, Prior, Start, System, WorldRegion};
 use support::random::Random;
@@ -71,10 +71,7 @@ impl AffineView {
     fn candidates(&self) -> Vec<Pose> {
         let origin = Vector3::new(1.0, -2.0, 3.0);
         let shift = Pose::new(Rotation3::identity(), -origin);
-        closed_form(&self.chart, &self.outline, &self.world, &origin, WantedTurns::Likely)
-            .iter()
-            .map(|pose| pose.after(&shift))
-            .collect()
+        closed_form(&self.chart, &self.outline, &self.world, &origin).iter().map(|pose| pose.after(&shift)).collect()
     }
 
     /// Least error among the candidates of a pose after a motion of the plane onto itself.

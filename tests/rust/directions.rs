@@ -79,9 +79,9 @@ fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
             let free = near(scene.pose.inverse().translation);
             let poses = found(&scene, &free);
             assert!(poses.len() >= 2 && poses.len() <= 5, "{} poses", poses.len());
-            // To half a step of 4 degrees, the nearest to the contours first of those that are turned.
+            // To half a step of 5 degrees, the nearest to the contours first of those that are turned.
             let angle = poses[1].angle_to(&scene.pose);
-            assert!(angle < 2.01_f64.to_radians(), "{:.2} deg, {regions} regions", angle.to_degrees());
+            assert!(angle < 2.51_f64.to_radians(), "{:.2} deg, {regions} regions", angle.to_degrees());
             let up = Some(scene.pose.rotation.inverse() * -Vector3::y());
             let angle = found(&scene, &Prior { up, ..free })[0].angle_to(&scene.pose);
             assert!(angle < 1e-9, "{angle:.1e} rad");

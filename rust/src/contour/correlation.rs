@@ -5,9 +5,6 @@ use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 /// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
-/// Share of the longest region over which neighbors are followed: beyond it too few pairs are left. A convention.
-const FOLLOWED: f64 = 0.25;
-
 /// Autocovariance of a lag, within regions of these numbers of values.
 struct Product<'a> {
     values: &'a [f64],
@@ -44,7 +41,7 @@ pub fn correlation(values: &[f64], counts: &[usize]) -> f64 {
     if square <= 0.0 {
         return 1.0;
     }
-    let longest = counts.iter().max().map_or(0.0, |&count| FOLLOWED * count as f64) as usize;
+    let longest = counts.iter().max().copied().unwrap_or(0);
     let pair = |lag| (product(values, counts, lag) + product(values, counts, lag + 1)) / square;
     let pairs = (0..longest.max(1)).step_by(2).map(pair).take_while(|&pair| pair > 0.0);
     (2.0 * pairs.sum::<f64>() - 1.0).max(LEAST_CORRELATION)

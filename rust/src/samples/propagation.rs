@@ -20,8 +20,8 @@ pub(super) const EDGES_OF_SWEEP: usize = JOINT * JOINT * KINDS;
 /// last.
 const SETTLED: f64 = 0.05;
 
-/// Probability of a label of which the contour tells nothing.
-const COIN: f64 = 0.5;
+/// Probability of a label, right or wrong, of which the contour tells nothing.
+pub const COIN: f64 = 0.5;
 
 /// How far the labels of a region's samples are to be trusted.
 ///

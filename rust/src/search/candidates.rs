@@ -3,11 +3,11 @@
 use std::iter;
 
 use super::centroids::centroid_poses;
-use super::closed_form::{WantedTurns, closed_form};
+use super::closed_form::closed_form;
 use super::corners::corner_poses;
 use super::directions::direction_poses;
 use super::moments::{
-    Alone, CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, hidden_region_poses, moment_poses, paper_poses,
+    Alone, CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, Starts, hidden_region_poses, moment_poses, paper_poses,
     single_region_poses,
 };
 use super::poses::{apart, distinct, sorted};
@@ -32,16 +32,12 @@ const COARSE_AMBIGUITY: f64 = 4.0;
 /// chance, and 7 more stand for odds of a thousand to one.
 const DECISIVE: f64 = 10.0;
 
-/// Clean share of its boundary from which a pose of one region alone is found: three sides can be led onto any three lines. A
-/// convention.
-const FOUND_ALONE: f64 = 0.9;
-
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
 
 /// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
 /// over 120 pieces, odds of e to the 120.
-const HOPELESS: f64 = 1.0;
+pub(super) const HOPELESS: f64 = 1.0;
 
 /// Poses from corners that are compared on more than a few pieces: a convention.
 const FIRST_LOOK: usize = 250;
@@ -174,14 +170,14 @@ impl Problem {
 
     fn global_poses(&self, options: &Options, looks: &mut Looks, alone: &mut Alone) -> Vec<Pose> {
         let known = looks.known.clone();
-        let likely = WantedTurns::Likely;
-        let poses = moment_poses(self, &options.prior, &known, likely, alone, |pose| looks.explains(pose));
+        let explains = |pose: &Pose| looks.explains(pose);
+        let poses = moment_poses(self, &options.prior, &known, Starts::Likely, alone, explains);
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || looks.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, &known, WantedTurns::All, alone, |_| false),
+            _ => moment_poses(self, &options.prior, &known, Starts::All, alone, |_| false),
         }
     }
 
@@ -190,7 +186,7 @@ impl Problem {
     fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
         let closed = self.sampled().iter().flat_map(|sampled| {
             let (region, world) = (&self.regions()[sampled.index()], &self.worlds()[sampled.index()]);
-            closed_form(region.chart(), region.outline(), world, self.origin(), WantedTurns::All)
+            closed_form(region.chart(), region.outline(), world, self.origin())
         });
         known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
     }
@@ -243,7 +239,7 @@ impl<'a> Looks<'a> {
             return true;
         }
         let led = if self.leads { self.led_from(pose) } else { None };
-        let explains = led.as_ref().is_some_and(|fit| is_mostly_clean(fit, MOSTLY));
+        let explains = led.as_ref().is_some_and(is_mostly_clean);
         self.led.extend(led.map(|fit| (*pose, fit)));
         explains
     }
@@ -409,17 +405,15 @@ fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<Contou
     could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior)
 }
 
-/// Whether the contours of all regions tell that they are where a pose shows them, or nearly the whole contour of one alone.
+/// Whether the contours of several regions tell that all are where a pose shows them. That of one alone does not: three of its sides
+/// can be led onto any three lines.
 fn is_found(fit: &ContourFit) -> bool {
-    match fit.regions().count() {
-        1 => is_mostly_clean(fit, FOUND_ALONE),
-        _ => fit.mixture.sigma < LOOSE && least_evidence(fit) >= DECISIVE,
-    }
+    fit.regions().count() > 1 && fit.mixture.sigma < LOOSE && least_evidence(fit) >= DECISIVE
 }
 
-/// Whether at least this share of every region's contour is explained.
-fn is_mostly_clean(fit: &ContourFit, least: f64) -> bool {
-    fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= least)
+/// Whether most of every region's contour is explained.
+fn is_mostly_clean(fit: &ContourFit) -> bool {
+    fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= MOSTLY)
 }
 
 /// Poses from corners, of regions with hidden edges, and `single`, from each by itself: those that lie nearest to the contours of

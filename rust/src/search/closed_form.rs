@@ -12,45 +12,23 @@ use crate::moments::shape::{NormalizedShape, SHAPE_ORDERS, centroid};
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::chart::Chart;
 
-/// Angles over a full turn at which the normalized shapes are compared: 5 degrees apart, a ninth of the shortest period
-/// that moments of order 8 can have.
-const ANGLES: usize = 72;
-
-/// Which turns are worth a candidate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WantedTurns {
-    /// Those that leave less than ten times the least difference: perspective and noise disturb right and wrong alike.
-    Likely,
-    /// Every local minimum.
-    All,
-}
-
-/// Multiple of the least difference below which a turn is likely: a convention.
-const LIKELY: f64 = 10.0;
-
-/// Turns that leave a difference below this share of the moments' sum of squares are kept whatever the least: a
-/// convention.
-const POWER_SHARE: f64 = 0.05;
+/// Angles over a full turn at which shapes are compared: 5 degrees apart, a ninth of the shortest period that moments of order 8 can
+/// have, and of that of an eightfold symmetry.
+pub(super) const ANGLES: usize = 72;
 
 /// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
 ///
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
 /// which the poses take world coordinates. Symmetric shapes give candidates for each symmetry.
-pub fn closed_form(
-    chart: &Chart,
-    outline: &PlaneRings,
-    world: &WorldRegion,
-    origin: &Vector3<f64>,
-    turns: WantedTurns,
-) -> Vec<Pose> {
+pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
     let (Some(seen), Some(model)) = (NormalizedShape::of(outline.rings()), world.shape()) else {
         return Vec::new();
     };
     let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
     let target = seen.mean / chart.scale;
     let mut poses = Vec::new();
-    for turn in best_turns(&seen, model, turns) {
+    for turn in turns(&seen, model) {
         let affine = back * turn.matrix() * model.transform / chart.scale;
         for (rotation, depth) in two_fold(&affine) {
             let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
@@ -167,8 +145,6 @@ fn completed(block: &Matrix2<f64>, third: &Vector2<f64>) -> Rotation3<f64> {
 struct Turn {
     angle: f64,
     mirrored: bool,
-    /// Squared difference of the moments that is left.
-    difference: f64,
 }
 
 impl Turn {
@@ -179,17 +155,10 @@ impl Turn {
     }
 }
 
-/// The turns that bring the model's moments near the observed ones: local minima, with and without a mirror, that are not
-/// far worse than the best.
-fn best_turns(seen: &NormalizedShape, model: &NormalizedShape, wanted: WantedTurns) -> Vec<Turn> {
-    let mut turns = Difference::new(seen, model, false).local_minima();
-    turns.extend(Difference::new(seen, model, true).local_minima());
-    if wanted == WantedTurns::Likely {
-        let least = turns.iter().map(|turn| turn.difference).fold(f64::INFINITY, f64::min);
-        let limit = (LIKELY * least).max(POWER_SHARE * seen.power());
-        turns.retain(|turn| turn.difference <= limit);
-    }
-    turns
+/// The turns that bring the model's moments near the observed ones: local minima of the difference, with and without a mirror. Perspective
+/// and noise disturb right and wrong ones alike.
+fn turns(seen: &NormalizedShape, model: &NormalizedShape) -> Vec<Turn> {
+    [false, true].into_iter().flat_map(|mirrored| Difference::new(seen, model, mirrored).local_minima()).collect()
 }
 
 /// Highest winding of the moments that are compared.
@@ -236,17 +205,10 @@ impl Difference {
             let (before, here, after) = (at(k + ANGLES - 1), at(k), at(k + 1));
             let curvature = before - 2.0 * here + after;
             let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
-            let angle = (k as f64 + shift) * step;
-            let difference = self.at(powers(Complex::cis(angle)));
-            Turn { angle, mirrored: self.mirrored, difference }
+            Turn { angle: (k as f64 + shift) * step, mirrored: self.mirrored }
         };
         (0..ANGLES).filter(is_least).map(refined).collect()
     }
-}
-
-/// The powers of a number from the first on.
-fn powers(number: Complex<f64>) -> impl Iterator<Item = Complex<f64>> {
-    std::iter::successors(Some(number), move |power| Some(power * number))
 }
 
 /// `e^(i angle)` of the angles at which shapes are compared.

@@ -17,9 +17,6 @@ const TOLERANCE_PIXELS: f64 = 1.5;
 /// Corners between the three of a triple are all passed over alike: none, one or two.
 const STRIDES: [usize; 3] = [1, 2, 3];
 
-/// Pairs of triples that are looked at for each one wanted: of those that turn alike, one in four by chance.
-const COMPARED_EACH: usize = 4;
-
 /// Share of a region that is seen at least: more than half may be hidden.
 const LEAST_SHOWN: f64 = 0.4;
 
@@ -73,15 +70,13 @@ pub fn corner_poses(
     };
     let groups: Vec<_> = groups.iter().map(triples_of).collect();
     let compared: usize = groups.iter().map(|(observed, models)| observed.len() * models.len()).sum();
-    let every = compared.div_ceil(COMPARED_EACH.saturating_mul(most.max(1))).max(1);
+    let every = compared.div_ceil(most.max(1)).max(1);
     let alike = |one: &Triple<Vector2<f64>>, other: &Triple<Vector3<f64>>| (0..3).all(|k| one[k].left == other[k].left);
     let of_group = |(observed, models): &(Vec<_>, Vec<_>)| {
         let pair = |k: usize| (observed[k / models.len()], models[k % models.len()]);
         (0..observed.len() * models.len()).step_by(every).map(pair).filter(|(a, b)| alike(a, b)).collect::<Vec<_>>()
     };
-    let pairs: Vec<_> = groups.iter().flat_map(of_group).collect();
-    let step = pairs.len().div_ceil(most.max(1)).max(1);
-    let poses = pairs.iter().step_by(step).flat_map(|(seen, known)| posed(chart, origin, seen, known));
+    let poses = groups.iter().flat_map(of_group).flat_map(|(seen, known)| posed(chart, origin, &seen, &known));
     let shape: Vec<Vec<_>> =
         known.iter().map(|ring| ring.iter().map(|corner| corner.place - origin).collect()).collect();
     poses.filter(|pose| projected_area(chart, &shape, pose).is_some_and(is_plausible)).collect()

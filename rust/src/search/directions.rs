@@ -8,9 +8,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
+use super::closed_form::ANGLES;
 use super::moments::STARTS_PER_REGION;
 use super::poses::sorted;
-use super::symmetry::TURNS;
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -117,12 +117,12 @@ fn least_turns(
 ) -> Vec<Pose> {
     let sketch = Sketch::new(problem.contours(), step);
     let turned = |turn: usize| {
-        let angle = TAU * turn as f64 / TURNS as f64;
+        let angle = TAU * turn as f64 / ANGLES as f64;
         standing(Rotation3::from_axis_angle(axis, angle) * rotation, place)
     };
-    let misfits: Vec<f64> = (0..TURNS).map(|turn| sketch.misfit(&turned(turn))).collect();
-    let at = |turn: usize| misfits[turn % TURNS];
-    let is_least = |&turn: &usize| at(turn) <= at(turn + TURNS - 1) && at(turn) < at(turn + 1);
-    let least = sorted((0..TURNS).filter(is_least).map(|turn| (at(turn), turned(turn))).collect());
+    let misfits: Vec<f64> = (0..ANGLES).map(|turn| sketch.misfit(&turned(turn))).collect();
+    let at = |turn: usize| misfits[turn % ANGLES];
+    let is_least = |&turn: &usize| at(turn) <= at(turn + ANGLES - 1) && at(turn) < at(turn + 1);
+    let least = sorted((0..ANGLES).filter(is_least).map(|turn| (at(turn), turned(turn))).collect());
     least.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
 }

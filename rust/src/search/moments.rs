@@ -1,6 +1,6 @@
 //! Candidates from the moments: closed forms of each region, led to the minima of the equations.
 
-use super::closed_form::{WantedTurns, closed_form, conjugate, facing};
+use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
 use crate::effort;
@@ -21,14 +21,10 @@ pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-4, evaluations: 28 };
 pub const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 210 };
 
 /// Candidates above the least unweighted cost by this factor are given up: a convention.
-const WORTH_A_LOOK: f64 = 1e3;
+const WORTH_A_LOOK: f64 = 1e2;
 
 /// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
 const SMALL_COST: f64 = 1e-4;
-
-/// Candidates of one region whose cost is above this share of the squared observed area are no view of it: the area
-/// of the symmetric difference is then of the order of the region itself.
-const SINGLE_REGION_COST: f64 = 0.05;
 
 /// Starts of one region that are followed where other regions can tell them apart, and turns at a known place: a convention, two
 /// turns seen from two sides.
@@ -45,6 +41,15 @@ pub const MOST_CANDIDATES: usize = 32;
 /// hundred times the tolerance of [`CANDIDATE`].
 pub const SAME_CANDIDATE: f64 = 0.01;
 
+/// Which starts of a region are followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Starts {
+    /// Where others can tell, the likeliest few, until a pose explains all regions.
+    Likely,
+    /// All, and those of regions that the image's border cuts.
+    All,
+}
+
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
 /// From poses that are known, then from the closed forms of one region after the other, the largest first, until one
@@ -53,7 +58,7 @@ pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
     known: &[Pose],
-    turns: WantedTurns,
+    starts: Starts,
     alone: &mut Alone,
     mut explains: impl FnMut(&Pose) -> bool,
 ) -> Vec<Pose> {
@@ -61,9 +66,9 @@ pub fn moment_poses(
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, index, prior, turns, alone)));
+        found.extend(solved_together(problem, region_poses(problem, index, prior, starts, alone)));
         found = narrowed(found);
-        if turns == WantedTurns::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
+        if starts == Starts::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
         }
     }
@@ -75,24 +80,24 @@ pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Vec<Pose
     if problem.regions().len() == 1 {
         return Vec::new();
     }
-    let of = |index| region_poses(problem, index, &Prior::default(), WantedTurns::All, alone);
+    let of = |index| region_poses(problem, index, &Prior::default(), Starts::All, alone);
     (0..problem.regions().len()).map(of).collect()
 }
 
-/// Minima of one region's equations, of fewer vertices, near the closed forms that look like it.
-fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTurns, alone: &mut Alone) -> Vec<Pose> {
+/// Minima of one region's equations, of fewer vertices, near its closed forms.
+fn region_poses(problem: &Problem, index: usize, prior: &Prior, starts: Starts, alone: &mut Alone) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let single = problem.regions().len() == 1;
-    let mut poses = closed_form(region.chart(), region.outline(), world, origin, turns);
+    let mut poses = closed_form(region.chart(), region.outline(), world, origin);
     poses.extend(triangle_poses(region.chart(), region.outline(), world, origin, region.pixel_area().sqrt().recip()));
     if prior.up.is_some() {
         poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
     }
     // A wrong view of a region alone may look right where the rest of it is cut off.
-    if region.border().is_some() && (turns == WantedTurns::All || single) {
+    if region.border().is_some() && (starts == Starts::All || single) {
         poses.extend(cut_starts(problem, region, world));
     }
-    if turns == WantedTurns::Likely && !single {
+    if starts == Starts::Likely && !single {
         poses = without_cost(worth_a_look(costs_of(problem.coarse(), poses)));
         poses.truncate(STARTS_PER_REGION);
     }
@@ -102,21 +107,21 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, turns: WantedTur
 /// Starts of single regions that were followed, and where they led: those that are likely are followed first, and are among
 /// all of them.
 #[derive(Debug, Default)]
-pub struct Alone(Vec<(usize, Pose, Option<Pose>)>);
+pub struct Alone(Vec<(usize, Pose, Pose)>);
 
 impl Alone {
-    /// The minimum of one region's equations near a start, if it looks like the region.
+    /// The minimum of one region's unweighted equations near a start; `None` once the effort is spent.
     fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
         if let Some((_, _, found)) = self.0.iter().find(|(region, from, _)| *region == index && from == start) {
-            return *found;
+            return Some(*found);
         }
         // Each start costs a look at least: once the effort is spent, what was found has to do.
-        if effort::is_spent() && self.0.iter().any(|(_, _, found)| found.is_some()) {
+        if effort::is_spent() && !self.0.is_empty() {
             return None;
         }
-        let found = solved_alone(&problem.coarse()[index], start);
+        let found = minimize(&problem.coarse()[index..=index], start, Weighting::Uniform, CANDIDATE).pose;
         self.0.push((index, *start, found));
-        found
+        Some(found)
     }
 }
 
@@ -136,8 +141,7 @@ pub fn hidden_region_poses(problem: &Problem) -> Vec<Pose> {
 }
 
 fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
-    let closed =
-        |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin(), WantedTurns::Likely);
+    let closed = |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin());
     cut_worlds(world).iter().flat_map(closed).collect()
 }
 
@@ -205,10 +209,4 @@ fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
         return f64::MAX;
     }
     residual::cost(regions, pose, Weighting::Uniform).unwrap_or(f64::INFINITY)
-}
-
-/// The minimum of one region's unweighted equations near a candidate, if it looks like the region.
-fn solved_alone(region: &RegionEquations, pose: &Pose) -> Option<Pose> {
-    let minimum = minimize(std::slice::from_ref(region), pose, Weighting::Uniform, CANDIDATE);
-    (minimum.cost < SINGLE_REGION_COST).then_some(minimum.pose)
 }

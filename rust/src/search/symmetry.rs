@@ -5,6 +5,8 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
+use super::candidates::HOPELESS;
+use super::closed_form::ANGLES;
 use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
 use crate::contour::fit::Sketch;
@@ -14,15 +16,8 @@ use crate::moments::plane::planar_moments;
 use crate::problem::Problem;
 use crate::region::{PlaneFrame, WorldRegion};
 
-/// Turns that are compared: 4 degrees apart, an eleventh of the period of an eightfold symmetry.
-pub(super) const TURNS: usize = 90;
-
 /// Parts of a step to which the least ones are found, each half the last: a quarter of a degree, a convention.
 const HALVINGS: usize = 4;
-
-/// How much worse the misfit of a turn may be: several times what those of symmetric shapes differ by, and less than those of
-/// others do.
-const MOST_WORSE: f64 = 0.15;
 
 /// Distance of vertices from one plane, as a share of the farthest vertex from the middle, up to which regions are one
 /// plane: a convention.
@@ -39,7 +34,7 @@ struct Drawing {
 /// regions in several planes.
 pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
     let sketch = Sketch::new(problem.contours(), step);
-    turned_about(problem, pose, |pose| sketch.misfit(pose), MOST_WORSE)
+    turned_about(problem, pose, |pose| sketch.misfit(pose), HOPELESS)
 }
 
 /// The same poses by any misfit that is no more than `worse` above that of the pose.
@@ -104,14 +99,14 @@ impl Drawing {
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
 fn least_turns(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
-    let step = 2.0 * std::f64::consts::PI / TURNS as f64;
+    let step = 2.0 * std::f64::consts::PI / ANGLES as f64;
     let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
-    let misfits: Vec<f64> = (0..TURNS).map(|index| misfit_at(step * index as f64)).collect();
+    let misfits: Vec<f64> = (0..ANGLES).map(|index| misfit_at(step * index as f64)).collect();
     let is_least = |&index: &usize| {
-        let (before, after) = (misfits[(index + TURNS - 1) % TURNS], misfits[(index + 1) % TURNS]);
+        let (before, after) = (misfits[(index + ANGLES - 1) % ANGLES], misfits[(index + 1) % ANGLES]);
         misfits[index].is_finite() && misfits[index] <= before && misfits[index] < after
     };
-    let others = (usize::from(!behind)..TURNS).filter(is_least);
+    let others = (usize::from(!behind)..ANGLES).filter(is_least);
     let near = |index: usize| least_near(misfit_at, (misfits[index], step * index as f64), step);
     others.map(near).map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }

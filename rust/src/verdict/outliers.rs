@@ -3,15 +3,15 @@
 use super::estimate::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
 use crate::samples::posterior::Posterior;
+use crate::samples::propagation::COIN;
 use crate::search::candidates::LOOSE;
 
-/// Probability that the label of a sample is wrong: of a region that belongs to the pose, by far too many, and of one elsewhere.
+/// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
 const MISLABELED: f64 = 0.1;
-const ELSEWHERE: f64 = 0.5;
 
 /// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
 pub fn contradicts(wrong: f64) -> bool {
-    let (label, right) = (ELSEWHERE / MISLABELED, (1.0 - ELSEWHERE) / (1.0 - MISLABELED));
+    let (label, right) = (COIN / MISLABELED, COIN / (1.0 - MISLABELED));
     wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
 }
 
