@@ -8,9 +8,10 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import pytest
 from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
@@ -208,6 +209,28 @@ class Clock:
 
     def __call__(self) -> float:
         return self.seconds
+
+
+class FreeWhereDrawn(StageLine):
+    """A line that sees, wherever it is drawn, whether another thread could look at its tasks."""
+
+    free: ClassVar[list[bool]] = []
+
+    def refresh(self) -> None:
+        """Look from another thread, as the one that draws by itself does."""
+        looking = threading.Thread(target=lambda: self.tasks, daemon=True)
+        looking.start()
+        looking.join(1.0)
+        self.free.append(not looking.is_alive())
+        super().refresh()
+
+
+def test_no_lock_is_held_where_the_line_is_drawn() -> None:
+    line = FreeWhereDrawn(0.0, Clock())
+    line.begin("read the cloud")
+    line.tell(SHARE, 0.5, 1.0)
+    line.begin("write the cloud")
+    assert len(line.free) >= 3 and all(line.free)
 
 
 def drawn(line: StageLine) -> str:

@@ -103,7 +103,8 @@ class StageLine(Progress):
             for known in self.task_ids:
                 self.remove_task(known)
             self._kind, self._told_at = UNKNOWN, -math.inf
-            self.add_task(shortened(stage, max(LEAST_NAME, self.console.width - BESIDE_NAME)), total=None)
+        # It draws, which must not be within the lock: the thread that draws by itself takes that after the drawing's.
+        self.add_task(shortened(stage, max(LEAST_NAME, self.console.width - BESIDE_NAME)), total=None)
 
     def tell(self, kind: tuple[ProgressColumn, ...], done: float, total: float) -> None:
         """Show how much of the stage is done."""
@@ -116,6 +117,5 @@ class StageLine(Progress):
             if not done:
                 # The rate counts from the first sample, which rich takes of what is more than nothing.
                 self.advance(self.task_ids[-1], 0)
-        # At once: the thread that draws by itself may wait long for a reader that is busy.
-        # Not within the lock, which that thread takes after the drawing's.
+        # At once: the thread that draws by itself may wait long for a reader that is busy. Not within the lock, as above.
         self.refresh()
