@@ -117,5 +117,5 @@ class StageLine(Progress):
             if not done:
                 # The rate counts from the first sample, which rich takes of what is more than nothing.
                 self.advance(self.task_ids[-1], 0)
-        # At once: the thread that draws by itself may wait long for a reader that is busy. Not within the lock, as above.
+        # At once: the thread that draws by itself may wait long for a reader that is busy. Not within the lock, either.
         self.refresh()
