@@ -29,7 +29,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,7 +63,10 @@ WRONG_DEG = 5.0
 
 @dataclass(frozen=True, eq=False)
 class RealScene:
-    """A scene's camera, image regions, world regions by way, true pose, and what may be known of the camera."""
+    """A scene's camera, image regions, world regions by way, true pose, and what may be known of the camera.
+
+    `counts`: how many of the regions each of several frames has; none of a single one.
+    """
 
     name: str
     camera: Camera
@@ -71,11 +74,22 @@ class RealScene:
     worlds: dict[str, list[rp.WorldRegion]]
     truth: rp.Pose
     priors: Priors
+    counts: tuple[int, ...] = ()
 
     @property
     def kind(self) -> str:
         """The folder of scenes that it is in."""
         return self.name.split("/")[0]
+
+    def estimate(self, way: str, prior: str) -> rp.PoseEstimate:
+        """The pose of the frame, or of the frames as a rig."""
+        images, worlds, known = self.images, self.worlds[way], self.priors[prior]
+        if not self.counts:
+            return rp.estimate_pose(self.camera, images, worlds, prior=known)
+        ends = list(accumulate(self.counts, initial=0))
+        frames = [(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
+        rig = rp.estimate_rig(self.camera, frames, prior=known)
+        return replace(rig.estimate, warnings=rig.warnings)
 
 
 class Errors(NamedTuple):
@@ -239,7 +253,8 @@ def joined(scenes: Sequence[RealScene], name: str) -> RealScene:
     ways = [way for way in WAYS if all(way in scene.worlds for scene in scenes)]
     images = [region for scene in scenes for region in scene.images]
     worlds = {way: [region for scene in scenes for region in scene.worlds[way]] for way in ways}
-    return replace(scenes[0], name=name, images=images, worlds=worlds)
+    counts = tuple(len(scene.images) for scene in scenes)
+    return replace(scenes[0], name=name, images=images, worlds=worlds, counts=counts)
 
 
 def errors_of(pose: rp.Pose, covariance: Array, truth: rp.Pose) -> Errors:
@@ -260,7 +275,7 @@ def _sigmas(error: Array, covariance: Array) -> float:
 
 def row_of(scene: RealScene, way: str, prior: str) -> Row:
     """A scene's estimate and its errors."""
-    estimate = rp.estimate_pose(scene.camera, scene.images, scene.worlds[way], prior=scene.priors[prior])
+    estimate = scene.estimate(way, prior)
     answers: list[rp.PoseEstimate | rp.Alternative] = [estimate, *estimate.alternatives]
     errors = [errors_of(answer.pose, answer.covariance, scene.truth) for answer in answers]
     place = int(np.argmin([each.rotation for each in errors]))

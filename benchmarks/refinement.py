@@ -103,7 +103,7 @@ def _estimated(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> I
     """The estimate of frames, unless they have none."""
     whole = joined(scenes, "+".join(scene.name for scene in scenes)) if len(scenes) > 1 else scenes[0]
     try:
-        found = rp.estimate_pose(whole.camera, whole.images, whole.worlds["samples"], prior=whole.priors[PRIOR])
+        found = whole.estimate("samples", PRIOR)
     except rp.PoseError:
         return
     parts = [replace(seen[s.name], camera=s.camera, regions=s.images) for s in scenes]

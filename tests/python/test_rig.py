@@ -264,17 +264,39 @@ def test_the_pose_without_a_frame_is_that_of_the_others() -> None:
         joint.rotation.as_matrix(), joint.translation, pose.rotation.as_matrix(), pose.translation, np.zeros(3)
     )
     assert one.rotation_deg == pytest.approx(errors.rotation_deg)
-    increment = np.array([*(joint.rotation * pose.rotation.inv()).as_rotvec(), 0.0, 0.0, 0.0])
-    increment[3:] = joint.translation - Rotation.from_rotvec(increment[:3]).as_matrix() @ pose.translation
+    own = rp.estimate_pose(
+        camera, *sides([frames[1]]), prior=rp.Prior(initial=rig.pose), solver=rp.Solver(driver="native")
+    )
+    increment = np.array([*(own.pose.rotation * pose.rotation.inv()).as_rotvec(), 0.0, 0.0, 0.0])
+    increment[3:] = own.pose.translation - Rotation.from_rotvec(increment[:3]).as_matrix() @ pose.translation
     back = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
-    assert back[1] == pytest.approx(joint.translation)
-    assert one.sigmas == pytest.approx(np.sqrt(increment @ np.linalg.inv(one.covariance) @ increment), rel=1e-6)
+    assert back[1] == pytest.approx(own.pose.translation)
+    both = np.linalg.inv(one.covariance + own.covariance)
+    assert one.sigmas == pytest.approx(np.sqrt(increment @ both @ increment / 6.0), rel=1e-6)
     assert 0.3 < one.residual_px / one.expected_px < 3.0
 
 
 def test_one_frame_has_no_influence() -> None:
     camera, frames = fisheye_frames(0, 1)
-    assert rp.estimate_rig(camera, frames).influence == ()
+    rig = rp.estimate_rig(camera, frames)
+    assert rig.influence == () and rig.dispersion == 1.0
+
+
+def test_frames_that_scatter_beyond_their_noise_widen_the_covariance_by_as_much() -> None:
+    """Frames 2 mm off in directions of their own, where masks hold them to a few tenths."""
+    camera, frames = fisheye_frames(0, 4)
+    ways = 2e-3 * np.array([[1.0, -1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, 1.0, -1.0], [1.0, 1.0, 0.5]])
+    off = [moved(frame, way) for frame, way in zip(frames, ways, strict=True)]
+    calm, rig = rp.estimate_rig(camera, frames), rp.estimate_rig(camera, off)
+    joint = rp.estimate_pose(camera, *sides(off), solver=rp.Solver(driver="native"))
+    assert calm.dispersion < 1.5 and rig.dispersion > 3.0
+    assert rig.dispersion == pytest.approx(np.sqrt(np.mean([one.sigmas**2 for one in rig.influence])))
+    assert np.array_equal(rig.pose.matrix, joint.pose.matrix)
+    assert rig.covariance == pytest.approx(rig.dispersion**2 * joint.covariance)
+    assert rig.estimate.confidence <= joint.confidence
+    error = rig.pose.increment_to(RIG)
+    narrow, wide = (np.sqrt(error @ np.linalg.solve(held, error) / 6.0) for held in (joint.covariance, rig.covariance))
+    assert wide < 1.5 < narrow
 
 
 @pytest.mark.parametrize("wrong", [0, 3])

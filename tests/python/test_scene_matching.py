@@ -124,6 +124,8 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     assert run.names == ("one: floor", "two: wall")
     result = scene_result(run)
     assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
+    apart = [frame["without_it"]["sigmas"] for frame in result["frames"]]
+    assert result["dispersion"] == pytest.approx(max(1.0, np.sqrt(np.mean(np.square(apart)))))
     assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
     assert result["image"] is None
     json.dumps(result, allow_nan=False)

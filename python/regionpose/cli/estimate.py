@@ -146,6 +146,11 @@ def _say_frames(result: dict[str, Any]) -> None:
     if result["frames"] is not None:
         typer.echo("frames: contours at the pose, and at the pose of the others, px")
         say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
+        if result["dispersion"] > 1.0:
+            typer.echo(
+                f"the frames' poses are {result['dispersion']:.1f} times farther apart than their regions say;"
+                " standard deviations by these are larger by as much"
+            )
 
 
 def _frame_fit(frame: dict[str, Any]) -> str:

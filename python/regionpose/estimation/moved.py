@@ -1,4 +1,4 @@
-"""An estimate whose pose something else than its regions has made better known."""
+"""An estimate after more than its regions was heard: its pose moved, or its covariance found too small."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.options import Solver
@@ -32,18 +33,55 @@ def moved_estimate(
     weak, are told anew.
     """
     problem = core_problem(camera, image_regions, world_regions, Solver())
-    parts = pose.rotation_matrix, pose.translation
-    whole, errors = problem.overlap_errors(*parts)
-    weak = problem.weak_geometry(*parts, covariance)
-    kept = [warning for warning in estimate.warnings if warning.code != "weak-geometry"]
-    if weak is not None:
-        code, text, regions, values = weak
-        kept.append(PoseWarning(code, text, tuple(regions), values))
+    whole, errors = problem.overlap_errors(pose.rotation_matrix, pose.translation)
     return replace(
         estimate,
         pose=pose,
         covariance=covariance,
         overlap_error=whole,
         region_overlap_errors=errors,
-        warnings=tuple(kept),
+        warnings=_with_geometry(estimate.warnings, problem, pose, covariance),
     )
+
+
+def widened_estimate(
+    estimate: PoseEstimate,
+    factor: float,
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+) -> PoseEstimate:
+    """The estimate with the covariances of all its answers multiplied by a factor of 1 or more, and what follows from
+    them: shares and confidences (docs/math.md, eq. 15.1), and whether the geometry is weak.
+    """
+    problem = core_problem(camera, image_regions, world_regions, Solver())
+    covariance = factor * estimate.covariance
+    near = _core.nearness(covariance) / _core.nearness(estimate.covariance)
+    return replace(
+        estimate,
+        covariance=covariance,
+        confidence=near * estimate.confidence,
+        share=near * estimate.share,
+        alternatives=tuple(
+            replace(
+                other,
+                covariance=factor * other.covariance,
+                confidence=near * other.confidence,
+                share=near * other.share,
+            )
+            for other in estimate.alternatives
+        ),
+        warnings=_with_geometry(estimate.warnings, problem, estimate.pose, covariance),
+    )
+
+
+def _with_geometry(
+    warnings: Sequence[PoseWarning], problem: _core.Problem, pose: Pose, covariance: Array
+) -> tuple[PoseWarning, ...]:
+    """The warnings, whether the geometry is weak told anew."""
+    kept = [warning for warning in warnings if warning.code != "weak-geometry"]
+    weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance)
+    if weak is not None:
+        code, text, regions, values = weak
+        kept.append(PoseWarning(code, text, tuple(regions), values))
+    return tuple(kept)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.estimation.intrinsics import (
     CameraPart,
@@ -19,6 +19,7 @@ from regionpose.estimation.intrinsics import (
     parameter_names,
     refined_camera,
 )
+from regionpose.estimation.moved import widened_estimate
 from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
@@ -31,6 +32,12 @@ Array = NDArray[np.float64]
 
 OUTLIER_RATIO = 3.0
 """Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
+
+PARAMETERS = 6
+"""Of a pose."""
+
+ANOTHER_PLACE = np.radians(5.0)
+"""Rotation from which on two poses are different places, as of `PoseEstimate.confidence`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +95,9 @@ class Influence:
     covariance : (6, 6) array
         Of its left increment, rad and meters.
     sigmas : float
-        Mahalanobis distance from it to the joint pose in that covariance; 0 where the others leave a direction free.
+        How far the frame's own pose is from it, in standard deviations of both together (docs/math.md, eq. 12.6): 1 in
+        the root mean square where their covariances hold; 0 where either leaves a direction free, or the frame's own
+        answers are at other places.
     rotation_deg : float
         The angle between both, degrees.
     shift_m : float
@@ -122,7 +131,7 @@ class RigEstimate:
     Parameters
     ----------
     estimate : PoseEstimate
-        Of all regions together, frame after frame.
+        Of all regions together, frame after frame, its covariance larger by the square of the dispersion.
     camera : Camera
         The given one, or the refined one.
     frames : tuple of FrameFit
@@ -142,6 +151,11 @@ class RigEstimate:
     influence: tuple[Influence, ...]
     refinement: CameraRefinement | None
     warnings: tuple[PoseWarning, ...]
+
+    @property
+    def dispersion(self) -> float:
+        """How many times farther the frames' poses are apart than their regions say; 1 where they are not."""
+        return dispersion(self.influence)
 
     @property
     def pose(self) -> Pose:
@@ -174,7 +188,9 @@ def estimate_rig(
 ) -> RigEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
-    Every frame is left out in turn and compared with the pose of the others.
+    Every frame is left out in turn and compared with the pose of the others. Frames share errors that no region shows,
+    as of the calibration or of the time between photo and scan: where their poses are farther apart than their
+    covariances say, the joint pose's is larger by as much.
 
     Parameters
     ----------
@@ -218,6 +234,9 @@ def estimate_rig(
             near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
             estimate = near.joint(listed)
     influence = rig.influence(listed, estimate.pose)
+    factor = dispersion(influence) ** 2
+    if factor > 1.0:
+        estimate = widened_estimate(estimate, factor, rig.camera, *_sides(listed))
     return RigEstimate(
         estimate=estimate,
         camera=rig.camera,
@@ -244,15 +263,23 @@ class _Rig:
         """The pose of all the frames."""
         return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
 
+    def distance(self, frames: Sequence[Frame], others: PoseEstimate) -> float:
+        """How far the pose of some frames is from that of others, as `Influence.sigmas`; 0 where they show none."""
+        try:
+            return _sigmas(self.joint(frames), others)
+        except PoseError:
+            return 0.0
+
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
         if len(frames) < 2:
             return ()
+        near = self.started_at(joint)
         middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
         found = []
         for index, frame in enumerate(frames):
             others = [*frames[:index], *frames[index + 1 :]]
-            without = self.started_at(joint).joint(others)
+            without = near.joint(others)
             residual, expected = _held_out(self.camera, without, frame, others)
             increment = without.pose.increment_to(joint)
             found.append(
@@ -260,7 +287,7 @@ class _Rig:
                     name=frame.name,
                     pose=without.pose,
                     covariance=without.covariance,
-                    sigmas=_sigmas(increment, without.covariance),
+                    sigmas=near.distance([frame], without),
                     rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
                     shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
                     residual_px=residual,
@@ -348,11 +375,25 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     return tuple(fits)
 
 
-def _sigmas(increment: Array, covariance: Array) -> float:
-    """Mahalanobis distance; none where the others leave a direction free."""
-    if not np.isfinite(covariance).all():
-        return 0.0
-    return float(np.sqrt(increment @ np.linalg.pinv(covariance, hermitian=True) @ increment))
+def _sigmas(own: PoseEstimate, others: PoseEstimate) -> float:
+    """Distance of a frame's answer from the others' pose, in standard deviations of both together, the root of the mean
+    over the six directions; the least of its answers at that place, 0 where there is none or a direction is left free.
+    """
+    squares = []
+    for answer in (own, *own.alternatives):
+        increment = others.pose.increment_to(answer.pose)
+        covariance = answer.covariance + others.covariance
+        if np.linalg.norm(increment[:3]) < ANOTHER_PLACE and np.isfinite(covariance).all():
+            squares.append(increment @ np.linalg.pinv(covariance, hermitian=True) @ increment)
+    return float(np.sqrt(min(squares, default=0.0) / PARAMETERS))
+
+
+def dispersion(influence: Sequence[Influence]) -> float:
+    """How many times farther frames' poses are apart than their regions say: the root mean square of their distances
+    from the others, of those that are known; 1 at least.
+    """
+    known = [one.sigmas for one in influence if one.sigmas > 0.0]
+    return max(1.0, _root_mean_square(np.array(known))) if known else 1.0
 
 
 def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.prior import Prior
-from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
+from regionpose.estimation.rig import Frame, FrameFit, Influence, dispersion, estimate_rig
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
@@ -70,6 +70,11 @@ class SceneEstimate:
     def names(self) -> tuple[str, ...]:
         """The regions' names, after that of their frame where the scene has frames."""
         return _names(self.frames)
+
+    @property
+    def dispersion(self) -> float:
+        """How many times farther the poses of several frames are apart than their regions say, as of `RigEstimate`."""
+        return dispersion(self.influence)
 
     @property
     def views(self) -> tuple[SceneEstimate, ...]:
@@ -176,7 +181,7 @@ def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | 
     stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
-        run = _explained(lambda: _first_run(scene, frames, stages.seconds), frames)
+        run = _explained(lambda: _run(scene, frames, stages.seconds), frames)
     return _heard(run, stages)
 
 
@@ -193,16 +198,19 @@ def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
         return _explained(lambda: matched(sides), [sides])
 
 
-def _first_run(scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, float]) -> SceneEstimate:
-    """The run by the regions alone."""
+def _run(
+    scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, float], nearest: Pose | None = None
+) -> SceneEstimate:
+    """The run by the regions alone; with the answer first that is nearest to a pose, if one is given."""
+    prior = _prior(frames)
+    if nearest is not None:
+        prior = prior.started_at(nearest)
+    prior, solver, camera = prior.about(frames[0].origin), scene_solver(frames[0].scene), frames[0].camera
     if len(frames) == 1:
-        return SceneEstimate(scene, frames, _estimate(frames), seconds)
-    rig = estimate_rig(
-        frames[0].camera,
-        [Frame(*_regions([sides]), name=sides.scene.name) for sides in frames],
-        prior=_prior(frames).about(frames[0].origin),
-        solver=scene_solver(frames[0].scene),
-    )
+        local = estimate_pose(camera, *_regions(frames), prior=prior, solver=solver)
+        return SceneEstimate(scene, frames, _in_world(local, frames), seconds)
+    given = [Frame(*_regions([sides]), name=sides.scene.name) for sides in frames]
+    rig = estimate_rig(camera, given, prior=prior, solver=solver)
     estimate = _in_world(replace(rig.estimate, warnings=rig.warnings), frames)
     return SceneEstimate(scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence)
 
@@ -215,7 +223,9 @@ def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
     rest = RestOfScene(run.frames)
 
     def settled(pose: Pose) -> PoseEstimate:
-        return _estimate(run.frames, pose)
+        nonlocal run
+        run = _run(run.scene, run.frames, run.seconds, pose)
+        return run.estimate
 
     with stages.stage("witness"):
         refine = rest.refined if solver.refine == "scene" else None
@@ -280,16 +290,6 @@ def _warnings(frames: Sequence[SceneSides]) -> tuple[PoseWarning, ...]:
             found.setdefault((moved.code, moved.message_for(names)), moved)
         before += len(sides.names)
     return tuple(found.values())
-
-
-def _estimate(frames: Sequence[SceneSides], nearest: Pose | None = None) -> PoseEstimate:
-    """The estimate by the regions alone; with the answer first that is nearest to a pose, if one is given."""
-    prior = _prior(frames)
-    if nearest is not None:
-        prior = prior.started_at(nearest)
-    solver = scene_solver(frames[0].scene)
-    local = estimate_pose(frames[0].camera, *_regions(frames), prior=prior.about(frames[0].origin), solver=solver)
-    return _in_world(local, frames)
 
 
 def _in_world(local: PoseEstimate, frames: Sequence[SceneSides]) -> PoseEstimate:
