@@ -2,9 +2,11 @@
 //! where the shade of a surface changes (`docs/math.md`, section 18).
 
 use std::array;
-use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 
 use nalgebra::Vector3;
+
+use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Directions around a point in each of which its nearest neighbor is looked for: pairs of opposite ones, 45 degrees wide.
 const SECTORS: usize = 8;
@@ -39,6 +41,18 @@ struct Sample {
     point: usize,
 }
 
+impl Sample {
+    /// That of a point; `None` of one that is not finite, or in the center.
+    fn new(number: usize, point: &Vector3<f64>) -> Option<Self> {
+        let range = point.norm();
+        (range.is_finite() && range > 0.0).then(|| Self {
+            bearing: point / range,
+            inverse: range.recip(),
+            point: number,
+        })
+    }
+}
+
 /// The numbers of a sample's nearest neighbors, one in each sector.
 type Neighbors = [Option<u32>; SECTORS];
 
@@ -56,8 +70,7 @@ impl Seen {
     /// are none. Points that are not finite, or in the center, are left out.
     pub fn new(points: &[Vector3<f64>], cell: f64, gap: f64) -> Self {
         let samples = visible(points, cell);
-        let buckets = Buckets::new(&samples, gap);
-        let around = (0..samples.len()).map(|index| buckets.neighbors(&samples, index)).collect();
+        let around = vectorized(Buckets::new(&samples, gap));
         Self { samples, around }
     }
 
@@ -79,11 +92,21 @@ impl Seen {
         let Some(shades) = held else { return Vec::new() };
         let rows = (0..self.samples.len())
             .flat_map(|index| (0..SECTORS).filter_map(move |sector| self.row_of(index, sector, share)));
-        let changes: Vec<Change> = rows.filter_map(|row| Change::new(row, &shades)).collect();
-        let mean = changes.iter().map(|change| change.size).sum::<f64>() / changes.len() as f64;
-        let is_step = |change: &&Change| change.size > OF_MEAN * mean && change.size > OF_BESIDE * change.beside;
+        let (mut sum, mut count) = (0.0, 0_usize);
+        let mut changes = Vec::new();
+        for change in rows.filter_map(|row| Change::new(row, &shades)) {
+            sum += change.size;
+            count += 1;
+            if change.size > OF_BESIDE * change.beside {
+                changes.push(change);
+            }
+        }
+        let mean = sum / count as f64;
+        let is_step = |change: &&Change| change.size > OF_MEAN * mean;
         // Most are met from both sides.
-        let pairs: BTreeSet<[usize; 2]> = changes.iter().filter(is_step).map(|change| change.pair).collect();
+        let mut pairs: Vec<[usize; 2]> = changes.iter().filter(is_step).map(|change| change.pair).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
         pairs.into_iter().map(|[one, other]| self.step(one, other)).collect()
     }
 
@@ -140,69 +163,144 @@ fn excess(here: &Sample, before: &Sample, beyond: &Sample) -> f64 {
     expected.min(here.inverse) - beyond.inverse
 }
 
-/// The samples that no other one in their cell hides.
+/// The samples that no other one in their cell hides, in the order of the cells.
 fn visible(points: &[Vector3<f64>], cell: f64) -> Vec<Sample> {
-    let mut nearest: HashMap<[i32; 3], Sample> = HashMap::new();
-    for (number, point) in points.iter().enumerate() {
-        let range = point.norm();
-        if range.is_finite() && range > 0.0 {
-            let sample = Sample { bearing: point / range, inverse: range.recip(), point: number };
-            let held = nearest.entry(cell_of(&sample.bearing, cell)).or_insert(sample);
-            if sample.inverse > held.inverse {
-                *held = sample;
-            }
-        }
+    let seen = points.iter().enumerate().filter_map(|(number, point)| Sample::new(number, point));
+    let mut placed: Vec<Placed> = seen.map(|sample| Placed::new(&sample.bearing, cell, sample.point)).collect();
+    placed.sort_unstable();
+    let nearest = |held: &[Placed]| {
+        let samples = held.iter().filter_map(|place| Sample::new(place.number(), &points[place.number()]));
+        samples.reduce(|nearest, other| if other.inverse > nearest.inverse { other } else { nearest })
+    };
+    placed.chunk_by(Placed::is_beside).filter_map(nearest).collect()
+}
+
+/// A cell of space, and the number of what lies in it, below 2^32: one integer, in the order of cells and then of numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Placed(u128);
+
+impl Placed {
+    fn new(bearing: &Vector3<f64>, size: f64, number: usize) -> Self {
+        Self::first(array::from_fn(|axis| whole_below(bearing[axis] / size)), number as u32)
     }
-    let mut samples: Vec<_> = nearest.into_iter().collect();
-    // A map's order differs from run to run.
-    samples.sort_unstable_by_key(|(cell, _)| *cell);
-    samples.into_iter().map(|(_, sample)| sample).collect()
+
+    /// That of a cell and a number.
+    fn first(cell: [i32; 3], number: u32) -> Self {
+        // With the sign's bit turned over, integers without sign have the order of those with one.
+        let words = cell.map(|index| index as u32 ^ 1 << 31);
+        Self([words[0], words[1], words[2], number].into_iter().fold(0, |bits, word| bits << 32 | u128::from(word)))
+    }
+
+    fn cell(self) -> [i32; 3] {
+        [96, 64, 32].map(|shift| ((self.0 >> shift) as u32 ^ 1 << 31) as i32)
+    }
+
+    fn number(self) -> usize {
+        self.0 as u32 as usize
+    }
+
+    /// Whether another one is in the same cell.
+    fn is_beside(&self, other: &Self) -> bool {
+        self.0 >> 32 == other.0 >> 32
+    }
 }
 
-fn cell_of(bearing: &Vector3<f64>, size: f64) -> [i32; 3] {
-    array::from_fn(|axis| (bearing[axis] / size).floor() as i32)
+/// The largest whole number that is no greater: `floor` is a call where the machine's instructions are those of all.
+fn whole_below(value: f64) -> i32 {
+    let cut = value as i32;
+    cut - i32::from(value < f64::from(cut))
 }
 
-/// Samples by cells of space as large as the widest gap.
+/// Samples in the order of cells of space as large as the widest gap, so that those of neighboring cells lie side by side.
 struct Buckets {
     gap: f64,
-    held: HashMap<[i32; 3], Vec<usize>>,
+    placed: Vec<Placed>,
+    /// Components of the bearings.
+    bearings: [Vec<f64>; 3],
 }
 
 impl Buckets {
     fn new(samples: &[Sample], gap: f64) -> Self {
-        let mut held: HashMap<[i32; 3], Vec<usize>> = HashMap::new();
-        for (number, sample) in samples.iter().enumerate() {
-            held.entry(cell_of(&sample.bearing, gap)).or_default().push(number);
-        }
-        Self { gap, held }
+        let places = samples.iter().enumerate().map(|(number, sample)| Placed::new(&sample.bearing, gap, number));
+        let mut placed: Vec<_> = places.collect();
+        placed.sort_unstable();
+        let of_axis = |axis| placed.iter().map(|place| samples[place.number()].bearing[axis]).collect();
+        Self { gap, bearings: [0, 1, 2].map(of_axis), placed }
     }
 
-    /// The nearest neighbor in each sector around a sample.
-    fn neighbors(&self, samples: &[Sample], index: usize) -> Neighbors {
-        let (bearing, mut nearest) = (samples[index].bearing, [None::<(f64, u32)>; SECTORS]);
-        let [right, up] = tangents(&bearing);
-        for number in self.around(&bearing).filter(|number| *number != index) {
-            let way = samples[number].bearing - bearing;
-            let square = way.norm_squared();
-            if square < self.gap * self.gap && square > 0.0 {
-                let sector = sector_of(way.dot(&right), way.dot(&up));
-                let held = &mut nearest[sector];
-                if held.is_none_or(|(least, _)| square < least) {
-                    *held = Some((square, number as u32));
-                }
+    /// Moves the ranges of the samples in the cells about one, on from those about a cell before: cells that follow one another
+    /// along z are one range.
+    #[inline(always)]
+    fn move_to(&self, [x, y, z]: [i32; 3], rows: &mut [Range<usize>; 9]) {
+        for (row, at) in (0_i32..).zip(rows) {
+            let (x, y) = (x + row / 3 - 1, y + row % 3 - 1);
+            let before =
+                |place: usize, z: i32| place < self.placed.len() && self.placed[place] < Placed::first([x, y, z], 0);
+            while before(at.start, z - 1) {
+                at.start += 1;
+            }
+            at.end = at.end.max(at.start);
+            while before(at.end, z + 2) {
+                at.end += 1;
             }
         }
-        nearest.map(|held| held.map(|(_, number)| number))
     }
 
-    /// The samples of the cells about a place.
-    fn around(&self, bearing: &Vector3<f64>) -> impl Iterator<Item = usize> + '_ {
-        let [x, y, z] = cell_of(bearing, self.gap);
-        let steps = -1..=1;
-        let cells =
-            steps.clone().flat_map(move |i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])));
-        cells.filter_map(|cell| self.held.get(&cell)).flatten().copied()
+    /// Adds to `near` the places of a row that lie within the gap of a bearing, with their squared distances.
+    #[inline(always)]
+    fn within(&self, [x, y, z]: [f64; 3], row: &Range<usize>, squares: &mut Vec<f64>, near: &mut Vec<(f64, usize)>) {
+        let [xs, ys, zs] = [0, 1, 2].map(|axis| &self.bearings[axis][row.clone()]);
+        squares.resize(row.len().max(squares.len()), 0.0);
+        for (((square, i), j), k) in squares.iter_mut().zip(xs).zip(ys).zip(zs) {
+            *square = (i - x) * (i - x) + (j - y) * (j - y) + (k - z) * (k - z);
+        }
+        let (mut count, most) = (near.len(), self.gap * self.gap);
+        near.resize(count + row.len(), (0.0, 0));
+        for (place, square) in row.clone().zip(squares.iter()) {
+            // Without a branch, which would be taken at random.
+            near[count] = (*square, place);
+            count += usize::from((*square < most) & (*square > 0.0));
+        }
+        near.truncate(count);
+    }
+
+    /// The nearest neighbor in each sector around a bearing, of those near it.
+    #[inline(always)]
+    fn nearest(&self, bearing: [f64; 3], near: &[(f64, usize)]) -> Neighbors {
+        let [right, up] = tangents(&bearing.into());
+        let mut nearest = [(f64::INFINITY, None); SECTORS];
+        for (square, place) in near {
+            let way = Vector3::from_fn(|axis, _| self.bearings[axis][*place] - bearing[axis]);
+            let held = &mut nearest[sector_of(way.dot(&right), way.dot(&up))];
+            if *square < held.0 {
+                *held = (*square, Some(self.placed[*place].number() as u32));
+            }
+        }
+        nearest.map(|(_, number)| number)
+    }
+}
+
+impl NullaryFnOnce for Buckets {
+    /// The nearest neighbor in each sector around each sample.
+    type Output = Vec<Neighbors>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut found = vec![[None; SECTORS]; self.placed.len()];
+        let mut rows = array::from_fn(|_| 0..0);
+        let (mut squares, mut near) = (Vec::new(), Vec::new());
+        for (number, place) in self.placed.iter().enumerate() {
+            if number == 0 || !place.is_beside(&self.placed[number - 1]) {
+                self.move_to(place.cell(), &mut rows);
+            }
+            let bearing = [0, 1, 2].map(|axis| self.bearings[axis][number]);
+            near.clear();
+            for row in &rows {
+                self.within(bearing, row, &mut squares, &mut near);
+            }
+            found[place.number()] = self.nearest(bearing, &near);
+        }
+        found
     }
 }
 
@@ -213,9 +311,12 @@ fn tangents(bearing: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [right, bearing.cross(&right)]
 }
 
-/// The sector of a direction, counted from x towards y: by signs alone, since an arc tangent takes longer than all else.
+/// The sector of a direction, counted from x towards y: by signs alone, since an arc tangent takes longer than all else, and
+/// without branches.
+#[inline(always)]
 fn sector_of(x: f64, y: f64) -> usize {
-    let (x, y, half) = if y < 0.0 { (-x, -y, SECTORS / 2) } else { (x, y, 0) };
-    let (x, y, quarter) = if x <= 0.0 { (y, -x, SECTORS / 4) } else { (x, y, 0) };
-    half + quarter + usize::from(y >= x)
+    let (below, flat, steep) = (y < 0.0, x.abs() >= y.abs(), y.abs() >= x.abs());
+    let behind = (below & (x >= 0.0)) | (!below & (x <= 0.0));
+    let beyond = (behind & flat) | (!behind & steep);
+    SECTORS / 2 * usize::from(below) + SECTORS / 4 * usize::from(behind) + usize::from(beyond)
 }
