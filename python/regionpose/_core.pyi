@@ -17,6 +17,7 @@ __all__ = [
     "WorldRegion",
     "__version__",
     "alpha_shape",
+    "blurred",
     "contour_pieces",
     "edge_agreement",
     "edge_evidence",
@@ -100,6 +101,12 @@ def edge_evidence(
     increments: ArrayLike,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, 6)."""
+
+def blurred(picture: NDArray[np.float32], weights: ArrayLike) -> NDArray[np.float32]:
+    """A picture (h, w) spread down its columns and along its rows, mirrored beyond its sides.
+
+    `weights` (r + 1,): of the pixel itself, and of those that are 1 to r pixels away to either side.
+    """
 
 def triangulate(
     rings: Iterable[ArrayLike], *, max_area: float | None = None, min_angle: float | None = None

@@ -5,6 +5,7 @@ mod support;
 use nalgebra::{Matrix2x3, Matrix2x6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
+use regionpose::witness::blur::blurred;
 use regionpose::witness::steps::{Seen, Step};
 use support::random::Random;
 
@@ -194,14 +195,35 @@ fn derivatives_of_sums_are_those_of_differences() {
     let (values, steps) = waves();
     let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
     let at = Vector6::from_fn(|k, _| 0.11 * k as f64 - 0.2);
-    let (_, slope) = pictures.sum(&steps, &at);
+    let (_, slope) = pictures.sums(&steps, &[at])[0];
     // Between pixels the value is linear in each coordinate: steps that small cross a pixel's border but rarely.
     let h = 1e-7;
     for axis in 0..6 {
-        let ends = [h, -h].map(|h| pictures.sum(&steps, &(at + Vector6::ith(axis, h))).0);
+        let ends = [h, -h].map(|h| pictures.sums(&steps, &[at + Vector6::ith(axis, h)])[0].0);
         let difference = (ends[0] - ends[1]) / (2.0 * h);
         assert!((difference - slope[axis]).abs() < 1e-5 * slope.amax(), "{axis}: {difference} {}", slope[axis]);
     }
+}
+
+#[test]
+fn sums_at_many_increments_are_those_at_each() {
+    let (values, steps) = waves();
+    let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
+    // Some of which move steps outside; one more than fill groups of four.
+    let increments: Vec<_> =
+        (0..9).map(|k| Vector6::from_fn(|axis, _| 0.3 * f64::from(k) - 0.1 * axis as f64)).collect();
+    let alone: Vec<_> = increments.iter().map(|increment| pictures.sums(&steps, &[*increment])[0]).collect();
+    assert_eq!(pictures.sums(&steps, &increments), alone);
+    assert!(pictures.sums(&steps, &[]).is_empty());
+}
+
+#[test]
+fn a_picture_is_spread_by_its_weights_and_mirrored_beyond_its_sides() {
+    assert_eq!(blurred(&[0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 3, &[0.5, 0.25]), [0.0, 3.0, 9.0, 0.0, 1.0, 3.0]);
+    // Weights that reach far beyond: whatever is mirrored, they leave what is the same all over as it is.
+    assert_eq!(blurred(&[8.0; 6], 2, &[0.0, 0.125, 0.0, 0.125, 0.125, 0.125]), [8.0; 6]);
+    assert_eq!(blurred(&[1.0, 2.0], 2, &[]), [1.0, 2.0]);
+    assert!(blurred(&[], 2, &[1.0, 1.0]).is_empty() && blurred(&[1.0], 0, &[1.0]).is_empty());
 }
 
 #[test]
@@ -210,11 +232,11 @@ fn sums_are_those_of_the_pixels_and_of_nothing_outside() {
     let pictures = EdgeStrength::new(&values, 4, 5).expect("two pictures");
     let moved = Matrix2x6::from_fn(|row, column| if row == column { 1.0 } else { 0.0 });
     let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
-    let sum = |steps: &[SeenStep<6>], x: f64| pictures.sum(steps, &Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)).0;
+    let sum = |steps: &[SeenStep<6>], x: f64| pictures.sums(steps, &[Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)])[0].0;
     assert_eq!(sum(&[step(1.0, 1.0, 0), step(1.0, 1.0, 1)], 0.0), 6.0 + 26.0);
     assert_eq!(sum(&[step(1.0, 1.5, 0)], 0.25), 6.25 + 2.5);
     let outside = [step(-0.1, 1.0, 0), step(4.0, 1.0, 0), step(1.0, 3.0, 1), step(1.0, 1.0, 2), step(f64::NAN, 0.0, 0)];
-    assert_eq!(pictures.sum(&outside, &Vector6::zeros()), (0.0, Vector6::zeros()));
+    assert_eq!(pictures.sums(&outside, &[Vector6::zeros()]), [(0.0, Vector6::zeros())]);
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! Steps of clouds and how far they lie on a photo's edges.
 
 use nalgebra::{SMatrix, SVector};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
+use regionpose::witness::blur;
 use regionpose::witness::steps::Seen;
 
-use crate::arrays::{array, points};
+use crate::arrays::{array, numbers, points};
 
 type SumArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 type StepArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
@@ -90,8 +93,24 @@ pub fn edge_evidence<'py>(
     let pictures = pictures("values", &values)?;
     let increments = points::<6>("increments", increments)?;
     let steps = steps_of(pixels, points::<12>("moved", moved)?, &directions)?;
-    let (sums, slopes): (Vec<_>, Vec<_>) = increments.iter().map(|increment| pictures.sum(&steps, increment)).unzip();
+    let (sums, slopes): (Vec<_>, Vec<_>) = pictures.sums(&steps, &increments).into_iter().unzip();
     Ok((PyArray1::from_vec(py, sums), array(py, &slopes)?))
+}
+
+/// A picture (h, w) float32 spread down its columns and then along its rows; mirrored beyond its sides.
+///
+/// `weights` (r + 1,): of the pixel itself, and of those that are 1 to r pixels away to either side. ValueError for a picture that is not
+/// contiguous.
+#[pyfunction]
+pub fn blurred<'py>(
+    py: Python<'py>,
+    picture: PyReadonlyArray2<'py, f32>,
+    weights: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values = picture.as_slice().map_err(|_| PyValueError::new_err("picture is not contiguous"))?;
+    let &[rows, columns] = picture.shape() else { unreachable!("two axes by its type") };
+    // The interpreter's lock is kept, as above.
+    PyArray1::from_vec(py, blur::blurred(values, columns, &numbers("weights", weights)?)).reshape([rows, columns])
 }
 
 fn pictures<'a>(item: &str, values: &'a PyReadonlyArray3<'_, f32>) -> PyResult<EdgeStrength<'a>> {

@@ -2,4 +2,5 @@
 //! (`docs/math.md`, section 18).
 
 pub mod agreement;
+pub mod blur;
 pub mod steps;
