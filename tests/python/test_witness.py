@@ -15,6 +15,8 @@ from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.witness import Photo, weighed, witnessed
 from regionpose.witness.odds import log_odds
+from regionpose.witness.photo import blurred, largest
+from scipy.ndimage import gaussian_filter, maximum_filter
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,15 @@ def test_a_photo_serves_more_than_one_pose_and_large_ones_are_reduced() -> None:
     alignment = rp.check_alignment(photo, points, camera, POSE)
     assert alignment.z > 3.0 and alignment.places.max() > 960.0
     np.testing.assert_allclose(photo.pixels(photo.places(alignment.places)), alignment.places, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(40, 53), (64, 32), (3, 7), (1, 1)])
+def test_pictures_are_filtered_as_by_scipy_to_the_last_bit(shape: tuple[int, int]) -> None:
+    picture = np.random.default_rng(0).uniform(size=shape).astype(np.float32)
+    for spread, reach in ((2.0, 3.0), (8.0, 3.0), (30.0, 2.0)):
+        np.testing.assert_array_equal(blurred(picture, spread, reach), gaussian_filter(picture, spread, truncate=reach))
+    for pixels in (1, 4):
+        np.testing.assert_array_equal(largest(picture, pixels), maximum_filter(picture, 2 * pixels + 1))
 
 
 def test_intensity_adds_steps_where_surfaces_change_their_shade() -> None:

@@ -6,13 +6,13 @@ from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.ndimage import uniform_filter
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
-from regionpose.witness.photo import Pictures
+from regionpose.witness.photo import Pictures, blurred
 from regionpose.witness.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Evidence:
 
 def _log_ratios(densities: list[tuple[Pictures, Pictures]], spread_px: float) -> Pictures:
     """Logarithms (k, h, w) of how much likelier the photo is with the image of a step in a pixel than with none."""
-    ratios = np.stack([gaussian_filter(density, spread_px, truncate=3.0) / mean for density, mean in densities])
+    ratios = np.stack([blurred(density, spread_px, 3.0) / mean for density, mean in densities])
     ratios -= np.float32(1.0)
     ratios *= np.float32(SHOWN)
     return np.log1p(ratios, out=ratios)
