@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 Known = Callable[[Array], NDArray[np.bool_]]
 """Which of pixels (n, 2) of the original photo tell nothing that the regions haven't."""
 
+BLOCK_ROWS = 1 << 14
+"""Points that are looked at together: half a megabyte."""
+
 STEP_SHARE = 0.1
 """A step goes beyond the near surface's plane by this share of the inverse distance: several times range noise."""
 
@@ -111,21 +114,31 @@ def steps_at(pose: Pose, points: ArrayLike, camera: Camera, photo: Photo, intens
     """
     places = checked_points(points)
     values = checked_intensity(intensity, places)
-    return _local_steps(places - pose.camera_center, pose.rotation.as_matrix(), camera, photo, values)
-
-
-def _local_steps(points: Array, rotation: Array, camera: Camera, photo: Photo, intensity: Array | None) -> Steps:
-    """The same of points about the camera's center, and the rotation (3, 3) to its axes."""
+    rotation = pose.rotation.as_matrix()
     margin = float(np.radians(TURNED_DEG[1]))
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
-    with np.errstate(invalid="ignore"):
-        shown = points @ rotation[2] > reach * np.sqrt(np.einsum("ij,ij->i", points, points))
-    seen = points[shown] @ rotation.T
+    shown, local = _within(places, pose.camera_center, rotation[2], reach)
+    seen = local @ rotation.T
     spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
     cell = CELL_PX * pixel_angle(camera, photo)
     gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
-    shades = None if intensity is None else intensity[shown]
+    shades = None if values is None else values[shown]
     return Steps(*_core.scene_steps(seen, cell, gap, STEP_SHARE, shades))
+
+
+def _within(points: Array, center: Array, axis: Array, cosine: float) -> tuple[NDArray[np.bool_], Array]:
+    """Which of points (n, 3) lie about an axis through a center, by the least cosine of the angle to it; these (m, 3),
+    from the center.
+    """
+    shown, parts = np.empty(len(points), dtype=np.bool_), [np.empty((0, 3))]
+    for start in range(0, len(points), BLOCK_ROWS):
+        # Block by block, since what is kept between the steps of this then stays in the processor's cache.
+        local = points[start : start + BLOCK_ROWS] - center
+        with np.errstate(invalid="ignore"):
+            within = local @ axis > cosine * np.sqrt(np.einsum("ij,ij->i", local, local))
+        shown[start : start + BLOCK_ROWS] = within
+        parts.append(local[within])
+    return shown, np.concatenate(parts)
 
 
 def seen_steps(photo: Photo, camera: Camera, steps: Steps, known: Known | None = None) -> SeenSteps:
@@ -156,9 +169,9 @@ def places_moved(photo: Photo, camera: Camera, points: Array, ways: Array) -> tu
     """Places (n, 2) of points (n, 3) in the camera's axes, and the derivatives (n, 2 k) of x, then y, by moves along
     ways (k, n, 3); 0 where unknown.
     """
-    start, *ends = camera.project(np.concatenate([points, *(points + DIFFERENCE * ways)])).reshape(1 + len(ways), -1, 2)
-    moved = np.stack([(end - start) / (DIFFERENCE * photo.reduction) for end in ends], axis=2)
-    return photo.places(start), np.asarray(np.nan_to_num(moved.reshape(len(points), 2 * len(ways))))
+    pixels = camera.project(np.concatenate([points, *(points + DIFFERENCE * ways)])).reshape(1 + len(ways), -1, 2)
+    moved = ((pixels[1:] - pixels[0]) / (DIFFERENCE * photo.reduction)).transpose(1, 2, 0)
+    return photo.places(pixels[0]), np.nan_to_num(moved.reshape(len(points), 2 * len(ways)), copy=False)
 
 
 def beside(regions: Sequence[ImageRegion]) -> Known | None:
