@@ -173,9 +173,9 @@ impl SeenStep<6> {
     /// The pixels' x or y after increments of the pose.
     #[inline(always)]
     fn moved_by(&self, axis: usize, increment: &[Lanes; 6]) -> Lanes {
-        let mut moved = Lanes::splat(self.moved[(axis, 0)]) * increment[0];
-        for way in 1..6 {
-            moved += Lanes::splat(self.moved[(axis, way)]) * increment[way];
+        let mut moved = Lanes::ZERO;
+        for (way, change) in increment.iter().enumerate() {
+            moved += Lanes::splat(self.moved[(axis, way)]) * *change;
         }
         Lanes::splat(self.pixel[axis]) + moved
     }
