@@ -3,6 +3,8 @@
 The scene is made here: a room of 10 x 8 x 3 m with 3 mm noise, three panels before its walls, and a picture of them.
 Each stage runs in a process of its own; `cpu` is its processor time, `beside` the most memory that it took beside what
 it was given. The witness is what the rest of photo and cloud says of a pose of two of the panels, refinement included.
+The picking page's pictures are those that it shows first, with the reading of the files; its click in 3D is the first
+one, which builds an index.
 
     python benchmarks/scale.py [--points 5000000] [--megapixels 24]
 """
@@ -23,6 +25,8 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from regionpose.pick.desk import Desk
+from regionpose.pick.session import Session
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.witness import refined_estimate, witnessed
@@ -55,6 +59,12 @@ class Inputs(NamedTuple):
     cloud: Path
     image: Path
     scene: Path
+    camera: Path
+
+    @classmethod
+    def of(cls, folder: Path) -> Inputs:
+        """Where they are in a folder."""
+        return cls(*(folder / name for name in ("cloud.ply", "image.png", "scene.yaml", "camera.yaml")))
 
 
 def camera_of(megapixels: float) -> rp.PinholeCamera:
@@ -103,7 +113,7 @@ def picture_of(camera: rp.PinholeCamera) -> Image.Image:
 def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     """Write the cloud, the image and the scene file."""
     camera = camera_of(megapixels)
-    inputs = Inputs(folder / "cloud.ply", folder / "image.png", folder / "scene.yaml")
+    inputs = Inputs.of(folder)
     rp.write_ply(inputs.cloud, rp.Cloud(points_of(count)))
     picture_of(camera).save(inputs.image)
     regions = []
@@ -115,6 +125,11 @@ def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     lens = {"model": "pinhole", "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
     scene = {"camera": lens | size, "image": inputs.image.name, "cloud": inputs.cloud.name, "regions": regions}
     inputs.scene.write_text(to_yaml(scene), encoding="utf-8")
+    matrix = [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
+    sizes = {"image_width": camera.width, "image_height": camera.height}
+    straight = {"distortion_model": "plumb_bob", "distortion_coefficients": {"rows": 1, "cols": 5, "data": [0.0] * 5}}
+    ros = sizes | {"camera_name": "camera", "camera_matrix": {"rows": 3, "cols": 3, "data": matrix}} | straight
+    inputs.camera.write_text(to_yaml(ros), encoding="utf-8")
     return inputs
 
 
@@ -164,6 +179,17 @@ class Loaded:
 
         return heard
 
+    def desk(self) -> Desk:
+        """The picking page's pictures of photo and cloud, once their files are read."""
+        given = self.inputs
+        path = given.scene.with_name("picked.yaml")
+        return Desk(Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud))
+
+    def solid_click(self) -> Callable[[], object]:
+        """What finds the point that the first click in the picking page's 3D view meets."""
+        desk = self.desk()
+        return partial(desk.point_on_ray, CENTER - desk.middle, self.seed - CENTER)
+
     def run(self) -> None:
         """Estimate the scene and write all its files."""
         out = self.inputs.scene.parent / "result"
@@ -209,6 +235,8 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
         "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
         "witness": held.witness,
+        "pick: the first pictures": lambda: held.desk,
+        "pick: the first click in 3D": held.solid_click,
         "write_ply": lambda: partial(rp.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
         "regionpose estimate, all files": lambda: held.run,
     }
@@ -242,8 +270,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.folder:
-        inputs = Inputs(*(arguments.folder / name for name in ("cloud.ply", "image.png", "scene.yaml")))
-        return run_stage(inputs, arguments.megapixels, arguments.stages[0])
+        return run_stage(Inputs.of(arguments.folder), arguments.megapixels, arguments.stages[0])
     with tempfile.TemporaryDirectory() as temporary:
         inputs = make_inputs(Path(temporary), arguments.points, arguments.megapixels)
         for name in stages(inputs, arguments.megapixels):

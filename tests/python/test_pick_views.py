@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from regionpose.clouds import Cloud
-from regionpose.pick.range_view import RangeView, depth_and_intensity
+from regionpose.pick.range_view import BLOCK, RangeView, depth_and_intensity
 from regionpose.pick.solid_view import MOST_SHOWN, RayIndex, point_buffer, sample_indices
 from regionpose.segmentation.cloud import nearest_to_ray
 
@@ -56,6 +56,23 @@ def test_the_nearer_of_two_points_in_a_direction_is_shown() -> None:
     found = view.point_at(*view.pixels(np.array([[3.0, 0.0, 0.0]]))[0])
     assert found is not None
     assert found >= len(wall)
+
+
+def test_each_pixel_shows_the_nearest_of_the_points_in_it() -> None:
+    # More points than are worked on at a time, many of them in each direction.
+    random = np.random.default_rng(5)
+    directions = random.normal(0.0, 1.0, (BLOCK + 200_000, 3))
+    cloud = Cloud(directions * random.uniform(2.0, 9.0, len(directions))[:, None])
+    view = RangeView.of(cloud, ORIGIN)
+    pixels = view.pixels(cloud.points)
+    columns, rows = np.round(pixels).astype(np.int64).T
+    # Nearer to a pixel's border than angles are held, a point may be counted to the next one.
+    within = (np.abs(pixels - np.round(pixels)) < 0.49).all(axis=1)
+    within &= (rows >= 0) & (rows < view.size[1]) & (columns >= 0) & (columns < view.size[0])
+    ranges = np.linalg.norm(cloud.points, axis=1)
+    shown = view.indices[rows[within], columns[within]]
+    assert (shown >= 0).all()
+    assert (ranges[shown] <= ranges[within] * (1.0 + 1e-6)).all()
 
 
 def test_a_cloud_in_a_cameras_frame_is_shown_upright() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -67,6 +67,14 @@ class Axes(NamedTuple):
         return np.stack(self)
 
 
+class Directions(NamedTuple):
+    """Where points are seen: azimuth and elevation (n,), degrees, and distances (n,)."""
+
+    azimuth: Floats
+    elevation: Floats
+    ranges: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class RangeView:
     """A picture of the directions from `place` (3,), about the cloud's local origin, to its points.
@@ -86,16 +94,14 @@ class RangeView:
     def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
         """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
         axes = _axes(cloud.local_points, place, up)
-        azimuth, elevation, ranges = _directions(cloud.local_points, place, axes)
-        cut = _widest_gap(azimuth)
-        azimuth = (cut - azimuth) % 360.0
-        top, bottom = np.percentile(elevation, [100.0 - STRAYS, STRAYS])
-        across, down = float(azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
+        seen = _directions(cloud.local_points, place, axes)
+        cut = _widest_gap(seen.azimuth)
+        np.remainder(np.subtract(cut, seen.azimuth, out=seen.azimuth), 360.0, out=seen.azimuth)
+        top, bottom = np.percentile(seen.elevation, [100.0 - STRAYS, STRAYS])
+        across, down = float(seen.azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
         step = _step(across, down, len(cloud))
         shape = (int(np.ceil(down / step)), int(np.ceil(across / step)))
-        columns = ((azimuth + MARGIN_DEG) / step).astype(np.int32)
-        rows = np.floor((top + MARGIN_DEG - elevation) / step).astype(np.int32)
-        nearest = _nearest(columns, rows, ranges, shape)
+        nearest = _nearest(seen, float(top), step, shape)
         return cls(place, axes, (cut + MARGIN_DEG, float(top) + MARGIN_DEG), step, _filled(nearest))
 
     @property
@@ -120,7 +126,7 @@ class RangeView:
     def pixels(self, points: Array) -> Array:
         """Pixels (n, 2) of points (n, 3) about the cloud's local origin."""
         angles, _ = _angles(points, self.place, self.axes)
-        azimuth = (self.start[0] - angles[:, 0]) % 360.0
+        azimuth = (self.start[0] - MARGIN_DEG - angles[:, 0]) % 360.0 + MARGIN_DEG
         # What lies just left of the border is not a turn to the right of it.
         width = self.size[0] * self.step
         azimuth = np.where(azimuth > 0.5 * (360.0 + width), azimuth - 360.0, azimuth)
@@ -207,25 +213,32 @@ def _axes(points: Array, place: Array, up: Array | None) -> Axes:
 
 def _angles(points: Array, place: Array, axes: Axes) -> tuple[Array, Array]:
     """Azimuth and elevation (n, 2), degrees, of points from a place, and their distances (n,)."""
-    seen = (points - place) @ axes.matrix.T
-    flat = np.hypot(seen[:, 0], seen[:, 1])
-    angles = np.stack([np.arctan2(seen[:, 1], seen[:, 0]), np.arctan2(seen[:, 2], flat)], axis=1)
-    return np.degrees(angles), np.hypot(flat, seen[:, 2])
+    ahead, left, up = ((points - place) @ axes.matrix.T).T
+    across = ahead**2 + left**2
+    angles = np.stack([np.arctan2(left, ahead), np.arctan2(up, np.sqrt(across))], axis=1)
+    return np.degrees(angles), np.sqrt(across + up**2)
 
 
-def _directions(points: Array, place: Array, axes: Axes) -> tuple[Floats, Floats, Floats]:
-    """Azimuth and elevation (n,), degrees, and distances (n,) of points from a place, worked out a block at a time."""
+def _directions(points: Array, place: Array, axes: Axes) -> Directions:
+    """Where points (n, 3) are seen from a place."""
     held = np.empty((3, len(points)), dtype=np.float32)
-    for start in range(0, len(points), BLOCK):
-        block = slice(start, start + BLOCK)
+    for block in _blocks(len(points)):
         angles, held[2, block] = _angles(points[block], place, axes)
         held[:2, block] = angles.T
-    return held[0], held[1], held[2]
+    return Directions(*held)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """So many points, a block at a time."""
+    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 
 def _widest_gap(azimuth: Floats) -> float:
     """The azimuth, degrees, right of which the picture begins: the left end of the widest gap, or behind."""
-    held = np.flatnonzero(np.bincount(np.floor(azimuth % 360.0).astype(np.int64) % 360, minlength=360))
+    counts = np.zeros(360, dtype=np.int64)
+    for block in _blocks(len(azimuth)):
+        counts += np.bincount(np.floor(azimuth[block]).astype(np.int64) % 360, minlength=360)
+    held = np.flatnonzero(counts)
     if not len(held) or len(held) == 360:
         return 180.0
     gaps = np.diff(np.append(held, held[0] + 360))
@@ -239,19 +252,21 @@ def _step(across: float, down: float, count: int) -> float:
     return float(max(spacing / PIXELS_PER_SPACING, across / MOST_COLUMNS, down / MOST_ROWS))
 
 
-def _nearest(columns: Cells, rows: Cells, ranges: Floats, shape: tuple[int, int]) -> Indices:
-    """The nearest point of each pixel (h, w), -1 for none."""
-    nearest, least = np.full(shape, -1, dtype=np.int64).ravel(), np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
-    for start in range(0, len(ranges), BLOCK):
-        block = slice(start, start + BLOCK)
-        down, right, far = rows[block], columns[block], ranges[block]
-        inside = np.flatnonzero((down >= 0) & (down < shape[0]) & (right >= 0) & (right < shape[1]))
-        inside = inside[np.argsort(-far[inside], kind="stable")]
-        cells = down[inside].astype(np.int64) * shape[1] + right[inside]
-        # Of several points of a cell the last one is written, which is the nearest of them.
-        closer = far[inside] < least[cells]
-        nearest[cells[closer]], least[cells[closer]] = start + inside[closer], far[inside[closer]]
-    return nearest.reshape(shape)
+def _nearest(seen: Directions, top: float, step: float, shape: tuple[int, int]) -> Indices:
+    """The nearest point of each pixel (h, w), -1 for none; `top`: the elevation a margin below the upper border."""
+    # Distances are not negative, and the bits of such floats are ordered as they are: a word of a distance's bits and
+    # the point's index is least for the nearest point, and of those as near for the first.
+    none = np.iinfo(np.uint64).max
+    least = np.full(shape[0] * shape[1], none, dtype=np.uint64)
+    for block in _blocks(len(seen.ranges)):
+        columns = ((seen.azimuth[block] + MARGIN_DEG) / step).astype(np.int64)
+        rows = np.floor((np.float64(top + MARGIN_DEG) - seen.elevation[block]) / step).astype(np.int64)
+        inside = np.flatnonzero((rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1]))
+        bits = seen.ranges[block][inside].view(np.uint32).astype(np.uint64)
+        words = bits << np.uint64(32) | (block.start + inside).astype(np.uint64)
+        np.minimum.at(least, rows[inside] * shape[1] + columns[inside], words)
+    nearest = (least & np.uint64(0xFFFFFFFF)).astype(np.int64)
+    return np.where(least == none, -1, nearest).reshape(shape)
 
 
 def _filled(nearest: Indices) -> Indices:
