@@ -7,9 +7,7 @@ size in the photo, and stops at the first trusted pose. Of each face
 1. its outline in the photo: a click on each corner of its own edges, which are followed to a pixel, and a Shift-drag
    along each stretch of hidden ones that has corners, as around a car; an image border's straight one takes a
    Shift-click on the corner at its end, which is counted already.
-2. a click in the range image, on the pixel deepest inside the labeled points. Of the proposals, the one that overlaps
-   these best is taken with the slider, a click. If it reaches less than an IoU of 0.95, the face's points are drawn
-   around with a Shift-drag, halfway to the next ones.
+2. a Shift-drag around its points in the range image, halfway to the next ones.
 
 Each click and each drag counts, and so does that on the scanner's place; the keys that choose a tool don't. It is done
 with the calls that the page makes for each. A line each: clicks and drags, faces, verdict, errors of rotation and of
@@ -38,15 +36,11 @@ from regionpose.scene import SceneEstimate
 from regionpose.scene.verdict import TRUSTED, verdict
 from regionpose.yaml_text import to_yaml
 
-from benchmarks.image_segmentation import deepest
 from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 
 Plain = dict[str, Any]
 
 MOST_CLICKS = 20
-GOOD_POINTS = 0.95
-"""Overlap (IoU) of proposed points that the user settles for: a drag costs no more than the slider."""
-
 OWN_PX, HIDDEN_PX = 1.0, 2.0
 """Pixels to which a drawn outline follows a face's own edges, which a loupe shows, and a hand's drag the others."""
 
@@ -80,34 +74,9 @@ class User:
         self.session.draw_polygon(drawn.ring, hidden=drawn.hidden)
 
     def _cloud(self, labels: NDArray[np.int64]) -> None:
-        shown = np.isin(self.view.indices, labels)
-        self.clicks += 1
-        index = self.view.point_at(*deepest(shown))
-        assert index is not None
-        self.session.click_cloud(self.session.cloud.local_points[index] + self.session.cloud.origin)
-        choices = self.session.sketch.region(self._key).world
-        assert choices is not None
-        sides = [choices.at(k).chosen.side for k in range(len(choices))]
-        overlaps = [points_overlap(side.indices, labels) for side in sides]
-        if max(overlaps) < GOOD_POINTS:
-            self._cut(labels)
-        else:
-            self._choose(int(np.argmax(overlaps)), choices.index)
-
-    def _cut(self, labels: NDArray[np.int64]) -> None:
         ring = around(self.view.pixels(self.session.cloud.local_points[labels]))
         self.clicks += 1
-        self.session.cut_cloud(self._key, lambda points: self.view.inside(ring, points))
-
-    def _choose(self, index: int, taken: int) -> None:
-        if index != taken:
-            self.clicks += 1
-            self.session.choose(self._key, "world", index)
-
-    @property
-    def _key(self) -> int:
-        assert self.session.sketch.selected is not None
-        return self.session.sketch.selected
+        self.session.cut_cloud(lambda points: self.view.inside(ring, points))
 
 
 class Drawing(NamedTuple):
@@ -132,13 +101,6 @@ class Row(NamedTuple):
     def is_reached(self) -> bool:
         """Whether the pose is trusted within the clicks that are allowed."""
         return self.level == TRUSTED and self.clicks <= MOST_CLICKS
-
-
-def points_overlap(indices: NDArray[np.intp] | None, labels: NDArray[np.int64]) -> float:
-    """IoU of two sets of points."""
-    found = np.array([], dtype=np.intp) if indices is None else indices
-    shared = len(np.intersect1d(found, labels))
-    return shared / (len(found) + len(labels) - shared)
 
 
 def drawing(polygon: list[list[float]], hidden: list[int]) -> Drawing:

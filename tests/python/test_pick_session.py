@@ -378,7 +378,7 @@ def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tm
     session.choose(0, "world", 1)
     whole = session.regions[0].world
     assert whole is not None and whole.chosen.side.indices is not None
-    session.cut_cloud(0, inside_of(session, 0.5))
+    session.cut_cloud(inside_of(session, 0.5))
     cut = session.regions[0].world
     assert cut is not None and cut.chosen.side.indices is not None
     assert len(cut.chosen.side.indices) < len(whole.chosen.side.indices)
@@ -398,12 +398,10 @@ def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tm
 
 def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
     session.click_photo(BOARD[0])
-    with pytest.raises(ValueError, match="region 1 has no points of the cloud yet"):
-        session.cut_cloud(0, inside_of(session, 1.0))
     session.click_cloud(BOARD[1])
     before = session.sketch
-    with pytest.raises(ValueError, match="found 0 points of region 1 inside; needed at least 3"):
-        session.cut_cloud(0, inside_of(session, 0.0))
+    with pytest.raises(ValueError, match="found 0 points inside; needed at least 3"):
+        session.cut_cloud(inside_of(session, 0.0))
     assert session.sketch is before
 
 
@@ -429,8 +427,11 @@ def test_an_outline_in_the_range_image_cuts_the_selected_region(session: Session
         with pytest.raises(ValueError, match="found 2 corners around no area"):
             desk.edit(desk.cut_in_range(ring[:2]))
         desk.edit(lambda held: held.select(None))
-        with pytest.raises(ValueError, match="no region that is selected"):
-            desk.edit(desk.cut_in_range(ring))
+        desk.edit(desk.cut_in_range(ring))
+        drawn = session.regions[1].world
+        assert drawn is not None
+        # The plane that most of the points inside lie on is the one that was clicked.
+        np.testing.assert_array_equal(drawn.chosen.side.indices, cut.chosen.side.indices)
     finally:
         desk.close()
 
@@ -462,13 +463,30 @@ def test_what_is_drawn_around_holds_the_points_that_growing_did_not_reach(sessio
     whole = session.cloud.local_points[world.chosen.side.indices]
     low, high = whole.min(axis=0), whole.max(axis=0)
     middle = 0.5 * (low + high)
-    session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1))
+    session.cut_cloud(lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1))
     half = session.regions[0].world
     assert half is not None and half.chosen.side.indices is not None
-    session.cut_cloud(0, lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1))
+    session.cut_cloud(lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1))
     again = session.regions[0].world
     assert again is not None and again.chosen.side.indices is not None
     assert len(again.chosen.side.indices) > 1.5 * len(half.chosen.side.indices)
+
+
+def test_points_that_are_drawn_around_need_no_click(session: Session) -> None:
+    session.click_photo(CHALKBOARD[0])
+    session.cut_cloud(near_chalkboard(session, 0.45))
+    assert [picked.is_paired for picked in session.regions] == [True]
+    session.cut_cloud(near_chalkboard(session, 0.3))
+    (paired,) = session.regions
+    assert paired.world is not None and paired.world.chosen.side.indices is not None
+    drawn = paired.world.chosen.side.indices
+    assert near_chalkboard(session, 0.3)(session.cloud.local_points[drawn]).all()
+    session.select(None)
+    session.click_cloud(CHALKBOARD[1])
+    session.cut_cloud(near_chalkboard(session, 0.3))
+    clicked = session.regions[1].world
+    assert clicked is not None
+    np.testing.assert_array_equal(clicked.chosen.side.indices, drawn)
 
 
 def near_chalkboard(session: Session, reach: float) -> Callable[[NDArray[np.float64]], NDArray[np.bool_]]:
@@ -481,9 +499,8 @@ def test_what_is_drawn_around_does_not_depend_on_how_far_the_plane_grew(session:
     for margin in (0.3, 5.0):
         session.select(None)
         session.click_cloud(CHALKBOARD[1])
-        key = session.regions[-1].key
         for reach in (margin, 0.45):
-            session.cut_cloud(key, near_chalkboard(session, reach))
+            session.cut_cloud(near_chalkboard(session, reach))
         world = session.regions[-1].world
         assert world is not None and world.chosen.side.indices is not None
         cuts.append(world.chosen.side.indices.tolist())

@@ -144,17 +144,11 @@ class Desk:
         return self._world(index)
 
     def cut_in_range(self, ring: Sequence[Sequence[float]]) -> Callable[[Session], None]:
-        """The edit that keeps of the selected region's points those inside a ring (k, 2) of the range image's pixels;
-        ValueError, when it is made, without such a region.
+        """The edit that gives the selected region, or a new one, the points of a plane inside a ring (k, 2) of the
+        range image's pixels; errors, when it is made, as of `Session.cut_cloud` and `RangeView.inside`.
         """
         view = self.range_view
-
-        def cut(session: Session) -> None:
-            if session.sketch.selected is None:
-                raise ValueError("found no region that is selected; needed one, to cut its points out of its plane")
-            session.cut_cloud(session.sketch.selected, lambda points: view.inside(ring, points))
-
-        return cut
+        return lambda session: session.cut_cloud(lambda points: view.inside(ring, points))
 
     def point_on_ray(self, origin: Array, direction: Array) -> Array:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""

@@ -277,7 +277,7 @@ class Page:
         self.modes.set_value("click")
 
     async def _cut(self, args: dict[str, Any]) -> None:
-        await self._edit(self.desk.cut_in_range(args["ring"]))
+        await self._grow(self.range, "fitting the plane …", self.desk.cut_in_range(args["ring"]))
         self.cloud_modes.set_value("click")
 
     async def _moved(self, args: dict[str, Any]) -> None:

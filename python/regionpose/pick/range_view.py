@@ -143,7 +143,10 @@ class RangeView:
         outline = shapely.make_valid(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
         if not outline.area:
             raise ValueError(f"found {len(ring)} corners around no area; needed an outline of 3 corners or more")
-        return np.asarray(shapely.contains_xy(outline, self.pixels(points)))
+        held = np.empty(len(points), dtype=np.bool_)
+        for block in _blocks(len(points)):
+            held[block] = shapely.contains_xy(outline, self.pixels(points[block]))
+        return held
 
     def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colors (n, 3), edges of depth shaded.

@@ -256,29 +256,33 @@ class Session:
         choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
         self._give("world", choices, again)
 
-    def cut_cloud(self, key: int, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
-        """Make a region of the points on its plane for which `inside` says so, of local points (n, 3) of the cloud.
+    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
+        """Give the selected region, or a new one, the points of a plane for which `inside` says so, of local points
+        (n, 3) of the cloud.
 
-        The plane is that of the region's points inside, fitted anew to what it holds until that stays, so that it does
-        not depend on how far the region was grown. All of the cloud's points count, also those that were not reached:
-        beyond a window, or on a scan line that is off. ValueError for a region without points of the cloud, or with
-        none or too few inside.
+        The plane is that of the region's points inside, or of most of the points inside where it has none. It is fitted
+        anew to what it holds until that stays, so that it does not depend on how far the region was grown. All of the
+        cloud's points count, also those that were not reached: beyond a window, or on a scan line that is off.
+        ValueError for too few points inside, or those of one line.
         """
-        region = self.sketch.region(key)
-        indices = None if region.world is None else region.world.chosen.side.indices
-        if indices is None:
-            raise ValueError(f"{region.name} has no points of the cloud yet; click it in the cloud first")
         points = self.cloud.local_points
-        held = indices[inside(points[indices])]
+        held = self._start_of_cut(inside)
         if len(held) < LEAST_POINTS:
-            raise ValueError(f"found {len(held)} points of {region.name} inside; needed at least {LEAST_POINTS}")
+            raise ValueError(f"found {len(held)} points inside; needed at least {LEAST_POINTS}")
         for _ in range(MOST_REFITS):
             on_plane = points_on_plane(points, held, self.scan.scanner)
             before, held = held, on_plane[inside(points[on_plane])]
             if np.array_equal(held, before):
                 break
         part = replace(self._world_part({"points": held.tolist()}, "cut out"), picked=True)
-        self._change(self.sketch.with_region(region.with_side("world", only(part))))
+        self._give("world", only(part), again=True)
+
+    def _start_of_cut(self, inside: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.intp]:
+        """The selected region's points inside, or all points inside where it has none of the cloud."""
+        points, selected = self.cloud.local_points, self.sketch.selected
+        world = None if selected is None else self.sketch.region(selected).world
+        indices = None if world is None else world.chosen.side.indices
+        return np.flatnonzero(inside(points)) if indices is None else indices[inside(points[indices])]
 
     def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
         selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)

@@ -97,7 +97,8 @@ def cloud_hint(selected: Picked | None, cuts: bool) -> str:
             f"<b>Cut out:</b> Shift-drag around the points of <b>{escape(selected.name)}</b>, or click corners, Enter."
         )
     if cuts:
-        return "<b>Cut out:</b> select a region with points of the cloud first."
+        whose = _whose(selected, "world")
+        return f"<b>Cut out:</b> Shift-drag around a face's points {whose}, or click corners, Enter."
     return f"<b>Click</b> on the same face in the cloud {_whose(selected, 'world')}."
 
 
