@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from regionpose.pick.scanner import proposed_scanner
 from regionpose.pick.session import Session
 from regionpose.scene import estimate_scene, load_scene
 from regionpose.scene.bundle import read_truth, truth_errors
+from regionpose.scene.sides import Scan
 
 DOOR = ([463.0, 498.0], [4.629, 5.132, 0.972])
 BOARD = ([159.0, 501.0], [2.676, 6.081, 0.842])
@@ -367,6 +369,11 @@ def test_only_a_single_scan_around_zero_proposes_a_place() -> None:
     assert proposed_scanner(Cloud(points[:1])) is None
 
 
+def all_of(session: Session) -> NDArray[np.int64]:
+    """The points of a picture that shows them all."""
+    return np.arange(len(session.cloud), dtype=np.int64)
+
+
 def inside_of(session: Session, margin: float) -> Callable[[NDArray[np.float64]], NDArray[np.bool_]]:
     """Says which points lie within a distance, meters, of where the board was clicked."""
     return lambda points: np.linalg.norm(points + session.cloud.origin - BOARD[1], axis=1) < margin
@@ -378,7 +385,7 @@ def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tm
     session.choose(0, "world", 1)
     whole = session.regions[0].world
     assert whole is not None and whole.chosen.side.indices is not None
-    session.cut_cloud(inside_of(session, 0.5))
+    session.cut_cloud(inside_of(session, 0.5), all_of(session))
     cut = session.regions[0].world
     assert cut is not None and cut.chosen.side.indices is not None
     assert len(cut.chosen.side.indices) < len(whole.chosen.side.indices)
@@ -401,7 +408,7 @@ def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
     session.click_cloud(BOARD[1])
     before = session.sketch
     with pytest.raises(ValueError, match="found 0 points inside; needed at least 3"):
-        session.cut_cloud(inside_of(session, 0.0))
+        session.cut_cloud(inside_of(session, 0.0), all_of(session))
     assert session.sketch is before
 
 
@@ -463,27 +470,42 @@ def test_what_is_drawn_around_holds_the_points_that_growing_did_not_reach(sessio
     whole = session.cloud.local_points[world.chosen.side.indices]
     low, high = whole.min(axis=0), whole.max(axis=0)
     middle = 0.5 * (low + high)
-    session.cut_cloud(lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1))
+    session.cut_cloud(
+        lambda points: ((points > low - 0.01) & (points < [high[0], middle[1], high[2]])).all(axis=1), all_of(session)
+    )
     half = session.regions[0].world
     assert half is not None and half.chosen.side.indices is not None
-    session.cut_cloud(lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1))
+    session.cut_cloud(lambda points: ((points > low - 0.01) & (points < high + 0.01)).all(axis=1), all_of(session))
     again = session.regions[0].world
     assert again is not None and again.chosen.side.indices is not None
     assert len(again.chosen.side.indices) > 1.5 * len(half.chosen.side.indices)
 
 
+def test_what_lies_behind_the_points_that_are_shown_has_no_part_in_their_plane(session: Session) -> None:
+    # A board and, seen through it, a wall of twice as many points.
+    grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 40), np.linspace(-0.5, 0.5, 40)), axis=-1).reshape(-1, 2)
+    board = np.column_stack([np.full(len(grid), 4.0), grid])
+    wall = np.concatenate([np.column_stack([np.full(len(grid), 4.1), (grid + shift) * 1.02]) for shift in (0.0, 0.01)])
+    cloud = Cloud(np.concatenate([board, wall]))
+    there = replace(session, cloud=cloud, sketch=replace(session.sketch, scan=Scan(cloud, np.zeros(3), np.zeros(3))))
+    there.cut_cloud(lambda points: (np.abs(points[:, 1:]) < 0.6).all(axis=1), np.arange(len(board)))
+    world = there.regions[0].world
+    assert world is not None
+    np.testing.assert_array_equal(world.chosen.side.indices, np.arange(len(board)))
+
+
 def test_points_that_are_drawn_around_need_no_click(session: Session) -> None:
     session.click_photo(CHALKBOARD[0])
-    session.cut_cloud(near_chalkboard(session, 0.45))
+    session.cut_cloud(near_chalkboard(session, 0.45), all_of(session))
     assert [picked.is_paired for picked in session.regions] == [True]
-    session.cut_cloud(near_chalkboard(session, 0.3))
+    session.cut_cloud(near_chalkboard(session, 0.3), all_of(session))
     (paired,) = session.regions
     assert paired.world is not None and paired.world.chosen.side.indices is not None
     drawn = paired.world.chosen.side.indices
     assert near_chalkboard(session, 0.3)(session.cloud.local_points[drawn]).all()
     session.select(None)
     session.click_cloud(CHALKBOARD[1])
-    session.cut_cloud(near_chalkboard(session, 0.3))
+    session.cut_cloud(near_chalkboard(session, 0.3), all_of(session))
     clicked = session.regions[1].world
     assert clicked is not None
     np.testing.assert_array_equal(clicked.chosen.side.indices, drawn)
@@ -500,7 +522,7 @@ def test_what_is_drawn_around_does_not_depend_on_how_far_the_plane_grew(session:
         session.select(None)
         session.click_cloud(CHALKBOARD[1])
         for reach in (margin, 0.45):
-            session.cut_cloud(near_chalkboard(session, reach))
+            session.cut_cloud(near_chalkboard(session, reach), all_of(session))
         world = session.regions[-1].world
         assert world is not None and world.chosen.side.indices is not None
         cuts.append(world.chosen.side.indices.tolist())

@@ -148,7 +148,7 @@ class Desk:
         range image's pixels; errors, when it is made, as of `Session.cut_cloud` and `RangeView.inside`.
         """
         view = self.range_view
-        return lambda session: session.cut_cloud(lambda points: view.inside(ring, points))
+        return lambda session: session.cut_cloud(lambda points: view.inside(ring, points), view.shown)
 
     def point_on_ray(self, origin: Array, direction: Array) -> Array:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""

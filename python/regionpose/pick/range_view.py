@@ -109,6 +109,11 @@ class RangeView:
         """Width and height, pixels."""
         return self.indices.shape[1], self.indices.shape[0]
 
+    @property
+    def shown(self) -> Indices:
+        """Indices, ascending, of the points that the picture shows."""
+        return np.unique(self.indices[self.indices >= 0])
+
     def point_at(self, x: float, y: float) -> int | None:
         """Index of the point that the pixel at (x, y) shows, an integer being a pixel's center; None where it is empty.
 

@@ -256,17 +256,20 @@ class Session:
         choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
         self._give("world", choices, again)
 
-    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]]) -> None:
+    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]], shown: NDArray[np.int64]) -> None:
         """Give the selected region, or a new one, the points of a plane for which `inside` says so, of local points
         (n, 3) of the cloud.
 
-        The plane is that of the region's points inside, or of most of the points inside where it has none. It is fitted
-        anew to what it holds until that stays, so that it does not depend on how far the region was grown. All of the
-        cloud's points count, also those that were not reached: beyond a window, or on a scan line that is off.
-        ValueError for too few points inside, or those of one line.
+        The plane is that of the region's points inside, or, where it has none, of most of those `shown` (k,) inside:
+        indices of the points that a picture shows, since others may lie behind them. It is fitted anew to what it holds
+        until that stays, so that it does not depend on how far the region was grown. All of the cloud's points count,
+        also those that were not reached: beyond a window, or on a scan line that is off. ValueError for too few points
+        inside, or those of one line.
         """
         points = self.cloud.local_points
-        held = self._start_of_cut(inside)
+        start = self._selected_points
+        start = shown if start is None else start
+        held = start[inside(points[start])]
         if len(held) < LEAST_POINTS:
             raise ValueError(f"found {len(held)} points inside; needed at least {LEAST_POINTS}")
         for _ in range(MOST_REFITS):
@@ -277,12 +280,12 @@ class Session:
         part = replace(self._world_part({"points": held.tolist()}, "cut out"), picked=True)
         self._give("world", only(part), again=True)
 
-    def _start_of_cut(self, inside: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.intp]:
-        """The selected region's points inside, or all points inside where it has none of the cloud."""
-        points, selected = self.cloud.local_points, self.sketch.selected
+    @property
+    def _selected_points(self) -> NDArray[np.intp] | None:
+        """Indices of the selected region's points of the cloud; None where it has none."""
+        selected = self.sketch.selected
         world = None if selected is None else self.sketch.region(selected).world
-        indices = None if world is None else world.chosen.side.indices
-        return np.flatnonzero(inside(points)) if indices is None else indices[inside(points[indices])]
+        return None if world is None else world.chosen.side.indices
 
     def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
         selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)
