@@ -488,7 +488,7 @@ def test_what_lies_behind_the_points_that_are_shown_has_no_part_in_their_plane(s
     wall = np.concatenate([np.column_stack([np.full(len(grid), 4.1), (grid + shift) * 1.02]) for shift in (0.0, 0.01)])
     cloud = Cloud(np.concatenate([board, wall]))
     there = replace(session, cloud=cloud, sketch=replace(session.sketch, scan=Scan(cloud, np.zeros(3), np.zeros(3))))
-    there.cut_cloud(lambda points: (np.abs(points[:, 1:]) < 0.6).all(axis=1), np.arange(len(board)))
+    there.cut_cloud(lambda points: np.asarray((np.abs(points[:, 1:]) < 0.6).all(axis=1)), np.arange(len(board)))
     world = there.regions[0].world
     assert world is not None
     np.testing.assert_array_equal(world.chosen.side.indices, np.arange(len(board)))
