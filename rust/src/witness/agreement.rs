@@ -44,8 +44,9 @@ impl<'a> EdgeStrength<'a> {
     ///
     /// Values between pixels follow from the four about them; steps outside the pictures count as 0.
     pub fn sums(&self, steps: &[SeenStep<6>], increments: &[Vector6<f64>]) -> Vec<(f64, Vector6<f64>)> {
+        // What fills up the last group lies outside, where there is nothing to read.
         let of_axis =
-            |chunk: &[Vector6<f64>], axis: usize| lanes(|lane| chunk.get(lane).map_or(0.0, |held| held[axis]));
+            |chunk: &[Vector6<f64>], axis: usize| lanes(|lane| chunk.get(lane).map_or(f64::NAN, |held| held[axis]));
         let groups = increments.chunks(LANES).map(|chunk| array::from_fn(|axis| of_axis(chunk, axis))).collect();
         let sums = vectorized(Sums { pictures: *self, steps, increments: groups });
         let of_lane = |lane: usize, sum: &Sum| (sum.value.0[lane], Vector6::from_fn(|axis, _| sum.slope[axis].0[lane]));
