@@ -119,6 +119,7 @@ CASES: list[Case] = [
     ("k.pcd", PCD.replace(b"WIDTH 2", b"WIDTH " + DIGITS), read_cloud, CloudError, "WIDTH: found 777"),
     ("l.pcd", PCD.replace(b"COUNT 1", b"COUNT 99999999999"), read_cloud, CloudError, "field x: found TYPE F"),
     ("m.pcd", PCD.replace(b"COUNT 1 1", b"COUNT 65000 65000"), read_cloud, CloudError, "COUNT: found 130001 values"),
+    ("n.xyz", DIGITS + b"\n1 2 3\n4 5 6\n", read_cloud, CloudError, "line 1: found '777"),
     ("n.ply", PLY.replace(b"vertex 2", b"vertex " + DIGITS), read_cloud, CloudError, "header: found 'element vertex 7"),
     ("o.json", b'{"a": ' + DIGITS + b"}", read_json, FileError, "found a number of thousands of digits"),
     ("p.json", b'{"camera": ' + DIGITS + b"}", load_scene, SceneError, "found a number of thousands of digits"),

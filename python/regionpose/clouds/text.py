@@ -19,6 +19,7 @@ from regionpose.clouds.columns import COORDINATES, cloud_of_table
 from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.pieces import ToldFile
 from regionpose.progress import Progress
+from regionpose.reading import whole_number
 
 COMMENTS = ("#", "//", "%")
 
@@ -101,8 +102,8 @@ def _layout(path: Path) -> TextLayout:
             words = bare.split(delimiter)
             if len(words) >= len(COORDINATES) and all(_is_number(word) for word in words):
                 return TextLayout(number, delimiter, _matching(names, len(words)), stated)
-            if len(words) == 1 and words[0].isdecimal() and stated is None:
-                stated = int(words[0])
+            if len(words) == 1 and stated is None and (count := whole_number(words[0])) is not None:
+                stated = count
             elif bare and (heading := _heading(bare)):
                 names = heading
             elif bare and not bare.startswith(COMMENTS):
