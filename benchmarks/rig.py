@@ -97,12 +97,14 @@ class Trial(NamedTuple):
     """One synthetic rig: verdicts on the right and the wrong camera; errors of the pose (mm), in the order of `ROWS`.
 
     `is_named`: whether a moved frame was named, alone. `sigmas`: errors of the parameters in standard deviations.
+    `apart`: the root mean square of the frames' distances from the others in these.
     """
 
     outcomes: tuple[str, str]
     errors: tuple[float, float, float, float]
     is_named: bool
     sigmas: list[float]
+    apart: float
 
 
 def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
@@ -121,6 +123,7 @@ def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
         errors=(right_shift, right_refined, wrong_shift, wrong_refined),
         is_named=len(outliers) == 1 and outliers[0].startswith("moved"),
         sigmas=[value for refinement in (right, other) for value in deviations(refinement, camera)],
+        apart=float(np.sqrt(np.mean([one.sigmas**2 for one in runs[0].influence]))),
     )
 
 
@@ -137,7 +140,8 @@ def report_synthetic(
     named = sum(trial.is_named for trial in trials)
     print(
         f"{name:12} right camera {right}, wrong camera {wrong}; parameters off by {np.sqrt(np.mean(sigmas**2)):.2f}"
-        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}"
+        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}; frames apart by"
+        f" {min(trial.apart for trial in trials):.2f} to {max(trial.apart for trial in trials):.2f} sigma"
     )
     for row, values in zip(ROWS, np.transpose([trial.errors for trial in trials]), strict=True):
         print(f"  {row:15} {np.median(values):7.2f} mm median {np.max(values):7.2f} mm at most", flush=True)
