@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,9 +189,9 @@ def estimate_rig(
 ) -> RigEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
-    Every frame is left out in turn and compared with the pose of the others. Frames share errors that no region shows,
-    as of the calibration or of the time between photo and scan: where their poses are farther apart than their
-    covariances say, the joint pose's is larger by as much.
+    Every frame is left out in turn and compared with the pose of the others. Errors of whole frames, as of the time
+    between photo and scan, are in no region's covariance: where frames' poses are farther apart than their covariances
+    say, the joint pose's is larger by as much. An error that is the same in all frames does not show.
 
     Parameters
     ----------
@@ -263,23 +264,22 @@ class _Rig:
         """The pose of all the frames."""
         return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
 
-    def distance(self, frames: Sequence[Frame], others: PoseEstimate) -> float:
-        """How far the pose of some frames is from that of others, as `Influence.sigmas`; 0 where they show none."""
-        try:
-            return _sigmas(self.joint(frames), others)
-        except PoseError:
-            return 0.0
-
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
         if len(frames) < 2:
             return ()
         near = self.started_at(joint)
+
+        @cache
+        def pose_of(*places: int) -> PoseEstimate:
+            # Of two frames, those but one are the other one, whose own pose is asked for, too.
+            return near.joint([frames[place] for place in places])
+
         middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
         found = []
         for index, frame in enumerate(frames):
-            others = [*frames[:index], *frames[index + 1 :]]
-            without = near.joint(others)
+            rest = [place for place in range(len(frames)) if place != index]
+            without, others = pose_of(*rest), [frames[place] for place in rest]
             residual, expected = _held_out(self.camera, without, frame, others)
             increment = without.pose.increment_to(joint)
             found.append(
@@ -287,7 +287,7 @@ class _Rig:
                     name=frame.name,
                     pose=without.pose,
                     covariance=without.covariance,
-                    sigmas=near.distance([frame], without),
+                    sigmas=_sigmas(partial(pose_of, index), without),
                     rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
                     shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
                     residual_px=residual,
@@ -375,12 +375,16 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     return tuple(fits)
 
 
-def _sigmas(own: PoseEstimate, others: PoseEstimate) -> float:
+def _sigmas(own: Callable[[], PoseEstimate], others: PoseEstimate) -> float:
     """Distance of a frame's answer from the others' pose, in standard deviations of both together, the root of the mean
     over the six directions; the least of its answers at that place, 0 where there is none or a direction is left free.
     """
+    try:
+        alone = own()
+    except PoseError:
+        return 0.0
     squares = []
-    for answer in (own, *own.alternatives):
+    for answer in (alone, *alone.alternatives):
         increment = others.pose.increment_to(answer.pose)
         covariance = answer.covariance + others.covariance
         if np.linalg.norm(increment[:3]) < ANOTHER_PLACE and np.isfinite(covariance).all():
