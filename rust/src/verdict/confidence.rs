@@ -10,8 +10,8 @@ use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 
-/// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 120`.
-const WEIGHTS: [f64; 6] = [-1.901, -0.871, 2.225, -1.335, 1.781, 1.249];
+/// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 240`.
+const WEIGHTS: [f64; 7] = [-1.418, -0.943, 1.971, -1.253, 1.413, -17.412, 1.367];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
@@ -25,12 +25,14 @@ pub struct Evidence {
     /// Largest standard deviation of the rotation about any axis, degrees.
     pub rotation_sigma: f64,
     /// Whether nothing had to be given up: the moments of the whole regions decided, no part of them being disturbed so much that
-    /// the contours had to; or no region's samples contradict the pose.
+    /// the contours had to; or samples did, which need no whole outline.
     pub whole: bool,
     /// Scatter of the clean pieces of the contours, or the blur of samples, pixels.
     pub scatter: f64,
-    /// Number of regions that the pose contradicts: the disturbance is theirs, and the others are the less disturbed.
+    /// Number of regions whose contours contradict the pose: the disturbance is theirs, and the others are the less disturbed.
     pub contradicted: usize,
+    /// Share of the samples near a region's contour that lie on its wrong side, the mean of the regions that have any; or 0.
+    pub wrong: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,
 }
@@ -43,28 +45,39 @@ impl Evidence {
             whole,
             scatter: fit.mixture.sigma,
             contradicted: count(&contradicted(fit)),
+            wrong: 0.0,
             regions: count(&log_odds(fit).iter().map(|&odds| odds >= 0.0).collect::<Vec<_>>()),
         }
     }
 
-    /// The same with the regions' samples in place of their contours: the blur as scatter, and wrong labels as contradictions.
+    /// The same with the regions' samples in place of their contours: the blur as scatter, and the wrong labels.
     pub fn with_samples(self, posterior: &Posterior, sampled: &[SampledRegion], fit: &ContourFit) -> Self {
         let mut contradicted = contradicted(fit);
         let mut belong: Vec<bool> = log_odds(fit).iter().map(|&odds| odds >= 0.0).collect();
         for (region, &wrong) in sampled.iter().zip(&posterior.wrong) {
-            contradicted[region.index()] = contradicts(wrong);
+            contradicted[region.index()] = false;
             belong[region.index()] = !contradicts(wrong);
         }
         let (contradicted, regions) = (count(&contradicted), count(&belong));
-        Self { whole: contradicted == 0, scatter: posterior.blur, contradicted, regions, ..self }
+        let wrong = posterior.wrong.iter().sum::<f64>() / posterior.wrong.len() as f64;
+        Self { whole: true, scatter: posterior.blur, contradicted, wrong, regions, ..self }
     }
 
     /// What the logarithm of the odds that the pose is no other place is a weighted sum of: 1, the logarithm of the rotation's
-    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, and whether several belong.
-    pub fn features(&self) -> [f64; 6] {
+    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, the share of wrong labels, and
+    /// whether several regions belong.
+    pub fn features(&self) -> [f64; 7] {
         let indicator = |holds: bool| f64::from(u8::from(holds));
         let (whole, several) = (indicator(self.whole), indicator(self.regions > 1));
-        [1.0, bounded(self.rotation_sigma).ln(), whole, self.scatter.ln(), self.contradicted as f64, several]
+        [
+            1.0,
+            bounded(self.rotation_sigma).ln(),
+            whole,
+            self.scatter.ln(),
+            self.contradicted as f64,
+            self.wrong,
+            several,
+        ]
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
