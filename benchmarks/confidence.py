@@ -35,6 +35,7 @@ from scipy.special import erf, expit
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
+MISLABELED = (0.03, 0.1)
 FEATURES = ("1", "ln rotation sigma", "whole", "ln scatter", "contradicted regions", "wrong labels", "several regions")
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
 RIDGE = 1e-3
@@ -43,31 +44,35 @@ RIDGE = 1e-3
 
 @dataclass(frozen=True)
 class Kind:
-    """A camera, and what is wrong: a noise model of the study `trust`, or a mistake."""
+    """A camera, and what is wrong: a noise model of the study `trust`, labels of its scan besides, or a mistake."""
 
     camera: str
     model: NoiseModel | None = None
     mistake: Mistake | None = None
+    mislabeled: float = 0.0
 
     def draw(self, seed: int) -> StudyProblem:
         """The problem of a seed."""
         setup = benchmark_setups()[self.camera]
         if self.mistake is not None:
             return draw_mistaken_problem(setup, Condition(camera=self.camera, mistake=self.mistake), seed)
-        return draw_mixed_problem(setup, Condition(camera=self.camera, model=self.model or "exact"), seed)
+        drawn = Condition(camera=self.camera, model=self.model or "exact", mislabeled=self.mislabeled)
+        return draw_mixed_problem(setup, drawn, seed)
 
     @property
     def name(self) -> str:
         """What is wrong."""
-        return f"model {self.model}" if self.mistake is None else f"mistake {self.mistake}"
+        labels = f", {100.0 * self.mislabeled:.0f} % mislabeled" if self.mislabeled else ""
+        return f"model {self.model}{labels}" if self.mistake is None else f"mistake {self.mistake}"
 
 
 def kinds() -> list[Kind]:
-    """All noise models and all mistakes, with both cameras."""
+    """All noise models, scans with wrong labels as in the study `lidar`, and all mistakes, with both cameras."""
     cameras = ("perspective", "omnidirectional")
     models = [Kind(camera, model=m) for camera, m in itertools.product(cameras, typing.get_args(NoiseModel))]
+    labels = [Kind(camera, model="lidar", mislabeled=share) for camera, share in itertools.product(cameras, MISLABELED)]
     mistakes = [Kind(camera, mistake=m) for camera, m in itertools.product(cameras, typing.get_args(Mistake))]
-    return [*models, *mistakes]
+    return [*models, *labels, *mistakes]
 
 
 @dataclass(frozen=True)
