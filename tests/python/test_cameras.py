@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 
@@ -244,6 +244,7 @@ differences = st.tuples(rounded(0.3), rounded(1.0), rounded(2.0))
 
 
 @settings(max_examples=300, deadline=None)
+@example(d=(18.379448867736873, 67.70653369114298, -37.609063970656635), n=(0, 0.598917, 0), p=(0, 0), seed=203290)
 @given(d=denominators, n=differences, p=st.tuples(tangential, tangential), seed=st.integers(0, 2**32 - 1))
 def test_rational_distortions_give_back_every_direction_that_they_show(
     d: tuple[float, ...], n: tuple[float, ...], p: tuple[float, float], seed: int

@@ -39,7 +39,7 @@ SMALLEST_FRACTION = 2.0**-20
 """Fraction of a Newton step below which the point is stuck, at the edge of the disc or at its rounding."""
 
 START_INSIDE = 0.999
-"""Largest starting radius, in radii of the disc: inside the fold, where the Jacobian is regular."""
+"""Largest start, in radii of the disc or ends of the bracket: inside the fold, where the slope is regular."""
 
 MAX_DOUBLINGS = 1024
 """Doublings of a bracket, the number of binary exponents above 1."""
@@ -93,7 +93,8 @@ def bracketed_roots(residual: Residual, start: Array, upper: float) -> Array:
     of zero at the end of the bracket (a fold) does no harm. `upper` may be infinite: the bracket is then doubled until
     it holds the root.
     """
-    root = np.where(start < upper, start, 0.5 * upper)
+    # Next to a pole at the end Newton steps are as small as rounding noise, and would be taken for it.
+    root = np.where(start < START_INSIDE * upper, start, 0.5 * upper)
     low = np.zeros_like(root)
     high = np.full_like(root, upper) if math.isfinite(upper) else _upper_ends(residual, root)
     step_before = np.full_like(root, np.inf)
