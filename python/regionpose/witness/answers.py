@@ -14,7 +14,7 @@ from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
-from regionpose.witness.odds import DECISIVE, weighed
+from regionpose.witness.odds import COMMON, DECISIVE, weighed
 from regionpose.witness.refinement import SceneRefinement
 from regionpose.witness.visibility import Occlusion
 
@@ -68,7 +68,7 @@ class SceneWitness:
     @property
     def edge_log_odds(self) -> float:
         """The same of edges alone, whatever the pose hides."""
-        return sum(alignment.edge_log_odds for alignment in self.told)
+        return _edge_log_odds(self.alignments)
 
     def __repr__(self) -> str:
         """What photo and cloud said, in numbers."""
@@ -137,9 +137,12 @@ def _heard(
 ) -> tuple[list[Sequence[Alignment | None]], Array]:
     """How well photo and cloud agree at each answer, and the answers' shares (n,) after that."""
     alignments = [align(answer.pose) for answer in _answers(estimate)]
-    before = _shares(estimate)
-    after = weighed(before, [_log_odds(frames) for frames in alignments])
-    total, most = float(after.sum()), float(before.sum())
+    before, edges = _shares(estimate), np.array([_edge_log_odds(frames) for frames in alignments])
+    after = weighed(before, [_log_odds(frames) for frames in alignments] - edges)
+    if edges.any():
+        bound = 1.0 - COMMON
+        after = weighed(after * bound / max(float(after.sum()), bound), edges)
+    most, total = float(before.sum()), float(after.sum())
     return alignments, after * (most / total) if total > most else after
 
 
@@ -183,6 +186,10 @@ def _with_shares(estimate: PoseEstimate, shares: Array) -> PoseEstimate:
 
 def _log_odds(alignments: Sequence[Alignment | None]) -> float:
     return sum(alignment.log_odds for alignment in alignments if alignment is not None)
+
+
+def _edge_log_odds(alignments: Sequence[Alignment | None]) -> float:
+    return sum(alignment.edge_log_odds for alignment in alignments if alignment is not None)
 
 
 def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tuple[PoseWarning, ...]:

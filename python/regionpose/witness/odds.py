@@ -15,6 +15,10 @@ DECISIVE = float(np.log(9.0))
 """Logarithm of the odds from which on they decide, for a pose or against it or between two: those of the confidence of
 90 % that a pose needs."""
 
+COMMON = float(np.exp(-2.0 * DECISIVE) / (1.0 + np.exp(-2.0 * DECISIVE)))
+"""Least probability that all regions share a mistake, such as a wrong frame, at which they fit as well: that at which
+odds that decide against a pose leave it a confidence of 90 % at most."""
+
 HIDDEN = -DECISIVE
 """Logarithm of the odds that a pose has which hides one of its regions: a convention. None of 104 right poses does, and
 13 % of 964 wrong ones (`python -m benchmarks.visibility`): the odds are these if something that the photo does not show
