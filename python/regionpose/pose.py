@@ -230,6 +230,7 @@ class Pose:
         Returns
         -------
         (n, 3) or (3,) array
+            NaN or infinite for points that are: clouds mark beams without a return so.
 
         Raises
         ------
@@ -240,7 +241,8 @@ class Pose:
         given = real_array(points, "points", "(n, 3) or (3,)").astype(np.float64)
         if given.ndim not in {1, 2} or given.shape[-1] != 3:
             raise ValueError(f"points have shape {given.shape}; needed (n, 3) or (3,)")
-        return given @ self.rotation_matrix.T + self.translation
+        with np.errstate(invalid="ignore", over="ignore"):
+            return given @ self.rotation_matrix.T + self.translation
 
     @overload
     def __matmul__(self, other: Pose) -> Pose: ...
