@@ -1,10 +1,10 @@
 //! How likely labels are at a pose that is not refined, and how far they are trusted beforehand (`docs/math.md`, eq.
 //! 17.3).
 
+use super::normal::cumulative;
 use super::propagation::{Edge, Label, Trust};
 use super::readings::{Reading, SampledRegion, Sight};
 use crate::contour::correlation::sigmas;
-use crate::contour::fit::AMBIGUITY;
 use crate::geometry::pose::Pose;
 
 /// The coarsest blur, pixels.
@@ -19,6 +19,10 @@ pub(super) const LEADING: usize = 200;
 pub(super) const MISLABELED: f64 = 0.01;
 pub(super) const DISTURBED: f64 = 0.03;
 pub(super) const WEIGHT: f64 = 30.0;
+
+/// Another pose fits as well by its samples when the odds against it are less than 9 to 1, as twice their logarithm: those of the
+/// probability of 90 % that a pose needs to be trusted.
+pub(crate) const DECISIVE: f64 = 4.394_449_154_672_439;
 
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
 pub(super) const FAR_OFF: f64 = 0.1;
@@ -61,8 +65,8 @@ pub(super) struct Compared<'a> {
 }
 
 impl Compared<'_> {
-    /// How much worse another pose is, in variances: twice the ratio of the evidence, or what is left of that of the samples where
-    /// chance may have decided (`docs/math.md`, eq. 17.11).
+    /// Twice the logarithm of the odds against another pose: by the evidence, or by how likely the labels of other places would
+    /// say the same where that leaves more to chance (`docs/math.md`, eq. 17.11).
     pub(super) fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         let known = self.log_known - other.log_known;
         let differences: Vec<f64> =
@@ -70,7 +74,7 @@ impl Compared<'_> {
         let counts: Vec<usize> = regions.iter().map(SampledRegion::count).collect();
         let sigmas = sigmas(&differences, &counts);
         let by_samples = 2.0 * (self.log_evidence - other.log_evidence - known);
-        by_samples.min(AMBIGUITY * sigmas * sigmas.abs()) + 2.0 * known
+        by_samples.min(2.0 * (cumulative(sigmas).ln() - cumulative(-sigmas).ln())) + 2.0 * known
     }
 
     /// Logarithm of the probability of each label, around each region.

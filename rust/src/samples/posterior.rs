@@ -3,11 +3,10 @@
 use nalgebra::Matrix6;
 
 use super::belief::Belief;
-use super::labels::{Compared, SHARP, first_blur, leading_step};
+use super::labels::{Compared, DECISIVE, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::telling::{FINEST, Samples, State};
-use crate::contour::fit::AMBIGUITY;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -46,7 +45,7 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// How much worse another one is, in variances, as far as chance has not decided (`docs/math.md`, eq. 17.11).
+    /// Twice the logarithm of the odds against another one (`docs/math.md`, eq. 17.11).
     pub fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         self.compared().against(&other.compared(), regions)
     }
@@ -204,7 +203,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     /// Whether chance may have decided between the likeliest states of both.
     fn may_lead_by_chance(&self, other: &Self) -> bool {
         let (Some(own), Some(other)) = (self.compared(), other.compared()) else { return false };
-        own.against(&other, self.samples.regions) <= AMBIGUITY
+        own.against(&other, self.samples.regions) <= DECISIVE
     }
 
     fn compared(&self) -> Option<Compared<'_>> {

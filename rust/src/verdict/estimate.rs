@@ -21,6 +21,7 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
+use crate::samples::labels::DECISIVE;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
@@ -227,8 +228,8 @@ fn by_against(places: Vec<Place>) -> Vec<Place> {
         .collect()
 }
 
-/// The places with the share and the confidence of each, if one of them is the place, the largest confidence first, but where the prior
-/// has chosen.
+/// The places that fit about as well as the best, with the share and the confidence of each, if any place found is the place, the
+/// largest confidence first, but where the prior has chosen.
 fn stated(places: Vec<Place>, prior: &Prior) -> Vec<(Place, [f64; 2])> {
     let Some(best) = places.first() else { return Vec::new() };
     let against: Vec<f64> = places.iter().map(|place| place.against).collect();
@@ -238,6 +239,8 @@ fn stated(places: Vec<Place>, prior: &Prior) -> Vec<(Place, [f64; 2])> {
     let confidences = together(&poses, &shares);
     let stated = shares.into_iter().zip(confidences).map(|(share, confidence)| [share, confidence]);
     let mut places: Vec<(Place, [f64; 2])> = places.into_iter().zip(stated).collect();
+    // Those by samples that are less likely have their shares, too.
+    places.retain(|(place, _)| place.posterior.is_none() || place.against <= DECISIVE);
     if !chooses(prior) {
         places.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
     }
