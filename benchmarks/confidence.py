@@ -35,7 +35,16 @@ from scipy.special import erf, expit
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-FEATURES = ("1", "ln rotation sigma", "whole", "ln scatter", "contradicted regions", "wrong labels", "several regions")
+FEATURES = (
+    "1",
+    "ln rotation sigma",
+    "whole",
+    "ln scatter",
+    "contradicted regions",
+    "wrong labels",
+    "several regions",
+    "ambiguous",
+)
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
 RIDGE = 1e-3
 """Keeps a weight finite that no problem speaks against."""

@@ -328,7 +328,7 @@ class Estimate:
 
     @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (6,)."""
+        """What the confidence is computed from, (8,) (docs/math.md, eq. 15.2)."""
 
     @property
     def alternatives(self) -> list[Solution]:

@@ -7,11 +7,17 @@ use regionpose::contour::votes::Vote;
 use regionpose::verdict::confidence::Evidence;
 use regionpose::verdict::shares::{shares, together};
 
-const GOOD: Evidence =
-    Evidence { rotation_sigma: 0.01, whole: true, scatter: 0.25, contradicted: 0, wrong: 0.0, regions: 3 };
+const GOOD: Evidence = Evidence {
+    rotation_sigma: 0.01,
+    whole: true,
+    scatter: 0.25,
+    contradicted: 0,
+    wrong: 0.0,
+    regions: 3,
+    ambiguous: false,
+};
 
-const BAD: Evidence =
-    Evidence { rotation_sigma: 8.0, whole: false, scatter: 10.0, contradicted: 0, wrong: 0.0, regions: 1 };
+const BAD: Evidence = Evidence { rotation_sigma: 8.0, whole: false, scatter: 10.0, regions: 1, ..GOOD };
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
@@ -66,12 +72,13 @@ proptest! {
     fn it_is_a_probability_that_falls_with_the_uncertainty(
         sigma in 1e-4..50.0_f64, factor in 1.0..20.0_f64, scatter in 0.25..20.0_f64, whole in proptest::bool::ANY,
         contradicted in 0..4_usize, wrong in 0.0..0.5_f64, more in 0.0..0.5_f64, regions in 1..9_usize,
+        ambiguous in proptest::bool::ANY,
     ) {
-        let evidence = Evidence { rotation_sigma: sigma, whole, scatter, contradicted, wrong, regions };
+        let evidence = Evidence { rotation_sigma: sigma, whole, scatter, contradicted, wrong, regions, ambiguous };
         let wider = Evidence { rotation_sigma: sigma * factor, ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());
-        let worse = Evidence { wrong: wrong + more, ..evidence };
+        let worse = Evidence { wrong: wrong + more, ambiguous: true, ..evidence };
         prop_assert!(worse.probability() <= evidence.probability());
     }
 }

@@ -11,7 +11,7 @@ use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 
 /// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 240`.
-const WEIGHTS: [f64; 7] = [-1.084, -1.009, 2.103, -1.007, 1.230, -12.658, 1.193];
+const WEIGHTS: [f64; 8] = [0.114, -0.849, 1.371, -0.967, 1.124, -8.550, 0.814, -1.156];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
@@ -35,6 +35,8 @@ pub struct Evidence {
     pub wrong: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,
+    /// Whether other poses fit as well: where several do, one that was not found may, too.
+    pub ambiguous: bool,
 }
 
 impl Evidence {
@@ -47,6 +49,7 @@ impl Evidence {
             contradicted: count(&contradicted(fit)),
             wrong: 0.0,
             regions: count(&log_odds(fit).iter().map(|&odds| odds >= 0.0).collect::<Vec<_>>()),
+            ambiguous: false,
         }
     }
 
@@ -64,9 +67,9 @@ impl Evidence {
     }
 
     /// What the logarithm of the odds that the pose is no other place is a weighted sum of: 1, the logarithm of the rotation's
-    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, the share of wrong labels, and
-    /// whether several regions belong.
-    pub fn features(&self) -> [f64; 7] {
+    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, the share of wrong labels,
+    /// whether several regions belong, and whether it is ambiguous.
+    pub fn features(&self) -> [f64; 8] {
         let indicator = |holds: bool| f64::from(u8::from(holds));
         let (whole, several) = (indicator(self.whole), indicator(self.regions > 1));
         [
@@ -77,6 +80,7 @@ impl Evidence {
             self.contradicted as f64,
             self.wrong,
             several,
+            indicator(self.ambiguous),
         ]
     }
 

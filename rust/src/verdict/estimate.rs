@@ -127,7 +127,7 @@ impl Search {
         let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
         let places = stated(likely(&self.problem, answers, &self.options.prior), &self.options.prior);
         let (best, _) = places.first()?;
-        let evidence = best.evidence(&self.problem);
+        let evidence = Evidence { ambiguous: places.len() > 1, ..best.evidence(&self.problem) };
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
             (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
