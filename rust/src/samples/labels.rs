@@ -20,9 +20,9 @@ pub(super) const MISLABELED: f64 = 0.01;
 pub(super) const DISTURBED: f64 = 0.03;
 pub(super) const WEIGHT: f64 = 30.0;
 
-/// Another pose fits as well by its samples when the odds against it are less than 9 to 1, as twice their logarithm: those of the
-/// probability of 90 % that a pose needs to be trusted.
-pub(crate) const DECISIVE: f64 = 4.394_449_154_672_439;
+/// Another pose fits as well by its samples where the odds against it are less than 99 to 1, as twice their logarithm: a
+/// convention. With 9 to 1, 3 more half turns of 10,008 poses were silent, and 26 fewer right poses were warned of.
+pub(crate) const ALIKE: f64 = 9.190_239_700_269_33;
 
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
 pub(super) const FAR_OFF: f64 = 0.1;

@@ -3,7 +3,7 @@
 use nalgebra::Matrix6;
 
 use super::belief::Belief;
-use super::labels::{Compared, DECISIVE, SHARP, first_blur, leading_step};
+use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::telling::{FINEST, Samples, State};
@@ -203,7 +203,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     /// Whether chance may have decided between the likeliest states of both.
     fn may_lead_by_chance(&self, other: &Self) -> bool {
         let (Some(own), Some(other)) = (self.compared(), other.compared()) else { return false };
-        own.against(&other, self.samples.regions) <= DECISIVE
+        own.against(&other, self.samples.regions) <= ALIKE
     }
 
     fn compared(&self) -> Option<Compared<'_>> {

@@ -21,7 +21,7 @@ use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
 use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::DECISIVE;
+use crate::samples::labels::ALIKE;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
@@ -240,7 +240,7 @@ fn stated(places: Vec<Place>, prior: &Prior) -> Vec<(Place, [f64; 2])> {
     let stated = shares.into_iter().zip(confidences).map(|(share, confidence)| [share, confidence]);
     let mut places: Vec<(Place, [f64; 2])> = places.into_iter().zip(stated).collect();
     // Those by samples that are less likely have their shares, too.
-    places.retain(|(place, _)| place.posterior.is_none() || place.against <= DECISIVE);
+    places.retain(|(place, _)| place.posterior.is_none() || place.against <= ALIKE);
     if !chooses(prior) {
         places.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
     }
@@ -345,7 +345,8 @@ fn warnings(
     warnings.extend(region_warnings(best, alternatives, &sampled, trusted));
     warnings.extend(weak_geometry(problem, &best.pose, &best.covariance));
     warnings.extend(contradictions(problem, best, prior));
-    if warnings.is_empty() && !trusted {
+    // Answers that are too unlikely to be named have their shares all the same.
+    if warnings.is_empty() && !(trusted && best.confidence > TRUSTED) {
         warnings.push(Warning::LowConfidence { percent: 100.0 * best.confidence });
     }
     warnings
