@@ -432,7 +432,7 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
 }
 
 /// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others. A turn that is
-/// behind by more than a standard deviation of chance is given up, one in six.
+/// behind by odds of chance of more than 9 to 1 is given up, one in ten.
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;

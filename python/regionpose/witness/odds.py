@@ -15,7 +15,7 @@ DECISIVE = float(np.log(9.0))
 """Logarithm of the odds from which on they decide, for a pose or against it or between two: those of the confidence of
 90 % that a pose needs."""
 
-COMMON = float(np.exp(-2.0 * DECISIVE) / (1.0 + np.exp(-2.0 * DECISIVE)))
+COMMON = float(1.0 / (1.0 + np.exp(2.0 * DECISIVE)))
 """Least probability that all regions share a mistake, such as a wrong frame, at which they fit as well: that at which
 odds that decide against a pose leave it a confidence of 90 % at most."""
 
