@@ -5,7 +5,7 @@ without a prior and with the camera within 1 m of the scanner,
 
 - as it is ("none"), and with one mistake:
 - "pair": the pairs of two regions are swapped;
-- "focal": the camera's focal lengths are a fifth too short, or a quarter too long;
+- "focal": the camera's focal lengths are a fifth or a tenth too short, or a ninth or a quarter too long;
 - "photo": another frame of the same kind is taken for the photo, with its regions;
 - "place": a region is drawn beside its place in the photo, half its width away.
 
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 WRONG_DEG, WRONG_M = 5.0, 1.0
 """A pose beyond either is another one: what a confidence is about, and twice what single frames err."""
 
-FOCAL = (0.8, 1.25)
+FOCAL = (0.8, 0.9, 1.0 / 0.9, 1.25)
 PRIORS = ("none", "near")
 MOST_PAIRS = 3
 
@@ -104,8 +104,7 @@ def _of_scene(
         yield problem("pair", images=images)
     for factor in FOCAL:
         if isinstance(scene.camera, PinholeCamera | FisheyeCamera):
-            camera = replace(scene.camera, fx=factor * scene.camera.fx, fy=factor * scene.camera.fy)
-            yield problem("focal", camera=camera)
+            yield problem("focal", camera=scene.camera.zoomed(factor))
     others = [other for other in scenes if other.kind == scene.kind and other is not scene]
     for other in others[:2]:
         yield problem("photo", camera=other.camera, images=other.images, photo=seen[other.name])

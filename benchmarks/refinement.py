@@ -30,7 +30,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness.refinement import moved
+from regionpose.witness.posterior import moved
 from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import (

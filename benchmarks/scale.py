@@ -25,6 +25,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from regionpose.cameras import Camera
 from regionpose.pick.desk import Desk
 from regionpose.pick.session import Session
 from regionpose.scene import Stages, estimate_scene, load_scene
@@ -163,19 +164,18 @@ class Loaded:
         within = (np.abs(points - corner - 0.5 * (along + up)) < 0.5 * (along + up) + 5.0 * NOISE).all(axis=1)
         intensity = np.where(within, 0.2, 0.8)
 
-        def estimated(near: rp.Pose | None = None) -> rp.PoseEstimate:
-            prior = None if near is None else rp.Prior().started_at(near)
-            return rp.estimate_pose(self.camera, images, worlds, prior=prior)
+        def zoomed(camera: Camera, near: rp.Pose) -> rp.PoseEstimate:
+            return rp.estimate_pose(camera, images, worlds, prior=rp.Prior().started_at(near))
 
-        estimate = estimated()
+        estimate = rp.estimate_pose(self.camera, images, worlds)
 
         def heard() -> object:
             frame = rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)
 
             def refined(given: rp.PoseEstimate) -> tuple[rp.PoseEstimate, rp.SceneRefinement]:
-                return refined_estimate(given, [frame], self.camera, images, worlds)
+                return refined_estimate(given, [frame], self.camera, images, worlds, zoomed)
 
-            return witnessed(estimate, lambda pose: [frame.alignment(pose)], estimated, refined)
+            return witnessed(estimate, lambda pose: [frame.alignment(pose)], partial(zoomed, self.camera), refined)
 
         return heard
 

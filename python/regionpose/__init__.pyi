@@ -53,6 +53,7 @@ from .segmentation.masks import region_from_file as region_from_file
 from .segmentation.masks import regions_from_file as regions_from_file
 from .segmentation.planes import find_planes as find_planes
 from .witness import Alignment as Alignment
+from .witness import FocalEvidence as FocalEvidence
 from .witness import Occlusion as Occlusion
 from .witness import SceneFrame as SceneFrame
 from .witness import SceneRefinement as SceneRefinement

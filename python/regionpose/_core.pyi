@@ -98,9 +98,11 @@ def edge_evidence(
     pixels: ArrayLike,
     moved: ArrayLike,
     directions: NDArray[np.int64],
-    increments: ArrayLike,
+    increments: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, 6)."""
+    """Sums (t,) of what pictures hold under depth steps, at increments of the pose (t, 6), or (t, 7) with the logarithm
+    of the focal lengths, and their derivatives.
+    """
 
 def blurred(picture: NDArray[np.float32], weights: ArrayLike) -> NDArray[np.float32]:
     """A picture (h, w) spread down its columns and along its rows, mirrored beyond its sides.

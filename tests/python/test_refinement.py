@@ -8,7 +8,7 @@ import regionpose as rp
 from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
 from regionpose.witness.evidence import Evidence
-from regionpose.witness.refinement import moved
+from regionpose.witness.posterior import moved
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 mod support;
 
-use nalgebra::{Matrix2x3, Matrix2x6, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::blur::blurred;
@@ -178,12 +178,12 @@ fn means_are_those_of_the_pixels_that_turns_lead_to() {
 }
 
 /// Steps that increments move across pictures with waves, some of them to outside.
-fn waves() -> (Vec<f32>, Vec<SeenStep<6>>) {
+fn waves<const D: usize>() -> (Vec<f32>, Vec<SeenStep<D>>) {
     let wave = |k: usize| ((k % 40) as f64 * 0.37).sin() + ((k / 40) as f64 * 0.23).cos();
     let mut random = Random::new(5);
     let steps = (0..200).map(|number| SeenStep {
         pixel: Vector2::new(random.uniform(-2.0, 42.0), random.uniform(-2.0, 32.0)),
-        moved: Matrix2x6::from_fn(|_, _| random.uniform(-3.0, 3.0)),
+        moved: SMatrix::from_fn(|_, _| random.uniform(-3.0, 3.0)),
         direction: number % 3,
     });
     let steps = steps.collect();
@@ -192,14 +192,23 @@ fn waves() -> (Vec<f32>, Vec<SeenStep<6>>) {
 
 #[test]
 fn derivatives_of_sums_are_those_of_differences() {
-    let (values, steps) = waves();
+    derivatives_are_those_of_differences::<6>();
+    derivatives_are_those_of_differences::<7>();
+}
+
+fn derivatives_are_those_of_differences<const D: usize>() {
+    let (values, steps) = waves::<D>();
     let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
-    let at = Vector6::from_fn(|k, _| 0.11 * k as f64 - 0.2);
+    let at = SVector::<f64, D>::from_fn(|k, _| 0.11 * k as f64 - 0.2);
     let (_, slope) = pictures.sums(&steps, &[at])[0];
     // Between pixels the value is linear in each coordinate: steps that small cross a pixel's border but rarely.
     let h = 1e-7;
-    for axis in 0..6 {
-        let ends = [h, -h].map(|h| pictures.sums(&steps, &[at + Vector6::ith(axis, h)])[0].0);
+    for axis in 0..D {
+        let ends = [h, -h].map(|h| {
+            let mut near = at;
+            near[axis] += h;
+            pictures.sums(&steps, &[near])[0].0
+        });
         let difference = (ends[0] - ends[1]) / (2.0 * h);
         assert!((difference - slope[axis]).abs() < 1e-5 * slope.amax(), "{axis}: {difference} {}", slope[axis]);
     }

@@ -35,6 +35,11 @@ class MatrixCamera(Camera):
         """The matrix K (3, 3), which takes a point (x, y, 1) of the plane to a pixel (u, v, 1)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    def zoomed(self, factor: float) -> Self:
+        """The same with its focal lengths multiplied by a factor; ValueError for one that is not above 0."""
+        factor = positive_number("factor", factor)
+        return replace(self, fx=factor * self.fx, fy=factor * self.fy)  # type: ignore[type-var]
+
     def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> Self:
         # Corners stay corners: they lie half a pixel outside the outermost centers.
         cx, cy = horizontal * (self.cx + 0.5) - 0.5, vertical * (self.cy + 0.5) - 0.5

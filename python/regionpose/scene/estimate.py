@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +27,7 @@ from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.stages import Stages
 from regionpose.witness import (
     Alignment,
+    Estimated,
     Photo,
     SceneFrame,
     SceneRefinement,
@@ -227,8 +229,12 @@ def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
         run = _run(run.scene, run.frames, run.seconds, pose)
         return run.estimate
 
+    def zoomed(camera: Camera, pose: Pose) -> PoseEstimate:
+        frames = tuple(replace(sides, camera=camera) for sides in run.frames)
+        return _run(run.scene, frames, run.seconds, pose).estimate
+
     with stages.stage("witness"):
-        refine = rest.refined if solver.refine == "scene" else None
+        refine = partial(rest.refined, zoomed) if solver.refine == "scene" else None
         counts = [len(sides.names) for sides in run.frames]
         heard = witnessed(run.estimate, rest.align, settled, refine, counts)
     return replace(run, estimate=heard.estimate, witness=heard.witness)
@@ -260,11 +266,18 @@ class RestOfScene:
         local = pose.about(self._origin)
         return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
 
-    def refined(self, estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
-        """An estimate with its pose refined by them if they say enough, and what they said."""
+    def refined(self, zoomed: Estimated, estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
+        """An estimate with its pose refined by them if they say enough, and what they said; `zoomed`: the estimate with
+        another camera, started at a pose.
+        """
+
+        def estimated(camera: Camera, pose: Pose) -> PoseEstimate:
+            world = zoomed(camera, pose.about(-self._origin))
+            return replace(world, pose=world.pose.about(self._origin))
+
         frames = [frame for frame in self._frames if frame is not None]
         local = replace(estimate, pose=estimate.pose.about(self._origin))
-        moved, found = refined_estimate(local, frames, self._camera, *self._regions)
+        moved, found = refined_estimate(local, frames, self._camera, *self._regions, estimated)
         world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
         return replace(moved, pose=world.pose) if found.refined else estimate, world
 

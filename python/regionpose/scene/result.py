@@ -149,12 +149,14 @@ def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
     refinement = None if run.witness is None else run.witness.refinement
     if refinement is None:
         return None
+    focal = refinement.focal
     return {
         "refined": refinement.refined,
         "log_odds": refinement.log_odds,
         "steps": sum(refinement.steps),
         "turned_deg": refinement.turned_deg,
         "moved_m": refinement.moved_m,
+        "focal": focal and {"log_odds": focal.log_odds, "best_factor": focal.factor},
         "camera_from_world_before": pose_values(refinement.before),
     }
 

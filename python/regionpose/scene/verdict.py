@@ -17,6 +17,8 @@ ADVICE = {
     " its deviations, seen_from of a region's world side.",
     "ambiguous-region": "This region or the one that the pose itself leaves out is wrong: its mask, its outline, or the"
     " pair.",
+    "focal-contradicted": "Check the calibration: whether it is of this lens and zoom, and of photos of this size; with"
+    " the right focal lengths the pose is another one.",
     "hidden-region": "Look at depth.png: something of the cloud stands before this region. Check the regions'"
     " pairs, the focal length, and that photo and cloud are of one time; or say what is known of the camera.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
@@ -41,6 +43,7 @@ DOUBTS = {
     "not-converged",
     "ambiguous",
     "ambiguous-matching",
+    "focal-contradicted",
     "hidden-region",
     "initial-contradicted",
     "place-contradicted",

@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from regionpose import _core
 from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
+from regionpose.witness.focal import FocalEvidence
 from regionpose.witness.odds import COMMON, DECISIVE, weighed
 from regionpose.witness.refinement import SceneRefinement
 from regionpose.witness.visibility import Occlusion
@@ -125,6 +127,8 @@ def witnessed(
             told = iter(refinement.alignments)
             alignments[0] = [None if frame is None else next(told) for frame in alignments[0]]
             shares = _of_refined(given, estimate, alignments)
+    if refinement is not None and refinement.focal is not None:
+        shares = shares * expit(refinement.focal.log_odds)
     witness = SceneWitness(tuple(alignments[0]), before, place, len(alignments), refinement)
     judged = _with_shares(estimate, shares)
     lead = witness.log_odds - max((_log_odds(other) for other in alignments[1:]), default=np.inf)
@@ -199,6 +203,9 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tup
     sure = estimate.confidence >= SURE
     settled = OF_CONFIDENCE if sure else OF_OTHERS if lead >= DECISIVE else set()
     kept = [warning for warning in estimate.warnings if warning.code not in settled]
+    focal = None if witness.refinement is None else witness.refinement.focal
+    if focal is not None and focal.log_odds < -DECISIVE:
+        kept.append(_other_focal_lengths(focal, witness.confidence_before))
     if witness.edge_log_odds < -DECISIVE:
         kept.append(_disagreement(witness))
     elif not sure and not kept:
@@ -219,6 +226,15 @@ def _disagreement(witness: SceneWitness) -> PoseWarning:
     )
     values = {"share": share, "steps": steps, "z": z, "confidence_before": before}
     return PoseWarning("scene-disagrees", text, values=values)
+
+
+def _other_focal_lengths(focal: FocalEvidence, before: float) -> PoseWarning:
+    text = (
+        f"photo and cloud agree better with {focal.factor:.3f} times the focal lengths of the camera, by odds of"
+        f" {np.exp(-focal.log_odds):.3g} to 1; the confidence falls from {100.0 * before:.1f} %"
+    )
+    values = {"factor": focal.factor, "log_odds": focal.log_odds, "confidence_before": before}
+    return PoseWarning("focal-contradicted", text, values=values)
 
 
 def _hidden_regions(alignments: Sequence[Alignment | None], counts: Sequence[int]) -> Iterator[PoseWarning]:

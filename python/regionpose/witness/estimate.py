@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -16,6 +17,7 @@ from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.witness.answers import Witnessed, witnessed
+from regionpose.witness.focal import Estimated, focal_evidence
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo
 from regionpose.witness.refinement import SceneRefinement, refine_with_scene
@@ -37,8 +39,9 @@ def estimate_with_scene(
     what stands before these.
 
     They choose among answers that fit alike, lower the confidence of a pose at which they do not agree, and refine one
-    at which they do, as of `refine_with_scene`; odds of 9 to 1 against it give the warning `scene-disagrees`, and a
-    region that the cloud hides at the pose gives `hidden-region` (docs/math.md, section 18). Scene files do the same.
+    at which they do, as of `refine_with_scene`; odds of 9 to 1 against it give the warning `scene-disagrees`, against
+    the camera's focal lengths `focal-contradicted`, and a region that the cloud hides at the pose gives `hidden-region`
+    (docs/math.md, section 18). Scene files do the same.
 
     Parameters
     ----------
@@ -79,11 +82,15 @@ def estimate_with_scene(
     def estimated(known: Prior | None) -> PoseEstimate:
         return estimate_pose(camera, image_regions, world_regions, prior=known, solver=solver)
 
+    def zoomed(other: Camera, pose: Pose) -> PoseEstimate:
+        known = (prior or Prior()).started_at(pose)
+        return estimate_pose(other, image_regions, world_regions, prior=known, solver=solver)
+
     def settled(pose: Pose) -> PoseEstimate:
-        return estimated((prior or Prior()).started_at(pose))
+        return zoomed(camera, pose)
 
     def refined(estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
-        return refined_estimate(estimate, [frame], camera, image_regions, world_regions)
+        return refined_estimate(estimate, [frame], camera, image_regions, world_regions, zoomed)
 
     return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled, refined)
 
@@ -94,9 +101,13 @@ def refined_estimate(
     camera: Camera,
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
+    estimated: Estimated,
 ) -> tuple[PoseEstimate, SceneRefinement]:
-    """An estimate with its pose refined by the rest of the scene if that says enough, and what that said."""
-    found = refine_with_scene(estimate.pose, estimate.covariance, scene)
+    """An estimate with its pose refined by the rest of the scene if that says enough, and what that said of the pose
+    and of the focal lengths; `estimated`: the regions' estimate with another camera, started at a pose.
+    """
+    focal = focal_evidence(estimate, scene, estimated)
+    found = replace(refine_with_scene(estimate.pose, estimate.covariance, scene), focal=focal)
     if not found.refined:
         return estimate, found
     return moved_estimate(estimate, found.pose, found.covariance, camera, image_regions, world_regions), found

@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
+from regionpose.cameras.matrix import MatrixCamera
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Pictures, blurred
@@ -29,11 +30,21 @@ SMALL_DEG, SMALL_COUNT = 0.6, 5
 
 
 class Evidence:
-    """The evidence of one frame about poses near one: its steps in the world, and the photo by how far it is spread."""
+    """The evidence of one frame about poses near one: its steps in the world, and the photo by how far it is spread.
 
-    def __init__(self, frame: SceneFrame, pose: Pose) -> None:
-        """The steps that the camera would see at a pose; ValueError for points or an image of another shape."""
-        self._camera, self._pose = frame.camera, pose
+    `pixels` (n, 2): where the steps are seen in the photo; `moved` (n, 2 d): derivatives of x, then y, by increments.
+    """
+
+    pixels: Array
+    moved: Array
+
+    def __init__(self, frame: SceneFrame, pose: Pose, *, with_focal: bool = False) -> None:
+        """The steps that the camera would see at a pose; ValueError for points or an image of another shape.
+
+        `with_focal`: increments are of seven components, the last of them of the logarithm of the focal lengths, of a
+        camera that has a matrix.
+        """
+        self._camera, self._pose, self._with_focal = frame.camera, pose, with_focal
         self._photo, self._known = frame.photo, beside(frame.regions)
         self._pictures: dict[float, Pictures] = {}
         self._all = frame.steps(pose)
@@ -50,12 +61,20 @@ class Evidence:
         self.move_to(pose)
         return pose
 
-    def move_to(self, pose: Pose) -> None:
-        """Take a pose as the one of increments; the steps stay those that they are."""
+    def move_to(self, pose: Pose, log_focal: float = 0.0) -> None:
+        """Take a pose, and a logarithm of the focal lengths over the given ones, as those of increments; the steps stay
+        those that they are.
+        """
+        camera = self._camera
+        if isinstance(camera, MatrixCamera) and log_focal:
+            camera = camera.zoomed(float(np.exp(log_focal)))
         local = (self._steps - pose.camera_center) @ pose.rotation.as_matrix().T
         shifts = np.broadcast_to(np.eye(3)[:, None], (3, *local.shape))
-        places, self._moved = places_moved(self._photo, self._camera, local, np.concatenate([local @ TURNS, shifts]))
-        self._pixels = np.nan_to_num(places, nan=-1e6)
+        places, moved = places_moved(self._photo, camera, local, np.concatenate([local @ TURNS, shifts]))
+        self.pixels, self.moved = np.nan_to_num(places, nan=-1e6), moved
+        if isinstance(camera, MatrixCamera) and self._with_focal:
+            by_focal = np.nan_to_num(places - self._photo.places(np.array([[camera.cx, camera.cy]])))
+            self.moved = np.hstack([moved[:, :6], by_focal[:, :1], moved[:, 6:], by_focal[:, 1:]])
 
     @property
     def count(self) -> int:
@@ -63,11 +82,11 @@ class Evidence:
         return len(self._steps)
 
     def at(self, increments: Array, spread_px: float) -> tuple[Array, Array]:
-        """Logarithms (t,) of the likelihood ratio at left increments (t, 6), rad and meters, and their derivatives
-        (t, 6), of steps as if they were independent.
+        """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
+        of steps as if they were independent.
         """
         pictures = self._spread(spread_px)
-        return _core.edge_evidence(pictures, self._pixels, self._moved, self._directions, increments)
+        return _core.edge_evidence(pictures, self.pixels, self.moved, self._directions, increments)
 
     def share(self, spread_px: float) -> float:
         """What a step counts, 0 to 1, so that the likelihood ratio of all of them is 1 on the mean where chance rules.
@@ -77,7 +96,7 @@ class Evidence:
         if not self.count:
             return 0.0
         turns = (far_turns()[:, None] + _small_turns()).reshape(-1, 3)
-        sums, _ = self.at(np.hstack([turns, np.zeros_like(turns)]), spread_px)
+        sums, _ = self.at(np.pad(turns, ((0, 0), (0, 4 if self._with_focal else 3))), spread_px)
         return float(np.clip(-2.0 * sums.mean() / max(float(sums.var(ddof=1)), 1e-12), 0.0, 1.0))
 
     def _spread(self, spread_px: float) -> Pictures:

@@ -76,11 +76,11 @@ pub fn edge_agreement<'py>(
     Ok(PyArray1::from_vec(py, pictures.means(&steps, &turns)))
 }
 
-/// Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, 6).
+/// Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, d).
 ///
-/// `values` (k, h, w) float32, one picture a direction. `pixels` (n, 2), and `moved` (n, 12): how a left increment of the
-/// pose, rotation vector and translation, moves x, then y. `directions` (n,): the picture of each step. `increments` (t, 6), rad and
-/// meters. ValueError for other shapes, and no pixels.
+/// `values` (k, h, w) float32, one picture a direction. `pixels` (n, 2), and `moved` (n, 2 d): how a left increment of the
+/// pose, rotation vector and translation, moves x, then y; and, where d is 7, the logarithm of the focal lengths. `directions`
+/// (n,): the picture of each step. `increments` (t, d), rad and meters, d 6 or 7. ValueError for other shapes, and no pixels.
 #[pyfunction]
 pub fn edge_evidence<'py>(
     py: Python<'py>,
@@ -88,11 +88,24 @@ pub fn edge_evidence<'py>(
     pixels: &Bound<'py, PyAny>,
     moved: &Bound<'py, PyAny>,
     directions: PyReadonlyArray1<'py, i64>,
+    increments: PyReadonlyArray2<'py, f64>,
+) -> PyResult<SumArrays<'py>> {
+    let pictures = self::pictures("values", &values)?;
+    // The interpreter's lock is kept: nothing else may write into the pictures, which are not copied.
+    let of_all = if increments.shape()[1] == 7 { sums::<7, 14> } else { sums::<6, 12> };
+    of_all(py, pictures, pixels, moved, &directions, increments.as_any())
+}
+
+fn sums<'py, const D: usize, const TWICE: usize>(
+    py: Python<'py>,
+    pictures: EdgeStrength<'_>,
+    pixels: &Bound<'py, PyAny>,
+    moved: &Bound<'py, PyAny>,
+    directions: &PyReadonlyArray1<'py, i64>,
     increments: &Bound<'py, PyAny>,
 ) -> PyResult<SumArrays<'py>> {
-    let pictures = pictures("values", &values)?;
-    let increments = points::<6>("increments", increments)?;
-    let steps = steps_of(pixels, points::<12>("moved", moved)?, &directions)?;
+    let increments = points::<D>("increments", increments)?;
+    let steps = steps_of::<D, TWICE>(pixels, points::<TWICE>("moved", moved)?, directions)?;
     let (sums, slopes): (Vec<_>, Vec<_>) = pictures.sums(&steps, &increments).into_iter().unzip();
     Ok((PyArray1::from_vec(py, sums), array(py, &slopes)?))
 }

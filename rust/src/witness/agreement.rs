@@ -2,7 +2,7 @@
 
 use std::array;
 
-use nalgebra::{SMatrix, Vector2, Vector3, Vector6};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
@@ -17,12 +17,12 @@ pub struct EdgeStrength<'a> {
 /// Where a step is seen: its pixel, how a change of the pose moves that, and the picture that shows edges across it.
 ///
 /// Of three components the change turns the camera alone, by a rotation vector about its axes, rad; of six it is a left increment,
-/// a rotation vector and a translation, meters.
+/// a rotation vector and a translation, meters; of seven it changes the logarithm of the focal lengths, too.
 #[derive(Debug, Clone, Copy)]
 pub struct SeenStep<const D: usize> {
     /// x, y; the center of the first pixel is (0, 0).
     pub pixel: Vector2<f64>,
-    /// Derivatives by the change, pixels a radian and pixels a meter.
+    /// Derivatives by the change, pixels a radian, a meter and by a logarithm.
     pub moved: SMatrix<f64, 2, D>,
     /// Number of the direction.
     pub direction: usize,
@@ -40,16 +40,22 @@ impl<'a> EdgeStrength<'a> {
         self.values.len() / (self.rows * self.columns)
     }
 
-    /// The sums of values under the steps at some increments of the pose, and their derivatives.
+    /// The sums of values under the steps at some increments of the pose, and of the focal lengths where these have seven
+    /// components, and their derivatives.
     ///
     /// Values between pixels follow from the four about them; steps outside the pictures count as 0.
-    pub fn sums(&self, steps: &[SeenStep<6>], increments: &[Vector6<f64>]) -> Vec<(f64, Vector6<f64>)> {
+    pub fn sums<const D: usize>(
+        &self,
+        steps: &[SeenStep<D>],
+        increments: &[SVector<f64, D>],
+    ) -> Vec<(f64, SVector<f64, D>)> {
         // What fills up the last group lies outside, where there is nothing to read.
         let of_axis =
-            |chunk: &[Vector6<f64>], axis: usize| lanes(|lane| chunk.get(lane).map_or(f64::NAN, |held| held[axis]));
+            |chunk: &[SVector<f64, D>], axis: usize| lanes(|lane| chunk.get(lane).map_or(f64::NAN, |held| held[axis]));
         let groups = increments.chunks(LANES).map(|chunk| array::from_fn(|axis| of_axis(chunk, axis))).collect();
         let sums = vectorized(Sums { pictures: *self, steps, increments: groups });
-        let of_lane = |lane: usize, sum: &Sum| (sum.value.0[lane], Vector6::from_fn(|axis, _| sum.slope[axis].0[lane]));
+        let of_lane =
+            |lane: usize, sum: &Sum<D>| (sum.value.0[lane], SVector::from_fn(|axis, _| sum.slope[axis].0[lane]));
         (0..increments.len()).map(|number| of_lane(number % LANES, &sums[number / LANES])).collect()
     }
 
@@ -69,7 +75,7 @@ impl<'a> EdgeStrength<'a> {
 
     /// Adds what a step tells at increments of the pose.
     #[inline(always)]
-    fn add(&self, step: &SeenStep<6>, increment: &[Lanes; 6], sum: &mut Sum) {
+    fn add<const D: usize>(&self, step: &SeenStep<D>, increment: &[Lanes; D], sum: &mut Sum<D>) {
         let (x, y) = (step.moved_by(0, increment), step.moved_by(1, increment));
         let mut values = [Lanes::ZERO; 4];
         let (mut across, mut down, mut is_seen) = (Lanes::ZERO, Lanes::ZERO, false);
@@ -90,7 +96,7 @@ impl<'a> EdgeStrength<'a> {
         let (top, bottom) = (a + (b - a) * across, c + (d - c) * across);
         let (by_x, by_y) = ((b - a) * (Lanes::splat(1.0) - down) + (d - c) * down, bottom - top);
         sum.value += top + by_y * down;
-        for way in 0..6 {
+        for way in 0..D {
             sum.slope[way] += Lanes::splat(step.moved[(0, way)]) * by_x + Lanes::splat(step.moved[(1, way)]) * by_y;
         }
     }
@@ -142,24 +148,24 @@ impl NullaryFnOnce for Nearest<'_> {
 }
 
 /// The sums of values under steps at increments of the pose, and their derivatives; those of a lane group at a time, by axes.
-struct Sums<'a> {
+struct Sums<'a, const D: usize> {
     pictures: EdgeStrength<'a>,
-    steps: &'a [SeenStep<6>],
-    increments: Vec<[Lanes; 6]>,
+    steps: &'a [SeenStep<D>],
+    increments: Vec<[Lanes; D]>,
 }
 
 #[derive(Clone, Copy)]
-struct Sum {
+struct Sum<const D: usize> {
     value: Lanes,
-    slope: [Lanes; 6],
+    slope: [Lanes; D],
 }
 
-impl NullaryFnOnce for Sums<'_> {
-    type Output = Vec<Sum>;
+impl<const D: usize> NullaryFnOnce for Sums<'_, D> {
+    type Output = Vec<Sum<D>>;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let mut sums = vec![Sum { value: Lanes::ZERO, slope: [Lanes::ZERO; 6] }; self.increments.len()];
+        let mut sums = vec![Sum { value: Lanes::ZERO, slope: [Lanes::ZERO; D] }; self.increments.len()];
         // Step after step, as in the means.
         for step in self.steps.iter().filter(|step| step.direction < self.pictures.directions()) {
             for (sum, increment) in sums.iter_mut().zip(&self.increments) {
@@ -170,10 +176,10 @@ impl NullaryFnOnce for Sums<'_> {
     }
 }
 
-impl SeenStep<6> {
-    /// The pixels' x or y after increments of the pose.
+impl<const D: usize> SeenStep<D> {
+    /// The pixels' x or y after increments.
     #[inline(always)]
-    fn moved_by(&self, axis: usize, increment: &[Lanes; 6]) -> Lanes {
+    fn moved_by(&self, axis: usize, increment: &[Lanes; D]) -> Lanes {
         let mut moved = Lanes::ZERO;
         for (way, change) in increment.iter().enumerate() {
             moved += Lanes::splat(self.moved[(axis, way)]) * *change;

@@ -1,0 +1,166 @@
+"""Whether other focal lengths explain the edges of photo and cloud better than the given ones (docs/math.md, eq. 18.13
+and 18.14).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.cameras import Camera
+from regionpose.cameras.matrix import MatrixCamera
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.pose import Pose
+from regionpose.witness.evidence import Evidence
+from regionpose.witness.frame import SceneFrame
+from regionpose.witness.odds import COMMON, DECISIVE
+from regionpose.witness.posterior import SPREADS_PX, Peak, Posterior, log_odds_of, moved, root_of
+
+Array = NDArray[np.float64]
+Estimated = Callable[[Camera, Pose], PoseEstimate]
+"""The estimate of the same regions with another camera, started at a pose."""
+
+REACH = 0.2
+"""Logarithm of the longest focal lengths, over the given ones, with which the regions' pose is asked for, and the
+shortest: 22 % off, as another setting of a zoom lens or a data sheet may be."""
+
+NODES = (-0.2, -0.1, 0.0, 0.1, 0.2)
+"""Logarithms about which the edges are asked, and of which the poses follow from those three."""
+
+SPREAD = 0.05
+"""Standard deviation of the logarithm about each: such normal distributions, half as wide as they are apart, add up to
+an even one, up to 28 % off."""
+
+GIVEN_SPREAD = 0.01
+"""Standard deviation of the logarithm about the given ones, if these are right: a percent, twice what a calibration is
+good for (`estimation.intrinsics.WEAK_SHARE`)."""
+
+
+OTHER = 2.0 * GIVEN_SPREAD
+"""Logarithm beyond which focal lengths are others than the given ones."""
+
+
+@dataclass(frozen=True)
+class FocalEvidence:
+    """What the edges of photo and cloud say of the focal lengths.
+
+    Parameters
+    ----------
+    log_odds : float
+        Logarithm of the odds that they are the given ones, against others.
+    factor : float
+        Of the given ones, where others agree best.
+
+    """
+
+    log_odds: float
+    factor: float
+
+
+def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimated: Estimated) -> FocalEvidence | None:
+    """What the edges say of the focal lengths of the camera of all frames; None of a camera that has no matrix, and
+    where no pose is found with other ones.
+
+    With focal lengths up to a quarter longer or shorter the regions' pose is another one; about each the edges are
+    asked as in `refine_with_scene`, the focal lengths unknown beside the pose.
+    """
+    camera = scene[0].camera
+    if not isinstance(camera, MatrixCamera):
+        return None
+    curve = _Curve.of(camera, estimate, estimated)
+    if curve is None:
+        return None
+    about = {node: curve.evidence(node, scene) for node in NODES if node in curve}
+    # One photo and one scan are compared: a step counts the same at any focal length, and nowhere more than it may.
+    counted = [[frame.share(SPREADS_PX[-1]) for frame in frames] for frames in about.values()]
+    shares: list[float] = np.min(counted, axis=0).tolist()
+    peaks = [
+        (node + peak.log_focal, peak)
+        for node, frames in about.items()
+        for peak in curve.posterior(node, SPREAD, frames, shares).peaks()
+    ]
+    given = curve.posterior(0.0, GIVEN_SPREAD, about[0.0], shares).peaks()
+    others = [(log_focal, peak) for log_focal, peak in peaks if abs(log_focal) > OTHER]
+    if not (others and _agrees(camera, max(others, key=_mass), scene)):
+        others = []
+    log_given = np.log1p(-COMMON) + _log_odds([peak for peak in given if abs(peak.log_focal) <= OTHER])
+    log_others = np.log(COMMON / len(about)) + _log_odds([peak for _, peak in others])
+    return FocalEvidence(float(log_given - log_others), float(np.exp(max(peaks, key=_mass)[0])))
+
+
+def _log_odds(peaks: Sequence[Peak]) -> float:
+    """Those of the edges, or of chance, which any focal lengths do as well as where the photo shows no steps."""
+    return float(np.logaddexp(0.0, log_odds_of(peaks)))
+
+
+def _mass(found: tuple[float, Peak]) -> float:
+    return found[1].mass
+
+
+def _agrees(camera: MatrixCamera, found: tuple[float, Peak], scene: Sequence[SceneFrame]) -> bool:
+    """Whether photos and points agree by odds of 9 to 1 at a maximum, as is asked of refined poses."""
+    log_focal, peak = found
+    zoomed = camera.zoomed(float(np.exp(log_focal)))
+    alignments = [replace(frame, image=frame.photo, camera=zoomed).alignment(peak.pose) for frame in scene]
+    return sum(alignment.edge_log_odds for alignment in alignments) > DECISIVE
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """How the regions' pose follows the logarithm of the focal lengths: its increments (6,) from the given one by the
+    logarithm and by its square, and covariances (6, 6) at the ends of the reach and in the middle.
+    """
+
+    camera: MatrixCamera
+    pose: Pose
+    slope: Array
+    bend: Array
+    covariances: dict[float, Array]
+
+    @classmethod
+    def of(cls, camera: MatrixCamera, estimate: PoseEstimate, estimated: Estimated) -> _Curve | None:
+        """By the estimates at both ends, of one alone where the other has none; None without any."""
+        ways, covariances = [], {0.0: estimate.covariance}
+        for end in (-REACH, REACH):
+            try:
+                found = estimated(camera.zoomed(float(np.exp(end))), estimate.pose)
+            except ValueError:  # No pose, or no ray of such a camera where a region is.
+                continue
+            if np.isfinite(found.covariance).all():
+                ways.append(estimate.pose.increment_to(found.pose) / end)
+                covariances[end] = found.covariance
+        if not ways:
+            return None
+        bend = (ways[-1] - ways[0]) / (2.0 * REACH)
+        return cls(camera, estimate.pose, np.mean(ways, axis=0), bend, covariances)
+
+    def __contains__(self, log_focal: float) -> bool:
+        """Whether a pose is known there."""
+        return min(self.covariances) <= log_focal <= max(self.covariances)
+
+    def evidence(self, log_focal: float, scene: Sequence[SceneFrame]) -> list[Evidence]:
+        """That of each frame about the pose there."""
+        camera, (pose, *_) = self.camera.zoomed(float(np.exp(log_focal))), self._at(log_focal)
+        return [Evidence(replace(frame, image=frame.photo, camera=camera), pose, with_focal=True) for frame in scene]
+
+    def posterior(
+        self, log_focal: float, spread: float, frames: Sequence[Evidence], shares: Sequence[float]
+    ) -> Posterior:
+        """That of the pose and of a logarithm that is normally distributed about this one."""
+        pose, slope, covariance = self._at(log_focal)
+        root = np.zeros((7, 7))
+        root[:6, :6], root[:6, 6], root[6, 6] = root_of(covariance), spread * slope, spread
+        # Peaks of another spread have moved the frames.
+        for frame in frames:
+            frame.move_to(pose)
+        return Posterior(pose, root, frames, shares)
+
+    def _at(self, log_focal: float) -> tuple[Pose, Array, Array]:
+        """The pose, its derivative (6,) and its covariance (6, 6)."""
+        pose = moved(self.pose, log_focal * (self.slope + log_focal * self.bend))
+        share, end = abs(log_focal) / REACH, float(np.copysign(REACH, log_focal))
+        outer = self.covariances[end] if log_focal else 0.0
+        return pose, self.slope + 2.0 * log_focal * self.bend, (1.0 - share) * self.covariances[0.0] + share * outer

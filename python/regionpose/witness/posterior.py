@@ -1,0 +1,185 @@
+"""The poses near a given one, and focal lengths if these are unknown, by what the edges of the rest of the scene say
+(docs/math.md, eq. 18.7 to 18.9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+from scipy.special import logsumexp
+
+from regionpose import _core
+from regionpose.arrays import real_array
+from regionpose.pose import Pose
+from regionpose.witness.evidence import Evidence
+from regionpose.witness.steps import SEED
+
+Array = NDArray[np.float64]
+
+FREEDOM = 4.0
+"""Degrees of freedom of Student's distribution of the given pose's error: its covariance is known but roughly."""
+
+SPREADS_PX = (8.0, 4.0, 2.0)
+"""How far edges are spread, coarse to fine: from what a pose may be off to what steps of a scan are."""
+
+SAME = 0.05
+"""Increments nearer to one another, in the prior's deviations, are one: far less than peaks are apart."""
+
+DRAWS, LED = 500, 4
+"""Poses drawn from the prior, and how many of the best are led to a maximum: some for each dimension."""
+
+PRIOR_STEP = 1e-6
+"""Least deviation that the prior is taken to have, rad and meters: below what any calibration knows."""
+
+LEAST_CURVATURE = 0.2
+"""Curvature of the log posterior in units of the prior's: no direction is known much worse than beforehand."""
+
+FLAT = 0.05
+"""Slope of the log density, a deviation of the prior's, at which a maximum is reached: at the least curvature that is
+0.006 below it."""
+
+
+class Peak(NamedTuple):
+    """A maximum of the posterior: its pose, covariance (d, d) of the increment, the logarithm of the mass about it over
+    the prior's, and that of its focal lengths over the given ones.
+    """
+
+    pose: Pose
+    covariance: Array
+    mass: float
+    log_focal: float = 0.0
+
+
+class Posterior:
+    """The log density of poses, as increments in units of the prior's deviations (`root` (d, d): a square root of its
+    covariance).
+
+    Of d = 7 the last is the logarithm of the focal lengths over those of the frames' cameras.
+    """
+
+    def __init__(self, prior: Pose, root: Array, frames: Sequence[Evidence], shares: Sequence[float]) -> None:
+        """Take the prior's pose, and what steps of each frame count, 0 to 1."""
+        self._frames, self._shares, self._count = frames, shares, len(root)
+        self._prior, self._root, self._base = prior, root, np.zeros(len(root))
+
+    def peaks(self) -> list[Peak]:
+        """The maxima that the best of some poses drawn from the prior lead to."""
+        rng = np.random.default_rng(SEED)
+        scales = np.sqrt(rng.chisquare(FREEDOM, (DRAWS, 1)) / FREEDOM)
+        draws = np.vstack([np.zeros(self._count), rng.normal(size=(DRAWS, self._count)) / scales])
+        costs, _ = self._costs(draws, SPREADS_PX[0])
+        starts = [self._led(draws[number], SPREADS_PX[0]) for number in np.argsort(costs)[:LED]]
+        return self._distinct([self._peak(self._root @ start) for start in starts])
+
+    def _distinct(self, peaks: Sequence[Peak]) -> list[Peak]:
+        """Those that none before is the same as."""
+        kept: dict[int, Array] = {}
+        for number, peak in enumerate(peaks):
+            place = self.units(peak)
+            if all(np.linalg.norm(place - other) > SAME for other in kept.values()):
+                kept[number] = place
+        return [peaks[number] for number in kept]
+
+    def _peak(self, increment: Array) -> Peak:
+        """The maximum that an increment (d,) of the prior's pose leads to, coarse to fine."""
+        view = _View(self._prior).moved(increment)
+        for spread in SPREADS_PX[1:]:
+            self._move_to(view)
+            view = view.moved(self._root @ self._led(np.zeros(self._count), spread))
+        self._move_to(view)
+        height = -float(self._costs(np.zeros((1, self._count)), SPREADS_PX[-1])[0][0])
+        whole = self._curvature()
+        prior_curvature = (FREEDOM + self._count) / FREEDOM
+        mass = height - 0.5 * float(np.log(_eigen(whole)[0] / prior_curvature).sum())
+        values, axes = _eigen(whole + self._surplus())
+        half = self._root @ axes / np.sqrt(values)
+        return Peak(view.pose, half @ half.T, mass, view.log_focal)
+
+    def _move_to(self, view: _View) -> None:
+        for frame in self._frames:
+            frame.move_to(view.pose, view.log_focal)
+        self._base = self.units(view)
+
+    def units(self, view: _View | Peak) -> Array:
+        """The increment (d,) from the prior's pose in units of its deviations."""
+        increment = np.append(self._prior.increment_to(view.pose), view.log_focal)[: self._count]
+        return np.asarray(np.linalg.solve(self._root, increment), dtype=np.float64)
+
+    def _costs(self, units: Array, spread_px: float) -> tuple[Array, Array]:
+        """Negative log densities (t,) of increments (t, d) in units of the prior's deviations, and their slopes."""
+        at, weight = self._base + units, FREEDOM + self._count
+        squares = (at * at).sum(axis=1)
+        costs = 0.5 * weight * np.log1p(squares / FREEDOM)
+        slopes = weight * at / (FREEDOM + squares)[:, None]
+        for frame, share in zip(self._frames, self._shares, strict=True):
+            values, by_increment = frame.at(units @ self._root.T, spread_px)
+            costs -= share * values
+            slopes -= share * by_increment @ self._root
+        return costs, slopes
+
+    def _led(self, units: Array, spread_px: float) -> Array:
+        """The increment (d,) at the maximum near one."""
+
+        def cost(at: Array) -> tuple[float, Array]:
+            costs, slopes = self._costs(at[None], spread_px)
+            return float(costs[0]), slopes[0]
+
+        return np.asarray(minimize(cost, units, jac=True, method="BFGS", options={"gtol": FLAT}).x)
+
+    def _curvature(self) -> Array:
+        """The curvature (d, d) of the negative log density at the pose of increments, in the prior's units."""
+        step, count = 0.1, self._count
+        units = step * np.vstack([np.eye(count), -np.eye(count)])
+        _, slopes = self._costs(units, SPREADS_PX[-1])
+        matrix = (slopes[:count] - slopes[count:]) / (2.0 * step)
+        return np.asarray(0.5 * (matrix + matrix.T))
+
+    def _surplus(self) -> Array:
+        """How much the prior's information (d, d), at most that of a normal distribution, exceeds its curvature."""
+        spread = FREEDOM + float(self._base @ self._base)
+        weight, one = (FREEDOM + self._count) / spread, np.eye(self._count)
+        curvature = weight * (one - 2.0 / spread * np.outer(self._base, self._base))
+        return np.asarray(min(weight, 1.0) * one - curvature)
+
+
+class _View(NamedTuple):
+    """A pose, and the logarithm of the focal lengths over the given ones."""
+
+    pose: Pose
+    log_focal: float = 0.0
+
+    def moved(self, increment: Array) -> _View:
+        """After an increment of the pose (6,), and of both (7,)."""
+        return _View(moved(self.pose, increment[:6]), self.log_focal + float(increment[6:].sum()))
+
+
+def _eigen(matrix: Array) -> tuple[Array, Array]:
+    """The eigenvalues (d,) of a curvature, none of them below what is left of the prior's, and their axes."""
+    values, axes = np.linalg.eigh(matrix)
+    return np.maximum(values, LEAST_CURVATURE), axes
+
+
+def log_odds_of(peaks: Sequence[Peak]) -> float:
+    """The log odds that edges lie where poses about the prior's put the steps, rather than by chance."""
+    return float(logsumexp([peak.mass for peak in peaks])) if peaks else -np.inf
+
+
+def root_of(covariance: ArrayLike) -> Array:
+    """The Cholesky factor of a covariance; ValueError for what is none."""
+    given = real_array(covariance, "covariance", "(6, 6)").astype(np.float64)
+    if given.shape != (6, 6) or not np.isfinite(given).all():
+        raise ValueError(f"covariance has shape {given.shape}; needed (6, 6), finite")
+    try:
+        return np.asarray(np.linalg.cholesky(0.5 * (given + given.T) + PRIOR_STEP**2 * np.eye(6)), dtype=np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("covariance has negative eigenvalues; needed a covariance") from error
+
+
+def moved(pose: Pose, increment: Array) -> Pose:
+    """The pose after a left increment (6,): a rotation vector, rad, then a translation, meters."""
+    rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
+    return Pose.from_parts(rotation, translation)
