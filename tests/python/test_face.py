@@ -260,6 +260,7 @@ UNITLESS = {
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
     "depth_tolerance mesh_size overlap_error disturbed_share": "shares",
+    "factor": "of focal lengths",
     "confidence confidence_before share score log_odds chance sigmas": "probabilities and their like",
     "values": "of a warning, each with its unit in its key",
 }

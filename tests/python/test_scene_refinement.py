@@ -16,6 +16,7 @@ from regionpose.clouds import Cloud, write_ply
 from regionpose.scene import SceneEstimate, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
+from regionpose.scene.verdict import DOUBTFUL, verdict
 from regionpose.yaml_text import to_yaml
 from scene_files import write_scene
 
@@ -27,8 +28,8 @@ SHAPE = np.array(
 )
 
 
-def rough_scene(folder: Path, *, other_photo: bool = False, **solver: str | bool) -> Path:
-    """A scene of cards with two regions whose polygons in the photo are some pixels off."""
+def rough_scene(folder: Path, *, other_photo: bool = False, focal: float = 500.0, **solver: str | bool) -> Path:
+    """A scene of cards with two regions whose polygons in the photo are some pixels off; `focal`: what is given."""
     rng = np.random.default_rng(4)
     photo, points = cards(3)
     if other_photo:
@@ -41,7 +42,7 @@ def rough_scene(folder: Path, *, other_photo: bool = False, **solver: str | bool
         regions.append(
             {"name": name, "image": {"polygon": seen.tolist()}, "world": {"polygon": (world + ORIGIN).tolist()}}
         )
-    camera = {"model": "pinhole", "fx": 500.0, "fy": 500.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
+    camera = {"model": "pinhole", "fx": focal, "fy": focal, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
     values: dict[str, Any] = {"camera": camera, "image": "photo.png", "cloud": "cloud.ply", "regions": regions}
     values["solver"] = solver
     Image.fromarray(np.repeat(photo[..., None], 3, axis=2)).save(folder / "photo.png")
@@ -96,3 +97,21 @@ def test_it_is_heard_or_it_does_not_refine(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"solver.refine: found scene, but witness is false; needed witness: true"):
         load_scene(rough_scene(tmp_path, refine="scene", witness=False))
     assert estimate_scene(load_scene(rough_scene(tmp_path, witness=False))).witness is None
+
+
+def test_wrong_focal_lengths_make_a_pose_doubtful(tmp_path: Path) -> None:
+    run = estimate_scene(load_scene(rough_scene(tmp_path, focal=540.0)))
+    focal = refinement_of(run).focal
+    assert focal is not None and focal.factor == pytest.approx(500.0 / 540.0, abs=0.01)
+    told = verdict(run)
+    assert told.level == DOUBTFUL
+    assert any("times the focal lengths" in warning and "calibration" in advice for warning, advice in told.remarks)
+    result = json.loads(json.dumps(bundle(run, Stages()).result))
+    assert result["scene_refinement"]["focal"] == {"log_odds": focal.log_odds, "best_factor": focal.factor}
+
+
+def test_right_focal_lengths_are_not_contradicted(tmp_path: Path) -> None:
+    run = estimate_scene(load_scene(rough_scene(tmp_path)))
+    focal = refinement_of(run).focal
+    assert focal is not None and focal.log_odds > np.log(9.0)
+    assert all(warning.code != "focal-contradicted" for warning in run.estimate.warnings)
