@@ -13,7 +13,7 @@ from regionpose import _core
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.pose import Pose
 from regionpose.witness.frame import SceneFrame
-from regionpose.witness.photo import Pictures, blurred
+from regionpose.witness.photo import Photo, Pictures, blurred
 from regionpose.witness.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 
 Array = NDArray[np.float64]
@@ -38,15 +38,17 @@ class Evidence:
     pixels: Array
     moved: Array
 
-    def __init__(self, frame: SceneFrame, pose: Pose, *, with_focal: bool = False) -> None:
+    def __init__(
+        self, frame: SceneFrame, pose: Pose, *, with_focal: bool = False, like: Evidence | None = None
+    ) -> None:
         """The steps that the camera would see at a pose; ValueError for points or an image of another shape.
 
         `with_focal`: increments are of seven components, the last of them of the logarithm of the focal lengths, of a
-        camera that has a matrix.
+        camera that has a matrix. `like`: that of the same photo at another pose, whose pictures are taken over.
         """
         self._camera, self._pose, self._with_focal = frame.camera, pose, with_focal
         self._photo, self._known = frame.photo, beside(frame.regions)
-        self._pictures: dict[float, Pictures] = {}
+        self._spreads: _Spreads = _Spreads(frame.photo) if like is None else like._spreads
         self._all = frame.steps(pose)
         self.turn(Rotation.identity())
 
@@ -85,7 +87,7 @@ class Evidence:
         """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
         of steps as if they were independent.
         """
-        pictures = self._spread(spread_px)
+        pictures = self._spreads.log_ratios(spread_px)
         return _core.edge_evidence(pictures, self.pixels, self.moved, self._directions, increments)
 
     def share(self, spread_px: float) -> float:
@@ -99,10 +101,18 @@ class Evidence:
         sums, _ = self.at(np.pad(turns, ((0, 0), (0, 4 if self._with_focal else 3))), spread_px)
         return float(np.clip(-2.0 * sums.mean() / max(float(sums.var(ddof=1)), 1e-12), 0.0, 1.0))
 
-    def _spread(self, spread_px: float) -> Pictures:
-        if spread_px not in self._pictures:
-            self._pictures[spread_px] = _log_ratios(self._densities, spread_px)
-        return self._pictures[spread_px]
+
+class _Spreads:
+    """A photo's likelihood ratios by how far it is spread, each made when it is first asked for."""
+
+    def __init__(self, photo: Photo) -> None:
+        self._photo = photo
+        self._made: dict[float, Pictures] = {}
+
+    def log_ratios(self, spread_px: float) -> Pictures:
+        if spread_px not in self._made:
+            self._made[spread_px] = _log_ratios(self._densities, spread_px)
+        return self._made[spread_px]
 
     @cached_property
     def _densities(self) -> list[tuple[Pictures, Pictures]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,8 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
     curve = _Curve.of(camera, estimate, estimated)
     if curve is None:
         return None
-    about = {node: curve.evidence(node, scene) for node in NODES if node in curve}
+    given = curve.evidence(0.0, scene)
+    about = {node: curve.evidence(node, scene, given) if node else given for node in NODES if node in curve}
     # One photo and one scan are compared: a step counts the same at any focal length, and nowhere more than it may.
     counted = [[frame.share(SPREADS_PX[-1]) for frame in frames] for frames in about.values()]
     shares: list[float] = np.min(counted, axis=0).tolist()
@@ -82,11 +84,12 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
         for node, frames in about.items()
         for peak in curve.posterior(node, SPREAD, frames, shares).peaks()
     ]
-    given = curve.posterior(0.0, GIVEN_SPREAD, about[0.0], shares).peaks()
+    right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks()
     others = [(log_focal, peak) for log_focal, peak in peaks if abs(log_focal) > OTHER]
-    if not (others and _agrees(camera, max(others, key=_mass), scene)):
+    # Below the odds of chance they would decide nothing.
+    if not (log_odds_of([peak for _, peak in others]) > 0.0 and _agrees(camera, max(others, key=_mass), scene)):
         others = []
-    log_given = np.log1p(-COMMON) + _log_odds([peak for peak in given if abs(peak.log_focal) <= OTHER])
+    log_given = np.log1p(-COMMON) + _log_odds([peak for peak in right if abs(peak.log_focal) <= OTHER])
     log_others = np.log(COMMON / len(about)) + _log_odds([peak for _, peak in others])
     return FocalEvidence(float(log_given - log_others), float(np.exp(max(peaks, key=_mass)[0])))
 
@@ -103,9 +106,15 @@ def _mass(found: tuple[float, Peak]) -> float:
 def _agrees(camera: MatrixCamera, found: tuple[float, Peak], scene: Sequence[SceneFrame]) -> bool:
     """Whether photos and points agree by odds of 9 to 1 at a maximum, as is asked of refined poses."""
     log_focal, peak = found
-    zoomed = camera.zoomed(float(np.exp(log_focal)))
-    alignments = [replace(frame, image=frame.photo, camera=zoomed).alignment(peak.pose) for frame in scene]
+    alignments = [_zoomed(camera, log_focal, frame).alignment(peak.pose) for frame in scene]
     return sum(alignment.edge_log_odds for alignment in alignments) > DECISIVE
+
+
+def _zoomed(camera: MatrixCamera, log_focal: float, frame: SceneFrame) -> SceneFrame:
+    """The frame with other focal lengths; the same one, with the steps that it keeps, at the given ones."""
+    if not log_focal:
+        return frame
+    return replace(frame, image=frame.photo, camera=camera.zoomed(float(np.exp(log_focal))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,10 +150,11 @@ class _Curve:
         """Whether a pose is known there."""
         return min(self.covariances) <= log_focal <= max(self.covariances)
 
-    def evidence(self, log_focal: float, scene: Sequence[SceneFrame]) -> list[Evidence]:
-        """That of each frame about the pose there."""
-        camera, (pose, *_) = self.camera.zoomed(float(np.exp(log_focal))), self._at(log_focal)
-        return [Evidence(replace(frame, image=frame.photo, camera=camera), pose, with_focal=True) for frame in scene]
+    def evidence(self, log_focal: float, scene: Sequence[SceneFrame], likes: Sequence[Evidence] = ()) -> list[Evidence]:
+        """That of each frame about the pose there; `likes`: that of each about another one."""
+        frames, (pose, *_) = [_zoomed(self.camera, log_focal, frame) for frame in scene], self._at(log_focal)
+        pairs = zip_longest(frames, likes)
+        return [Evidence(frame, pose, with_focal=True, like=like) for frame, like in pairs]
 
     def posterior(
         self, log_focal: float, spread: float, frames: Sequence[Evidence], shares: Sequence[float]
