@@ -109,10 +109,11 @@ def witnessed(
     """The estimate with the answer first that photo and cloud agree with, and the confidences that follow.
 
     `align`: how well they agree at a pose, frame by frame; `settle`: the estimate that has the answer nearest to a pose
-    first; `refine`: an estimate with its pose refined by them if they say enough, and what they said; `counts`: how
-    many regions each of several frames has. The evidence decides between answers and may lower the probability that one
-    of them is right. It raises that for a refined pose alone, since photo and cloud may agree at one that is some
-    degrees off (docs/math.md, eq. 18.5 and 18.10).
+    first; `refine`: an estimate with its pose refined by them if they say enough, and what they said, of the focal
+    lengths too, whose probability all shares are multiplied by; `counts`: how many regions each of several frames has.
+    The evidence decides between answers and may lower the probability that one of them is right. It raises that for a
+    refined pose alone, since photo and cloud may agree at one that is some degrees off (docs/math.md, eq. 18.5, 18.10
+    and 18.14).
     """
     alignments, shares = _heard(estimate, align)
     place = _likeliest(estimate, shares)

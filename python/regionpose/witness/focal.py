@@ -39,7 +39,6 @@ GIVEN_SPREAD = 0.01
 """Standard deviation of the logarithm about the given ones, if these are right: a percent, twice what a calibration is
 good for (`estimation.intrinsics.WEAK_SHARE`)."""
 
-
 OTHER = 2.0 * GIVEN_SPREAD
 """Logarithm beyond which focal lengths are others than the given ones."""
 
@@ -53,7 +52,7 @@ class FocalEvidence:
     log_odds : float
         Logarithm of the odds that they are the given ones, against others.
     factor : float
-        Of the given ones, where others agree best.
+        By which the given ones are multiplied where photo and cloud agree best.
 
     """
 
