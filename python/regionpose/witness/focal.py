@@ -4,12 +4,14 @@ and 18.14).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from regionpose.cameras import Camera
 from regionpose.cameras.matrix import MatrixCamera
@@ -42,6 +44,9 @@ good for (`estimation.intrinsics.WEAK_SHARE`)."""
 OTHER = 2.0 * GIVEN_SPREAD
 """Logarithm beyond which focal lengths are others than the given ones."""
 
+LEAST_SHARE = 1e-6
+"""Below any that steps have: what stands in where there are none."""
+
 
 @dataclass(frozen=True)
 class FocalEvidence:
@@ -73,24 +78,47 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
     curve = _Curve.of(camera, estimate, estimated)
     if curve is None:
         return None
-    given = curve.evidence(0.0, scene)
-    about = {node: curve.evidence(node, scene, given) if node else given for node in NODES if node in curve}
-    # One photo and one scan are compared: a step counts the same at any focal length, and nowhere more than it may.
-    counted = [[frame.share(SPREADS_PX[-1]) for frame in frames] for frames in about.values()]
-    shares: list[float] = np.min(counted, axis=0).tolist()
-    peaks = [
-        (node + peak.log_focal, peak)
-        for node, frames in about.items()
-        for peak in curve.posterior(node, SPREAD, frames, shares).peaks()
-    ]
-    right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks()
-    others = [(log_focal, peak) for log_focal, peak in peaks if abs(log_focal) > OTHER]
+    compared = list(_compared(curve, scene))
+    others = [other for each in compared for other in each.others]
     # Below the odds of chance they would decide nothing.
     if not (log_odds_of([peak for _, peak in others]) > 0.0 and _agrees(camera, max(others, key=_mass), scene)):
-        others = []
-    log_given = np.log1p(-COMMON) + _log_odds([peak for peak in right if abs(peak.log_focal) <= OTHER])
-    log_others = np.log(COMMON / len(about)) + _log_odds([peak for _, peak in others])
-    return FocalEvidence(float(log_given - log_others), float(np.exp(max(peaks, key=_mass)[0])))
+        compared = [each._replace(others=[]) for each in compared]
+    ratios = [_log_odds([peak for _, peak in each.others]) - _log_odds(each.given) for each in compared]
+    log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - logsumexp(ratios)
+    # Where steps count less they tell less, not another thing.
+    best = max(compared, key=lambda each: (_mass(each.best) - _log_odds(each.given)) / each.share)
+    return FocalEvidence(float(log_odds), float(np.exp(best.best[0])))
+
+
+class _Compared(NamedTuple):
+    """The maxima about the given focal lengths, and about others with their logarithms; the best of all there, and what
+    a step of the first frame counts.
+    """
+
+    given: list[Peak]
+    others: list[tuple[float, Peak]]
+    best: tuple[float, Peak]
+    share: float
+
+
+def _compared(curve: _Curve, scene: Sequence[SceneFrame]) -> Iterator[_Compared]:
+    """The given focal lengths and those about each node."""
+    given = curve.evidence(0.0, scene)
+    given_shares = [frame.share(SPREADS_PX[-1]) for frame in given]
+    for node in NODES:
+        if node in curve:
+            frames = curve.evidence(node, scene, given) if node else given
+            # One photo and one scan are compared: a step counts the same for both, and for neither more than it may.
+            own = [frame.share(SPREADS_PX[-1]) for frame in frames]
+            shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
+            right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks()
+            peaks = [(node + peak.log_focal, peak) for peak in curve.posterior(node, SPREAD, frames, shares).peaks()]
+            yield _Compared(
+                [peak for peak in right if abs(peak.log_focal) <= OTHER],
+                [found for found in peaks if abs(found[0]) > OTHER],
+                max(peaks, key=_mass),
+                max(shares[0], LEAST_SHARE),
+            )
 
 
 def _log_odds(peaks: Sequence[Peak]) -> float:
