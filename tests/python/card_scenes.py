@@ -11,6 +11,11 @@ Array = NDArray[np.float64]
 
 CAMERA = rp.PinholeCamera(500.0, 500.0, 319.5, 239.5, width=640, height=480)
 WALL = 8.0
+SHAPE = np.array(
+    [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.2, 0.5, 0.2], [0.5, 0.5, 0.2], [0.5, 1.2, 0.48], [0.0, 1.2, 0.48]]
+)
+PLACES = ([-1.6, -0.8, 5.5], [0.6, -0.2, 5.0])
+"""A region, and where two of it stand, in the camera's axes."""
 POSE = rp.Pose(Rotation.from_rotvec([0.1, -0.2, 0.3]), np.array([0.3, -0.1, 0.2]))
 
 

@@ -7,17 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import regionpose as rp
-from card_scenes import CAMERA, POSE, cards
+from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
 from numpy.typing import NDArray
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.focal import focal_evidence
 
 Array = NDArray[np.float64]
-
-SHAPE = np.array(
-    [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.2, 0.5, 0.2], [0.5, 0.5, 0.2], [0.5, 1.2, 0.48], [0.0, 1.2, 0.48]]
-)
-PLACES = ([-1.6, -0.8, 5.5], [0.6, -0.2, 5.0])
 
 
 def worlds() -> list[rp.WorldRegion]:

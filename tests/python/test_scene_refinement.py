@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from card_scenes import CAMERA, POSE, cards
+from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
@@ -23,10 +23,6 @@ from scene_files import write_scene
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
 """Where the world lies: far away, as maps have it."""
 
-SHAPE = np.array(
-    [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.2, 0.5, 0.2], [0.5, 0.5, 0.2], [0.5, 1.2, 0.48], [0.0, 1.2, 0.48]]
-)
-
 
 def rough_scene(folder: Path, *, other_photo: bool = False, focal: float = 500.0, **solver: str | bool) -> Path:
     """A scene of cards with two regions whose polygons in the photo are some pixels off; `focal`: what is given."""
@@ -36,7 +32,7 @@ def rough_scene(folder: Path, *, other_photo: bool = False, focal: float = 500.0
         photo, _ = cards(9)
     write_ply(folder / "cloud.ply", Cloud(points + ORIGIN), overwrite=True)
     regions = []
-    for name, place in (("left", [-1.6, -0.8, 5.5]), ("right", [0.6, -0.2, 5.0])):
+    for name, place in zip(("left", "right"), PLACES, strict=True):
         world = POSE.inverse().transform(SHAPE + place)
         seen = CAMERA.project(POSE.transform(world)) + rng.normal(0.0, 1.5, (len(SHAPE), 2))
         regions.append(

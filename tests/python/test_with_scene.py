@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from card_scenes import CAMERA, POSE, cards, painted
+from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards, painted
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
@@ -18,10 +18,6 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-SHAPE = np.array(
-    [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.2, 0.5, 0.2], [0.5, 0.5, 0.2], [0.5, 1.2, 0.48], [0.0, 1.2, 0.48]]
-)
-PLACES = ([-1.6, -0.8, 5.5], [0.6, -0.2, 5.0])
 DOOR = np.array([[-0.6, -0.8, 3.6], [0.4, -0.8, 4.6], [0.4, 1.1, 4.6], [-0.6, 1.1, 3.6]])
 """A rectangle in the camera's axes, which four poses show alike."""
 

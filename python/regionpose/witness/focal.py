@@ -44,9 +44,6 @@ good for (`estimation.intrinsics.WEAK_SHARE`)."""
 OTHER = 2.0 * GIVEN_SPREAD
 """Logarithm beyond which focal lengths are others than the given ones."""
 
-LEAST_SHARE = 1e-6
-"""Below any that steps have: what stands in where there are none."""
-
 
 @dataclass(frozen=True)
 class FocalEvidence:
@@ -92,7 +89,7 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
 
 class _Compared(NamedTuple):
     """The maxima about the given focal lengths, and about others with their logarithms; the best of all there, and what
-    a step of the first frame counts.
+    steps count, of all frames together; 1 where there are none.
     """
 
     given: list[Peak]
@@ -107,17 +104,19 @@ def _compared(curve: _Curve, scene: Sequence[SceneFrame]) -> Iterator[_Compared]
     given_shares = [frame.share(SPREADS_PX[-1]) for frame in given]
     for node in NODES:
         if node in curve:
-            frames = curve.evidence(node, scene, given) if node else given
-            # One photo and one scan are compared: a step counts the same for both, and for neither more than it may.
-            own = [frame.share(SPREADS_PX[-1]) for frame in frames]
-            shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
+            frames, shares = given, given_shares
+            if node:
+                frames = curve.evidence(node, scene, given)
+                # One photo and one scan: a step counts the same for both, and for neither more than it may.
+                own = [frame.share(SPREADS_PX[-1]) for frame in frames]
+                shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
             right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks()
             peaks = [(node + peak.log_focal, peak) for peak in curve.posterior(node, SPREAD, frames, shares).peaks()]
             yield _Compared(
                 [peak for peak in right if abs(peak.log_focal) <= OTHER],
                 [found for found in peaks if abs(found[0]) > OTHER],
                 max(peaks, key=_mass),
-                max(shares[0], LEAST_SHARE),
+                sum(shares) or 1.0,
             )
 
 
