@@ -76,24 +76,23 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
     if curve is None:
         return None
     compared = list(_compared(curve, scene))
-    others = [other for each in compared for other in each.others]
-    # Below the odds of chance they would decide nothing.
-    if not (log_odds_of([peak for _, peak in others]) > 0.0 and _agrees(camera, max(others, key=_mass), scene)):
-        compared = [each._replace(others=[]) for each in compared]
-    ratios = [_log_odds([peak for _, peak in each.others]) - _log_odds(each.given) for each in compared]
-    log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - logsumexp(ratios)
     # Where steps count less they tell less, not another thing.
-    best = max(compared, key=lambda each: (_mass(each.best) - _log_odds(each.given)) / each.share)
-    return FocalEvidence(float(log_odds), float(np.exp(best.best[0])))
+    found = max(compared, key=lambda each: (_mass(each.best) - _log_odds(each.given)) / each.share).best
+    # Less likely than chance they would decide nothing.
+    if not (abs(found[0]) > OTHER and _mass(found) > 0.0 and _agrees(camera, found, scene)):
+        compared = [each._replace(others=[]) for each in compared]
+    ratios = [_log_odds(each.others) - _log_odds(each.given) for each in compared]
+    log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - logsumexp(ratios)
+    return FocalEvidence(float(log_odds), float(np.exp(found[0])))
 
 
 class _Compared(NamedTuple):
-    """The maxima about the given focal lengths, and about others with their logarithms; the best of all there, and what
+    """The maxima about the given focal lengths, and about others; the best of all there with its logarithm, and what
     steps count, of all frames together; 1 where there are none.
     """
 
     given: list[Peak]
-    others: list[tuple[float, Peak]]
+    others: list[Peak]
     best: tuple[float, Peak]
     share: float
 
@@ -114,7 +113,7 @@ def _compared(curve: _Curve, scene: Sequence[SceneFrame]) -> Iterator[_Compared]
             peaks = [(node + peak.log_focal, peak) for peak in curve.posterior(node, SPREAD, frames, shares).peaks()]
             yield _Compared(
                 [peak for peak in right if abs(peak.log_focal) <= OTHER],
-                [found for found in peaks if abs(found[0]) > OTHER],
+                [peak for log_focal, peak in peaks if abs(log_focal) > OTHER],
                 max(peaks, key=_mass),
                 sum(shares) or 1.0,
             )
