@@ -34,8 +34,7 @@ pub fn leading_step(regions: &[SampledRegion]) -> usize {
     (regions.iter().map(SampledRegion::count).sum::<usize>() / LEADING).max(1)
 }
 
-/// The blur at which a start is no worse than any: twice as far as samples lie on the wrong side, root mean square,
-/// pixels.
+/// The blur by which a start is as far off as it looks: root mean square of how far samples lie on the wrong side, pixels.
 pub(super) fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0);
     for reading in readings(regions, pose, step) {
@@ -46,7 +45,7 @@ pub(super) fn first_blur(regions: &[SampledRegion], pose: &Pose, step: usize) ->
             count += 1.0;
         }
     }
-    (2.0 * (squares / f64::max(count, 1.0)).sqrt()).clamp(SHARP, COARSEST)
+    (squares / f64::max(count, 1.0)).sqrt().clamp(SHARP, COARSEST)
 }
 
 /// Logarithm of the probability of the labels of every `step`-th sample at a pose that is not refined, with this blur.

@@ -6,7 +6,7 @@ use super::belief::Belief;
 use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
-use super::telling::{FINEST, Samples, State};
+use super::telling::{FINEST, SIGMA_POINTS, Samples, State};
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -53,6 +53,30 @@ impl Posterior {
     /// The same where what is known speaks for it by so much more, as a logarithm.
     pub fn with_known(self, log_known: f64) -> Self {
         Self { log_evidence: self.log_evidence + log_known, log_known: self.log_known + log_known, ..self }
+    }
+
+    /// Squared distance to another one, in variances of both together; infinite where these are none.
+    pub fn squared_sigmas_to(&self, other: &Self) -> f64 {
+        let way = self.pose.increment_to(&other.pose);
+        let root = (self.covariance + other.covariance).cholesky();
+        root.map_or(f64::INFINITY, |root| way.dot(&root.solve(&way)))
+    }
+
+    /// Starts at its sigma points, with what is believed of it.
+    pub fn sigma_points(&self) -> Vec<Led> {
+        let Some(root) = self.covariance.cholesky().map(|root| root.unpack()) else { return Vec::new() };
+        let belief = Belief { mean: Tangent::zeros(), covariance: self.covariance };
+        let (trust, log_evidence) = (&self.trust, self.log_evidence);
+        let led = |way: Tangent| Led { pose: self.pose.moved(&way), log_evidence, belief, trust: trust.clone() };
+        (0..6).flat_map(|axis| [SIGMA_POINTS, -SIGMA_POINTS].map(|far| root.column(axis) * far)).map(led).collect()
+    }
+
+    /// The same with what others leave possible, by the odds against each (`docs/math.md`, eq. 17.11).
+    pub fn with_others(self, others: &[Self], regions: &[SampledRegion]) -> Self {
+        let odds = others.iter().map(|other| (-0.5 * self.against(other, regions), other.pose, other.covariance));
+        let all: Vec<_> = std::iter::once((0.0, self.pose, self.covariance)).chain(odds).collect();
+        let (pose, covariance) = mixed(&self.pose, &all);
+        Self { pose, covariance, ..self }
     }
 
     fn compared(&self) -> Compared<'_> {
@@ -242,7 +266,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
         let wrong = self.samples.wrong(&last);
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
-        let states = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, *state)).chain([(0.0, last)]);
+        let odds = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, state)).chain([(0.0, &last)]);
+        let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
         let (trust, log_known) = (self.samples.trust.clone(), self.samples.log_known(&pose));
         let State { log_evidence, .. } = last;
@@ -250,16 +275,18 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     }
 }
 
-/// Mean and covariance of several beliefs together, each with the logarithm of its weight, about a pose that is near to
+/// Mean and covariance of several distributions together, each with the logarithm of its weight, about a pose that is near to
 /// all.
-fn mixed(about: &Pose, states: &[(f64, State)]) -> (Pose, Matrix6<f64>) {
-    let all: f64 = states.iter().map(|(weight, _)| weight.exp()).sum();
+fn mixed(about: &Pose, all: &[(f64, Pose, Matrix6<f64>)]) -> (Pose, Matrix6<f64>) {
+    // The largest weight may be out of a number's range.
+    let most = all.iter().map(|(weight, ..)| *weight).fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = all.iter().map(|(weight, ..)| (weight - most).exp()).sum();
     let ways: Vec<_> =
-        states.iter().map(|(weight, state)| (weight.exp() / all, about.increment_to(&state.pose))).collect();
+        all.iter().map(|(weight, pose, _)| ((weight - most).exp() / sum, about.increment_to(pose))).collect();
     let mean: Tangent = ways.iter().map(|(weight, way)| way * *weight).sum();
-    let spread = |(weight, way): &(f64, Tangent), state: &State| {
-        (state.belief.covariance + (way - mean) * (way - mean).transpose()) * *weight
+    let spread = |(weight, way): &(f64, Tangent), covariance: &Matrix6<f64>| {
+        (covariance + (way - mean) * (way - mean).transpose()) * *weight
     };
-    let covariance = ways.iter().zip(states).map(|(way, (_, state))| spread(way, state)).sum();
+    let covariance = ways.iter().zip(all).map(|(way, (.., covariance))| spread(way, covariance)).sum();
     (about.moved(&mean), covariance)
 }

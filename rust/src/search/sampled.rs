@@ -12,7 +12,7 @@ use crate::effort;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::{SHARP, leading_step, log_likelihood};
+use crate::samples::labels::{ALIKE, SHARP, leading_step, log_likelihood};
 use crate::samples::posterior::{Led, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
@@ -29,6 +29,9 @@ const SAME_PLACE: f64 = 0.02;
 
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
 const SAME_ANSWER: f64 = 9.0;
+
+/// The same of what an answer's own surroundings lead to: one standard deviation, of which a sum says no more than either.
+const SAME_MODE: f64 = 1.0;
 
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
 const ROUGH: f64 = 32.0;
@@ -54,7 +57,7 @@ impl Problem {
                 posterior.with_known(-0.5 * penalty)
             }));
         }
-        likeliest(found, |_, _| false, |posterior| posterior.log_evidence, Posterior::is_same_as)
+        answers(found)
     }
 
     /// What a prior counts against a posterior, in variances.
@@ -88,7 +91,25 @@ impl Problem {
             found.extend(self.further_posteriors(&starts, &found, &others));
             looked = Some(best);
         }
-        likeliest(found, |_, _| false, |posterior| posterior.log_evidence, Posterior::is_same_as)
+        let found = answers(found);
+        let Some(best) = found.first().cloned() else { return found };
+        let is_alike = |posterior: &Posterior| best.against(posterior, self.sampled()) <= ALIKE;
+        let around = |posterior| if is_alike(&posterior) { self.with_modes(posterior, &others) } else { posterior };
+        found.into_iter().map(around).collect()
+    }
+
+    /// A posterior with all that the samples lead to from its sigma points. Where they contradict a pose, which of them are wrong
+    /// and which stretches are off depends on where it was looked for from.
+    fn with_modes(&self, posterior: Posterior, others: &impl Fn(&Pose) -> Gaussian) -> Posterior {
+        if effort::is_spent() || posterior.wrong.iter().all(|&wrong| wrong == 0.0) {
+            return posterior;
+        }
+        let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS);
+        modes.push(posterior);
+        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
+        let mut modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence, is_same);
+        let best = modes.remove(0);
+        best.with_others(&modes, self.sampled())
     }
 
     /// The posteriors of the likeliest starts.
@@ -157,13 +178,10 @@ fn likeliest<T>(
     kept
 }
 
-impl Posterior {
-    /// Whether another posterior is one and the same.
-    fn is_same_as(&self, other: &Self) -> bool {
-        let way = self.pose.increment_to(&other.pose);
-        let root = (self.covariance + other.covariance).cholesky();
-        root.is_some_and(|root| way.dot(&root.solve(&way)) < SAME_ANSWER)
-    }
+/// Each answer once, the likeliest first.
+fn answers(found: Vec<Posterior>) -> Vec<Posterior> {
+    let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
+    likeliest(found, |_, _| false, |posterior| posterior.log_evidence, is_same)
 }
 
 /// Whether the samples of every region agree with a pose.
