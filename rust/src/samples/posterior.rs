@@ -71,11 +71,13 @@ impl Posterior {
         (0..6).flat_map(|axis| [SIGMA_POINTS, -SIGMA_POINTS].map(|far| root.column(axis) * far)).map(led).collect()
     }
 
-    /// The same with what others leave possible, by the odds against each (`docs/math.md`, eq. 17.11).
-    pub fn with_others(self, others: &[Self], regions: &[SampledRegion]) -> Self {
-        let odds = others.iter().map(|other| (-0.5 * self.against(other, regions), other.pose, other.covariance));
-        let all: Vec<_> = std::iter::once((0.0, self.pose, self.covariance)).chain(odds).collect();
-        let (pose, covariance) = mixed(&self.pose, &all);
+    /// The same answer where its modes, of which the first is the likeliest, leave it possible, by the odds against each
+    /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence, as these were not looked for as closely.
+    pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
+        let Some((best, rest)) = modes.split_first() else { return self };
+        let odds = rest.iter().map(|mode| (-0.5 * best.against(mode, regions), mode.pose, mode.covariance));
+        let all: Vec<_> = std::iter::once((0.0, best.pose, best.covariance)).chain(odds).collect();
+        let (pose, covariance) = mixed(&best.pose, &all);
         Self { pose, covariance, ..self }
     }
 

@@ -105,11 +105,10 @@ impl Problem {
             return posterior;
         }
         let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS);
-        modes.push(posterior);
+        modes.push(posterior.clone());
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
-        let mut modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence, is_same);
-        let best = modes.remove(0);
-        best.with_others(&modes, self.sampled())
+        let modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence, is_same);
+        posterior.over_modes(&modes, self.sampled())
     }
 
     /// The posteriors of the likeliest starts.

@@ -5,4 +5,5 @@
 pub mod contours;
 pub mod jacobian;
 pub mod random;
+pub mod samples;
 pub mod scene;
