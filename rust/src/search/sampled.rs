@@ -107,6 +107,8 @@ impl Problem {
         let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS);
         modes.push(posterior.clone());
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
+        // What lies farther is another answer, if one at all.
+        modes.retain(|mode| !apart(&posterior.pose, &mode.pose, BASIN));
         let modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence, is_same);
         posterior.over_modes(&modes, self.sampled())
     }
