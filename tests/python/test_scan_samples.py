@@ -144,12 +144,12 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
-    # Beliefs settle to a hundredth of a standard deviation, not the same samples lead the starts, and a rectangle
+    # Each of both beliefs settles to a hundredth of a standard deviation, not the same samples lead the starts, and a rectangle
     # looks alike from four places, of which any may come first.
     answers = [alone, *alone.alternatives]
     same = min(answers, key=lambda answer: float(np.linalg.norm(answer.pose.increment_to(with_them.pose))))
     apart = same.pose.increment_to(with_them.pose)
-    assert apart @ np.linalg.solve(same.covariance, apart) < 0.01**2
+    assert apart @ np.linalg.solve(same.covariance, apart) < 0.02**2
     np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(same.covariance), rtol=1e-2)
 
 
