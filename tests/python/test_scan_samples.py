@@ -144,8 +144,8 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
-    # Each of both beliefs settles to a hundredth of a standard deviation, not the same samples lead the starts, and a rectangle
-    # looks alike from four places, of which any may come first.
+    # Each of both beliefs settles to a hundredth of a standard deviation, not the same samples lead the starts, and a
+    # rectangle looks alike from four places, of which any may come first.
     answers = [alone, *alone.alternatives]
     same = min(answers, key=lambda answer: float(np.linalg.norm(answer.pose.increment_to(with_them.pose))))
     apart = same.pose.increment_to(with_them.pose)
