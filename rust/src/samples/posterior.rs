@@ -75,7 +75,9 @@ impl Posterior {
     /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence, as these were not looked for as closely.
     pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
         let Some((best, rest)) = modes.split_first() else { return self };
-        let odds = rest.iter().map(|mode| (-0.5 * best.against(mode, regions), mode.pose, mode.covariance));
+        // Odds beyond a number's range are as good as its largest.
+        let log_odds = |mode: &Self| (-0.5 * best.against(mode, regions)).min(f64::MAX.ln());
+        let odds = rest.iter().map(|mode| (log_odds(mode), mode.pose, mode.covariance));
         let all: Vec<_> = std::iter::once((0.0, best.pose, best.covariance)).chain(odds).collect();
         let (pose, covariance) = mixed(&best.pose, &all);
         Self { pose, covariance, ..self }
