@@ -10,6 +10,7 @@ use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
 use regionpose::samples::belief::{Belief, JOINT};
+use regionpose::samples::followers::{Place, TOLERANCE, needed};
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
 use regionpose::samples::readings::{Reading, Sight};
@@ -100,6 +101,37 @@ proptest! {
             prop_assert!((field.nearest(&point).distance - signed).abs() < 1e-12);
         }
     }
+}
+
+proptest! {
+    /// Wherever a straight stretch has the needed samples on their sides it has all of them, as far as margins are told apart.
+    #[test]
+    fn followers_follow_from_the_needed(seed in 0_u64..1000, count in 1_usize..80, tilt in -50.0..50.0) {
+        let mut random = Random::new(seed);
+        let places: Vec<_> =
+            (0..count).map(|_| Place { along: random.uniform(0.0, 1.0), margin: random.uniform(-2.0, 20.0) }).collect();
+        let above = |place: &Place| place.margin - tilt * place.along;
+        let lowest = |kept: &[usize]| kept.iter().map(|&k| above(&places[k])).fold(f64::INFINITY, f64::min);
+        let kept = needed(&places, 0.0);
+        prop_assert!(places.iter().all(|place| above(place) > lowest(&kept) - TOLERANCE - 1e-9));
+        prop_assert!(count < 20 || 2 * kept.len() < count, "{} of {count}", kept.len());
+        let more = needed(&places, 0.1);
+        prop_assert!(kept.iter().all(|k| more.contains(k)) && more.len() <= count);
+    }
+}
+
+/// Two scan lines along a side: the ends of the nearer one say what all say, unless they may be mislabeled.
+#[test]
+fn a_row_along_a_side_tells_once() {
+    let line = |margin: f64| (0..40).map(move |k| Place { along: (f64::from(k) + 0.5) / 40.0, margin });
+    let places: Vec<_> = line(3.0).chain(line(8.0)).collect();
+    let sorted = |mislabeled: f64| {
+        let mut kept = needed(&places, mislabeled);
+        kept.sort_unstable();
+        kept
+    };
+    assert_eq!(sorted(1e-3), [0, 39]);
+    assert_eq!(sorted(0.03), [0, 39, 40, 79]);
 }
 
 fn from_segment(point: &Vector2<f64>, a: &Vector2<f64>, b: &Vector2<f64>) -> f64 {

@@ -106,12 +106,12 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
     let mut samples = Samples::some(regions, others, *start, step);
-    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
+    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY, log_following: 0.0 };
     let mut blur = first_blur(regions, start, step);
     loop {
         state = samples.settled(state, Setting { blur, growth: 0.0, off: 0.0 }, ROUNDS, false)?;
         if blur <= SHARP {
-            let State { pose, log_evidence, belief } = state;
+            let State { pose, log_evidence, belief, .. } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
         }
         blur = if effort::is_spent() { SHARP } else { (blur * STEP).max(SHARP) };
@@ -204,7 +204,7 @@ struct Going<'a, F> {
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
-        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY, log_following: 0.0 };
         let samples = Samples::all(regions, others, from.pose, from.trust.clone());
         Self { first: (state, samples.clone()), again: None, samples, state, found: Vec::new(), best: None }
     }
@@ -270,7 +270,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
         let wrong = self.samples.wrong(&last);
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
-        let odds = rest.map(|(state, _)| (state.log_evidence - likeliest.log_evidence, state)).chain([(0.0, &last)]);
+        // What follows from other labels may be right for one reason with them: it has no say in how far contours are off.
+        let weight = |state: &State| state.log_evidence - state.log_following;
+        let odds = rest.map(|(state, _)| (weight(state), state)).chain([(weight(&likeliest), &last)]);
         let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
         let (trust, log_known) = (self.samples.trust.clone(), self.samples.log_known(&pose));

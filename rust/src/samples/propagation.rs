@@ -232,6 +232,11 @@ impl Site {
         self.trust.label(self.edge, mean, variance + self.bent)
     }
 
+    /// The same where the mean of the belief puts the margin.
+    pub fn label_at_mean<const D: usize>(&self, belief: &Belief<D>) -> Label {
+        self.trust.label(self.edge, self.margin_under(belief).0, self.bent)
+    }
+
     /// Moment matching of the factor for a kind of stretch, in place in the belief.
     pub(super) fn update<const D: usize>(&mut self, kind: usize, belief: &mut Belief<D>) {
         let row = self.row::<D>();

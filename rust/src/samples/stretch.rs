@@ -31,8 +31,10 @@ pub struct Kind {
 pub struct Stretch {
     /// Its number on the contour.
     pub number: usize,
-    /// Numbers of the samples.
+    /// Numbers of the samples that are heard.
     pub members: Vec<usize>,
+    /// Those of the samples that follow from these.
+    pub followers: Vec<usize>,
     /// What it may be, one or two kinds.
     pub kinds: Vec<Kind>,
     /// Probability of each kind.
@@ -88,7 +90,7 @@ impl Stretch {
     /// Samples beside a stretch of one of these kinds.
     pub fn new(number: usize, members: Vec<usize>, kinds: Vec<Kind>) -> Self {
         let odds = std::array::from_fn(|kind| kinds.get(kind).map_or(0.0, |kind| kind.share));
-        Self { number, members, kinds, odds }
+        Self { number, members, followers: Vec::new(), kinds, odds }
     }
 
     /// The product of the factors of the offsets and of all samples, if the stretch is of this kind.
@@ -180,6 +182,24 @@ impl Outline {
                 (*message, heard.factor) = (new, rest + new);
             }
         }
+    }
+
+    /// Logarithm of the probability of the labels that follow from others, where the mean of what is believed puts them: what it is
+    /// uncertain of, the others have counted.
+    pub fn log_following<S: AsRef<Site>>(&self, view: &View, sites: &[S]) -> f64 {
+        let of_stretch = |(stretch, views): (&Stretch, &Vec<KindView>)| {
+            let probability = |site: &Site| {
+                let of_kind =
+                    |(odds, view): (&f64, &KindView)| odds * site.label_at_mean(&view.belief).log_probability.exp();
+                stretch.odds.iter().zip(views).map(of_kind).sum::<f64>()
+            };
+            stretch
+                .followers
+                .iter()
+                .map(|&one| probability(sites[one].as_ref()).max(f64::MIN_POSITIVE).ln())
+                .sum::<f64>()
+        };
+        self.stretches.iter().zip(&view.stretches).map(of_stretch).sum()
     }
 
     /// What is believed where everything else leaves `others`; `None` where a direction is left free.

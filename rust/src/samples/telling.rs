@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
+use super::followers::{Candidate, Place, followers};
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, leading_step, log_likelihood};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
@@ -51,20 +52,33 @@ const REACH: f64 = 6.0;
 /// Deviation of an increment from the start before anything is seen: a radian, and the distance.
 const ANCHOR: f64 = 1.0;
 
-/// A sample that tells something: its site, its region's place among those with samples, its number there, and the
-/// stretch of the contour that it lies beside.
+/// A sample that tells something: its site, its region's place among those with samples, its number there, the stretch of the
+/// contour that it lies beside, and whether it lies clearly on the wrong side of that.
 #[derive(Clone)]
 pub(super) struct Telling {
     site: Site,
     region: usize,
     number: usize,
     stretch: usize,
+    wrong: bool,
 }
 
 impl Telling {
     /// Its region and the stretch that it lies beside.
     fn place(&self) -> (usize, usize) {
         (self.region, self.stretch)
+    }
+
+    /// It may follow from others beside a straight stretch of the region's own: not at a corner, where the next stretch has its say,
+    /// nor on the wrong side.
+    fn candidate(&self, number: usize) -> Option<Candidate> {
+        let Site { margin, along, edge, outwards, .. } = self.site;
+        let is_beside = edge == Edge::Own && along > 0.0 && along < 1.0;
+        (is_beside && !self.wrong).then_some(Candidate {
+            number,
+            inside: outwards > 0.0,
+            place: Place { along, margin },
+        })
     }
 }
 
@@ -130,6 +144,8 @@ pub(super) struct State {
     pub(super) pose: Pose,
     pub(super) belief: Belief,
     pub(super) log_evidence: f64,
+    /// What of it is that of labels that follow from others.
+    pub(super) log_following: f64,
 }
 
 impl<F> Clone for Samples<'_, F> {
@@ -209,7 +225,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                         let site = Site::new(&sight, trust);
                         // The factors of margins stay what they are when these are linearized anew.
                         let site = before.map_or(site, |before| site.with_factors_of(&before.site));
-                        seen.push(Telling { site, region, number, stretch: sight.stretch });
+                        seen.push(Telling { site, region, number, stretch: sight.stretch, wrong: false });
                     }
                     Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
                 }
@@ -220,18 +236,18 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// Keeps the samples that tell something under a belief.
-    fn sort(&mut self, seen: Vec<Telling>, belief: &Belief, blur: f64) {
+    fn sort(&mut self, mut seen: Vec<Telling>, belief: &Belief, blur: f64) {
         let belief = Belief { mean: Tangent::zeros(), ..*belief };
         let margin = |telling: &Telling| {
             let (mean, variance) = telling.site.margin_under(&belief);
             (mean, (blur * blur + variance).sqrt())
         };
-        // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
-        let is_wrong = |telling: &&Telling| {
+        for telling in &mut seen {
             let (mean, deviation) = margin(telling);
-            self.joined && telling.site.edge == Edge::Own && mean < -CLEARLY * deviation
-        };
-        let doubtful: BTreeSet<_> = seen.iter().filter(is_wrong).map(Telling::place).collect();
+            telling.wrong = self.joined && telling.site.edge == Edge::Own && mean < -CLEARLY * deviation;
+        }
+        // Nothing speaks for an offset of a stretch beside which no sample is on the wrong side.
+        let doubtful: BTreeSet<_> = seen.iter().filter(|telling| telling.wrong).map(Telling::place).collect();
         for telling in seen {
             let (mean, deviation) = margin(&telling);
             let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
@@ -252,8 +268,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             members.entry(telling.region).or_default().entry(telling.stretch).or_default().push(index);
         }
         let outline = |(region, stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
-            let stretch = |(number, members)| {
+            let stretch = |(number, beside): (usize, Vec<usize>)| {
+                let candidates = beside.iter().filter_map(|&index| self.telling[index].candidate(index));
+                let followers = followers(candidates, self.trust[region].mislabeled);
+                let members = beside.into_iter().filter(|member| !followers.contains(member)).collect();
                 let stretch = Stretch::new(number, members, kinds(&self.trust[region], self.off));
+                let stretch = Stretch { followers: followers.into_iter().collect(), ..stretch };
                 known.get(&(region, number)).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
             };
             Outline { region, growth: self.growth, stretches: stretches.into_iter().map(stretch).collect() }
@@ -309,7 +329,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.certain.iter().map(|shown| shown.log_probability).sum()
     }
 
-    /// What all labels show of each region under what is believed of its contour, or of the increment alone.
+    /// What all labels show of each region under what is believed of its contour, or of the increment alone; those that follow from
+    /// others show nothing of how far to trust them.
     fn shown(&self, belief: &Belief, views: &[View]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
         if !self.joined {
@@ -325,6 +346,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             }
         }
         shown
+    }
+
+    /// Logarithm of the probability of the labels that follow from others.
+    fn log_following(&self, views: &[View]) -> f64 {
+        self.outlines.iter().zip(views).map(|(outline, view)| outline.log_following(view, &self.telling)).sum()
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
@@ -434,7 +460,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             let step = shortened(&(belief.mean * share), &state.pose);
             // A step within the belief stays where the lines are good.
             let pose = if way < 1.0 { state.pose.moved(&step) } else { self.approached(&state.pose, &step, blur) };
-            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
+            let log_following = self.log_following(&views);
+            let log_evidence = log_evidence + self.log_certain() + log_following;
+            state = State { pose, belief, log_evidence, log_following };
             if way < SETTLED * SETTLED {
                 break;
             }

@@ -37,7 +37,8 @@ impl Random {
         radius * (TAU * self.uniform(0.0, 1.0)).cos()
     }
 
-    fn normals(&mut self) -> Vector3<f64> {
+    /// Three of these.
+    pub fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
 

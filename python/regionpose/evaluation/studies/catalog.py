@@ -40,6 +40,7 @@ SCAN_CHANGES: tuple[Grid, ...] = tuple(
         {"divergence_mrad": (3.0,)},
         {"mislabeled": (0.03, 0.1)},
         {"noise": (0.05,)},
+        {"masks": ("drawn",), "templates": ("polygons",)},
         {"camera": ("omnidirectional",)},
         {"cut": ("scanner", "box")},
         {"cut": ("scanner", "box"), "planes": (1,)},

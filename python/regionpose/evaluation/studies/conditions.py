@@ -16,7 +16,7 @@ from regionpose.evaluation.templates import TemplateSet
 Value: TypeAlias = "str | int | float | bool | None"
 Disturbance = Literal["squares", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
-Masks = Literal["binary", "coverage", "polygon"]
+Masks = Literal["binary", "coverage", "polygon", "drawn"]
 Wrong = Literal["none", "shape", "place"]
 Scan = Literal["outline", "samples"]
 Cut = Literal["none", "scanner", "box"]
@@ -46,7 +46,7 @@ class Condition:
     `camera`: name of one of the study's setups. `planes`, `regions_per_plane`, `templates`, `world`: as of `Layout`.
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
     region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centers or areas, or
-    the true outline without any pixels.
+    the true outline without any pixels ("polygon"), or by corners that a hand marked carelessly ("drawn").
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
     `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`); beams are
     `divergence_mrad` across, and a share `mislabeled` of each region's returns is labeled wrong. `cut`: of the first
@@ -99,7 +99,7 @@ class Condition:
             raise ValueError("condition has both grazing_deg and turn_deg; needed one of them at the most")
         if self.disturbance == "truncation" and self.side == "3d":
             raise ValueError('condition truncates the world side; the image border cuts masks, side "2d"')
-        if self.masks == "polygon" and self.side == "2d" and self.noise > 0.0:
+        if self.masks in ("polygon", "drawn") and self.side == "2d" and self.noise > 0.0:
             raise ValueError('condition disturbs the mask where there is none; needed masks "binary" or "coverage"')
         solver_options(self.solver)
 

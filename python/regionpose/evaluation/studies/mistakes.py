@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
-from regionpose.evaluation.masks import project_region, to_camera
 from regionpose.evaluation.noise import MiscalibratedCamera, another_shape
 from regionpose.evaluation.planar import PlaneFrame, region_centroid
-from regionpose.evaluation.scenes import Layout, ScenePlacementError, SyntheticScene, draw_scene, problem_generator
+from regionpose.evaluation.scenes import Layout, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup
 from regionpose.evaluation.studies.conditions import Condition, Mistake
-from regionpose.evaluation.studies.problems import OUTLINE_TOLERANCE_PX, StudyProblem, world_region
+from regionpose.evaluation.studies.drawn import CAREFUL_CORNER_PX, ROUGH_CORNER_PX, Errors, by_hand, drawn_region
+from regionpose.evaluation.studies.problems import StudyProblem, world_region
 from regionpose.evaluation.templates import polygon_template
 from regionpose.regions.image import ImageRegion
 
 Array = NDArray[np.float64]
-
-CORNER_NOISE_PX, ROUGH_CORNER_PX = 0.5, 2.0
-"""Standard deviation of each coordinate of a marked corner, and of one that is marked carelessly."""
 
 PLANES: dict[Mistake, tuple[int, ...]] = {
     "frontal": (1,),
@@ -42,9 +38,6 @@ SIDES_M = (0.15, 1.0)
 SMALL_PX = (16.0, 60.0)
 """Longer sides of small regions, whose corners are whole pixels, at the middle distance."""
 
-MARKED_TIMES = 50
-"""Times that corners are marked until no edges cross: a user sees where they do."""
-
 FOCAL_ERROR = 0.03
 """Share by which a focal length is too long or too short."""
 
@@ -57,7 +50,8 @@ def draw_mistaken_problem(setup: Setup, condition: Condition, seed: int) -> Stud
     side = small_side_m(setup, rng) if mistake == "rounded" else float(np.exp(rng.uniform(*np.log(SIDES_M))))
     layout = Layout(planes, templates="polygons", world="arbitrary", front=False, longer_side_m=side)
     scene = draw_scene(setup.camera, _poses(setup, mistake, rng), layout, rng)
-    images = [marked_region(scene, rings, mistake, rng) for rings in scene.regions]
+    errors = corner_errors(mistake, rng)
+    images = [drawn_region(scene, rings, errors) for rings in scene.regions]
     known, wrong = _mistaken(scene.regions, mistake, rng)
     seen = _exchanged(images, wrong) if mistake.startswith("swapped") else images
     worlds = [world_region(rings) for rings in known]
@@ -111,28 +105,11 @@ def _exchanged(images: list[ImageRegion], places: tuple[int, ...]) -> list[Image
     return seen
 
 
-def marked_region(scene: SyntheticScene, rings: list[Array], mistake: Mistake, rng: np.random.Generator) -> ImageRegion:
-    """The image of a world region, (n, 3) rings, by corners that are marked with the mistake's error."""
-    for _ in range(MARKED_TIMES):
-        marked = [_marked(scene, ring, mistake, rng) for ring in rings]
-        if all(shapely.LinearRing(ring).is_simple for ring in marked):
-            return ImageRegion.from_polygon(marked)
-    raise ScenePlacementError(f"edges crossed each of {MARKED_TIMES} times that the corners were marked")
-
-
-def _marked(scene: SyntheticScene, ring: Array, mistake: Mistake, rng: np.random.Generator) -> Array:
-    """(m, 2) pixels of a ring (n, 3) whose corners are off, and what lies between two as far as these."""
-    (seen,) = project_region(scene.camera, scene.rotation, scene.translation, [ring], OUTLINE_TOLERANCE_PX)
-    corners = scene.camera.project(to_camera(ring, scene.rotation, scene.translation))
-    sigma = ROUGH_CORNER_PX if mistake == "rough" else CORNER_NOISE_PX
-    errors = rng.normal(0.0, sigma, size=corners.shape)
+def corner_errors(mistake: Mistake, rng: np.random.Generator) -> Errors:
+    """Errors of corners that are marked with the mistake."""
     if mistake == "rounded":
-        errors = np.round(corners) - corners
-    places = np.linalg.norm(seen[None] - corners[:, None], axis=2).argmin(axis=1)
-    ends, along = np.append(places, len(seen)), np.arange(len(seen))
-    closed = np.concatenate([errors, errors[:1]])
-    moved: Array = seen + np.column_stack([np.interp(along, ends, closed[:, axis]) for axis in (0, 1)])
-    return moved
+        return lambda corners: np.round(corners) - corners
+    return by_hand(rng, ROUGH_CORNER_PX if mistake == "rough" else CAREFUL_CORNER_PX)
 
 
 def _given_camera(camera: Camera, mistake: Mistake, rng: np.random.Generator) -> Camera:

@@ -36,6 +36,7 @@ from regionpose.evaluation.planar import PlaneFrame, region_centroid
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, SyntheticScene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
+from regionpose.evaluation.studies.drawn import OUTLINE_TOLERANCE_PX, ROUGH_CORNER_PX, by_hand, drawn_region
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -46,9 +47,6 @@ Array = NDArray[np.float64]
 
 LIDAR_OFFSET_M = 0.3
 """A lidar stands so far from the camera along each of the camera's axes, at the most: both are on one vehicle."""
-
-OUTLINE_TOLERANCE_PX = 1e-4
-"""Precision of outlines that are given without pixels, where the camera bends their edges."""
 
 BOX_DEPTH = 0.9
 """A box that hides a part of a region stands at this share of its distance."""
@@ -104,13 +102,19 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> StudyProblem:
     box = box_before(scene, problem_generator(seed, "box")) if condition.cut == "box" else None
     worlds = world_sides(known, kept, condition, rng, box)
     changes = [_world_change(known.regions[index], world) for index, world in worlds.items()]
+    if condition.masks == "drawn":
+        errors = by_hand(problem_generator(seed, "drawn"), ROUGH_CORNER_PX)
+        images = [drawn_region(seen, seen.regions[index], errors) for index in worlds]
+    else:
+        boxes = [box if index == 0 else None for index in worlds]
+        images = [given_region(seen, i, given[i], condition, shown, b) for i, b in zip(worlds, boxes, strict=True)]
     if "side" in condition.prior:
         viewpoint = Pose.from_parts(scene.rotation, scene.translation).camera_center
         worlds = {index: world.seen_from(viewpoint) for index, world in worlds.items()}
     return StudyProblem(
         scene,
         given_camera(setup.camera, condition, rng),
-        [given_region(seen, index, given[index], condition, shown, box if index == 0 else None) for index in worlds],
+        images,
         list(worlds.values()),
         list(worlds),
         _image_change([true[index] for index in worlds], [given[index] for index in worlds]),
@@ -237,7 +241,7 @@ def given_region(
     shown: Window | None,
     box: Array | None = None,
 ) -> ImageRegion:
-    """The image side of a region: from its mask, beside what a box (n, 3) hides, or its true outline."""
+    """The image side of a region: from its mask, beside what a box (n, 3) hides, its true outline or one that is drawn."""
     if box is not None:
         size = image_size(scene.camera)
         hidden = project_region(scene.camera, scene.rotation, scene.translation, [box], OUTLINE_TOLERANCE_PX)
