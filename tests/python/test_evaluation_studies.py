@@ -13,6 +13,7 @@ import pytest
 import regionpose as rp
 from matplotlib.container import ErrorbarContainer
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 from regionpose.cameras import Camera, PinholeCamera, UnifiedCamera
 from regionpose.evaluation import setups
 from regionpose.evaluation.measures import summarize
@@ -97,6 +98,16 @@ def test_bad_values_are_named(make: Callable[[], object], words: list[str]) -> N
 
 
 # Problems
+
+
+def test_corners_that_a_hand_marked_are_off_by_two_pixels() -> None:
+    def pixels(seed: int, masks: Any) -> NDArray[np.float64]:
+        condition = Condition(planes=3, templates="polygons", masks=masks)
+        regions = draw_problem(PERSPECTIVE, condition, seed).image_regions
+        return np.concatenate([ring for region in regions for ring in region.rings])
+
+    off = np.concatenate([pixels(seed, "drawn") - pixels(seed, "polygon") for seed in range(8)])
+    assert 1.7 < float(np.sqrt(np.mean(off**2))) < 2.3
 
 
 @pytest.mark.parametrize("masks", ["binary", "coverage"])
