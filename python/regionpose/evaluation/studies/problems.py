@@ -241,7 +241,7 @@ def given_region(
     shown: Window | None,
     box: Array | None = None,
 ) -> ImageRegion:
-    """The image side of a region: from its mask, beside what a box (n, 3) hides, its true outline or one that is drawn."""
+    """The image side of a region: from its mask, beside what a box (n, 3) hides, or its true outline."""
     if box is not None:
         size = image_size(scene.camera)
         hidden = project_region(scene.camera, scene.rotation, scene.translation, [box], OUTLINE_TOLERANCE_PX)
