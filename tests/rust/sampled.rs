@@ -143,8 +143,9 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
     assert!((0.1..0.5).contains(&ratio), "{ratio}");
 }
 
-/// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others. A turn that is
-/// behind by odds of chance of more than 9 to 1 is given up, or that nothing led to: 31 of 40 are found, 92 of 120 with 24 seeds.
+/// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others, so that chance
+/// decides between its twelve poses. Of twelve numbers of one normal distribution, 54 % of those behind the largest are so by less
+/// than odds of 9 to 1 leave; 30 turns of 40 are found, 73 of 120 with 24 seeds.
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;
@@ -166,7 +167,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         found += (1..6).filter(is_answer).count();
         assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
     }
-    assert!(found >= 30, "{found} of 40 turns");
+    assert!(found >= 22, "{found} of 40 turns");
 }
 
 #[test]
