@@ -82,6 +82,7 @@ def test_what_solver_options_say_of_the_prior_is_added_to_what_is_known() -> Non
         (lambda: Condition(grazing_deg=5.0, turn_deg=5.0), ["grazing_deg", "turn_deg"]),
         (lambda: Condition(disturbance="truncation", side="3d"), ["2d"]),
         (lambda: Condition(masks="polygon", noise=0.1), ["mask", "binary"]),
+        (lambda: Condition(masks="drawn", cut="box"), ["drawn", "binary"]),
         (lambda: Condition(solver="mesh"), ["mesh", "name=value"]),
         (lambda: grid_conditions([{"plains": (1,)}]), ["plains", "planes"]),
         (lambda: grid_conditions([{"planes": ()}]), ["planes", "at least one"]),

@@ -101,6 +101,8 @@ class Condition:
             raise ValueError('condition truncates the world side; the image border cuts masks, side "2d"')
         if self.masks in ("polygon", "drawn") and self.side == "2d" and self.noise > 0.0:
             raise ValueError('condition disturbs the mask where there is none; needed masks "binary" or "coverage"')
+        if self.masks == "drawn" and self.cut == "box":
+            raise ValueError('condition hides a half of a drawn region; needed masks "binary", "coverage" or "polygon"')
         solver_options(self.solver)
 
 
