@@ -173,8 +173,8 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
         let enough = effort::is_spent() && one.best.is_some();
         enough || next(one).is_none_or(|setting| one.go_to(setting).is_some())
     });
-    let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].most().total_cmp(&all[b].most())) else { return };
-    let is_behind = |one: &Going<F>| all[best].most() - one.most() > hopeless && !all[best].may_lead_by_chance(one);
+    let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].heard().total_cmp(&all[b].heard())) else { return };
+    let is_behind = |one: &Going<F>| all[best].heard() - one.heard() > hopeless && !all[best].may_lead_by_chance(one);
     let behind: Vec<bool> = all.iter().map(is_behind).collect();
     let mut behind = behind.into_iter();
     all.retain(|_| behind.next() == Some(false));
@@ -228,6 +228,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         self.best.as_ref().map_or(f64::NEG_INFINITY, |(state, ..)| state.log_evidence)
     }
 
+    /// The greatest logarithm of the evidence of the labels that follow from no others: where a mean is not settled, it puts those
+    /// that do on the wrong side together.
+    fn heard(&self) -> f64 {
+        self.found.iter().map(|(state, _)| state.heard()).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Whether chance may have decided between the likeliest states of both.
     fn may_lead_by_chance(&self, other: &Self) -> bool {
         let (Some(own), Some(other)) = (self.compared(), other.compared()) else { return false };
@@ -271,13 +277,19 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let wrong = self.samples.wrong(&last);
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
         // What follows from other labels may be right for one reason with them: it has no say in how far contours are off.
-        let weight = |state: &State| state.log_evidence - state.log_following;
-        let odds = rest.map(|(state, _)| (weight(state), state)).chain([(weight(&likeliest), &last)]);
+        let odds = rest.map(|(state, _)| (state.heard(), state)).chain([(likeliest.heard(), &last)]);
         let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
         let (trust, log_known) = (self.samples.trust.clone(), self.samples.log_known(&pose));
         let State { log_evidence, .. } = last;
         Some(Posterior { pose, covariance, log_evidence, blur: setting.blur, wrong, trust, log_known })
+    }
+}
+
+impl State {
+    /// Logarithm of the evidence of the labels that follow from no others.
+    pub(super) fn heard(&self) -> f64 {
+        self.log_evidence - self.log_following
     }
 }
 
