@@ -144,9 +144,10 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     without = rp.WorldRegion.from_samples(inside, outside)
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [each]) for each in (region, without))
-    # A rectangle looks alike from four places, of which any may come first. That what is enclosed does not count is exact
-    # where the start is the same (`windows_count_where_the_image_has_a_hole` in the crate); here its outline is made anew,
-    # and rounding decides which samples of a row along a side are heard: 0.1 deviations apart, which differ by 1.24.
+    # A rectangle looks alike from four places, of which any may come first. That what is enclosed does not count is
+    # exact where the start is the same (`windows_count_where_the_image_has_a_hole` in the crate); here its outline is
+    # made anew, and rounding decides which samples of a row along a side are heard: 0.1 deviations apart, which differ
+    # by a factor of 1.24.
     answers = [alone, *alone.alternatives]
     same = min(answers, key=lambda answer: float(np.linalg.norm(answer.pose.increment_to(with_them.pose))))
     apart = same.pose.increment_to(with_them.pose)
