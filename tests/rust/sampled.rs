@@ -167,7 +167,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         found += (1..6).filter(is_answer).count();
         assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
     }
-    assert!(found >= 22, "{found} of 40 turns");
+    assert!(found >= 30, "{found} of 40 turns");
 }
 
 #[test]

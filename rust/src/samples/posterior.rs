@@ -288,7 +288,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
 
 impl State {
     /// Logarithm of the evidence of the labels that follow from no others.
-    pub(super) fn heard(&self) -> f64 {
+    fn heard(&self) -> f64 {
         self.log_evidence - self.log_following
     }
 }
