@@ -71,7 +71,7 @@ fn samples_make_up_for_a_wrong_outline() {
         let worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
         let estimate = estimated(&scene, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
-        assert!(rotation < 7e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
+        assert!(rotation < 1e-2 && place < 3e-3, "seed {seed}: {rotation} rad, {place}");
         let way = estimate.best.pose.increment_to(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
@@ -110,6 +110,32 @@ fn the_ellipsoid_holds_poses_from_corners_that_a_hand_set() {
 fn the_ellipsoid_holds_poses_from_rows_along_sides() {
     let held = held(20, &[[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]], 0.02, 0.0);
     assert!(held >= 15, "{held} of 20");
+}
+
+/// Rows and columns of samples along the sides of rectangles, in places that differ by rounding alone: about one pose.
+#[test]
+fn rounding_leaves_the_pose() {
+    let ring = rectangle(1.6, 1.2);
+    for seed in 0..4 {
+        let mut random = Random::new(seed);
+        let scene = Scene::of_shapes(&mut random, vec![vec![ring.clone()]; 3], layout(3));
+        let worlds = sampled(&mut random, &scene.worlds, 0.05, 1.0);
+        let moved = |world: &WorldRegion| {
+            let samples = world.samples().unwrap();
+            let [inside, outside] = [samples.inside(), samples.outside()].map(|places| {
+                let noise = |p: &Vector2<f64>| world.frame().lifted(p) + random.normals() * 1e-14;
+                places.iter().map(noise).collect::<Vec<_>>()
+            });
+            world.clone().with_samples(&inside, &outside).unwrap()
+        };
+        let other: Vec<_> = worlds.iter().map(moved).collect();
+        let [one, other] = [&worlds, &other].map(|worlds| estimated(&scene, worlds, Prior::default()).best);
+        let way = one.pose.increment_to(&other.pose);
+        let squared = way.dot(&one.covariance.cholesky().unwrap().solve(&way));
+        let ratios = one.covariance.diagonal().component_div(&other.covariance.diagonal());
+        assert!(squared < 0.04, "seed {seed}: {squared} variances");
+        assert!(ratios.iter().all(|ratio| (0.9..1.1).contains(ratio)), "seed {seed}: {ratios}");
+    }
 }
 
 /// Three regions with four times as many samples: what stays possible falls with their number, not with its root. What

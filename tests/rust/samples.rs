@@ -3,14 +3,14 @@
 
 mod support;
 
-use nalgebra::{DVector, Dyn, Matrix6, OMatrix, SMatrix, SVector, U6, Vector2, Vector6};
+use nalgebra::{DVector, Dyn, Matrix2, Matrix6, OMatrix, U6, Vector2, Vector6};
 use proptest::prelude::*;
 use regionpose::Problem;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
-use regionpose::samples::belief::{Belief, JOINT};
-use regionpose::samples::followers::{Place, TOLERANCE, needed};
+use regionpose::samples::belief::Belief;
+use regionpose::samples::ends::{Beside, heard};
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
 use regionpose::samples::readings::{Reading, Sight};
@@ -101,37 +101,6 @@ proptest! {
             prop_assert!((field.nearest(&point).distance - signed).abs() < 1e-12);
         }
     }
-}
-
-proptest! {
-    /// Wherever a straight stretch has the needed samples on their sides it has all of them, as far as margins are told apart.
-    #[test]
-    fn followers_follow_from_the_needed(seed in 0_u64..1000, count in 1_usize..80, tilt in -50.0..50.0) {
-        let mut random = Random::new(seed);
-        let places: Vec<_> =
-            (0..count).map(|_| Place { along: random.uniform(0.0, 1.0), margin: random.uniform(-2.0, 20.0) }).collect();
-        let above = |place: &Place| place.margin - tilt * place.along;
-        let lowest = |kept: &[usize]| kept.iter().map(|&k| above(&places[k])).fold(f64::INFINITY, f64::min);
-        let kept = needed(&places, 0.0);
-        prop_assert!(places.iter().all(|place| above(place) > lowest(&kept) - TOLERANCE - 1e-9));
-        prop_assert!(count < 20 || 2 * kept.len() < count, "{} of {count}", kept.len());
-        let more = needed(&places, 0.1);
-        prop_assert!(kept.iter().all(|k| more.contains(k)) && more.len() <= count);
-    }
-}
-
-/// Two scan lines along a side: the ends of the nearer one say what all say, unless they may be mislabeled.
-#[test]
-fn a_row_along_a_side_tells_once() {
-    let line = |margin: f64| (0..40).map(move |k| Place { along: (f64::from(k) + 0.5) / 40.0, margin });
-    let places: Vec<_> = line(3.0).chain(line(8.0)).collect();
-    let sorted = |mislabeled: f64| {
-        let mut kept = needed(&places, mislabeled);
-        kept.sort_unstable();
-        kept
-    };
-    assert_eq!(sorted(1e-3), [0, 39]);
-    assert_eq!(sorted(0.03), [0, 39, 40, 79]);
 }
 
 fn from_segment(point: &Vector2<f64>, a: &Vector2<f64>, b: &Vector2<f64>) -> f64 {
@@ -285,6 +254,71 @@ fn beyond_a_hiding_edge_nothing_is_known() {
     assert!((at(Edge::HidesOutside, 1e3) - 0.5).abs() < 1e-9 && (at(Edge::HidesOutside, -1e3) - 0.02).abs() < 1e-9);
 }
 
+/// Some labels beside a stretch whose ends lie at a place, and what is known of the ends beforehand.
+fn beside(random: &mut Random, count: usize, trust: Trust) -> (Vec<Beside>, Belief<2>) {
+    let [start, end] = [0; 2].map(|_| 3.0 * random.normal());
+    let label = |_| {
+        let along = random.uniform(0.0, 1.0);
+        let (place, at) = (6.0 * random.normal(), (1.0 - along) * start + along * end);
+        // An inside sample lies on its side where the contour is farther out than it.
+        let side = if at + trust.blur * random.normal() > place { 1.0 } else { -1.0 };
+        let weights = Vector2::new(1.0 - along, along) * side;
+        Beside { margin: -place * side, weights, variance: 0.1, edge: Edge::Own, trust }
+    };
+    let labels = (0..count).map(label).collect();
+    let covariance = Matrix2::new(16.0, 6.0, 6.0, 9.0);
+    (labels, Belief { mean: Vector2::new(1.0, -2.0), covariance })
+}
+
+/// Mean, covariance and logarithm of the integral by an even grid over all that is known beforehand.
+fn by_even_grid(labels: &[Beside], before: &Belief<2>) -> (Belief<2>, f64) {
+    const STEP: f64 = 0.05;
+    let information = before.covariance.try_inverse().unwrap();
+    let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+    for row in -500..500 {
+        for column in -500..500 {
+            let way = Vector2::new(f64::from(row), f64::from(column)) * STEP;
+            let known = Belief { mean: before.mean + way, covariance: Matrix2::zeros() };
+            let told: f64 = labels.iter().map(|label| label.label(&known).log_probability).sum();
+            let weight = (told - 0.5 * way.dot(&(information * way))).exp();
+            all += weight;
+            first += known.mean * weight;
+            second += known.mean * known.mean.transpose() * weight;
+        }
+    }
+    let mean = first / all;
+    let scale = STEP * STEP / (2.0 * std::f64::consts::PI * before.covariance.determinant().sqrt());
+    (Belief { mean, covariance: second / all - mean * mean.transpose() }, (all * scale).ln())
+}
+
+/// How far one belief of two ends is from another: of the mean, in deviations, and of the covariance, as a share.
+fn differences_of(found: &Belief<2>, exact: &Belief<2>) -> (f64, f64) {
+    let root = exact.covariance.cholesky().unwrap();
+    let way = root.l().solve_lower_triangular(&(found.mean - exact.mean)).unwrap();
+    (way.norm(), (root.solve(&found.covariance) - Matrix2::identity()).norm())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Whether labels are blurred or nearly steps, and from where they were found last as from all that is known beforehand.
+    #[test]
+    fn ends_are_those_of_an_even_grid(seed in 0_u64..1000, count in 1_usize..40, blur in 0.1..2.0) {
+        let mut random = Random::new(seed);
+        let trust = Trust { blur, disturbed: 0.0, mislabeled: 2e-3, ..CLEAN };
+        let (labels, before) = beside(&mut random, count, trust);
+        let (exact, log_integral) = by_even_grid(&labels, &before);
+        let way = exact.covariance.cholesky().unwrap().l() * Vector2::new(1.0, -1.0);
+        let beside = Belief { mean: exact.mean + way, covariance: exact.covariance * 1.5 };
+        for about in [before, beside] {
+            let (found, log_found) = heard(&labels, &before, &about).unwrap();
+            let (mean, covariance) = differences_of(&found, &exact);
+            prop_assert!(mean < 0.1 && covariance < 0.2, "{mean} deviations, {covariance}: {found:?} against {exact:?}");
+            prop_assert!((log_found - log_integral).abs() < 0.1, "{log_found} against {log_integral}");
+        }
+    }
+}
+
 /// Spacing of the offsets that are integrated over, and their number to either side.
 const SPACING: f64 = 0.2;
 const OFFSETS: i32 = 100;
@@ -292,19 +326,6 @@ const OFFSETS: i32 = 100;
 /// Offsets with the shares that a density gives them.
 fn grid(density: impl Fn(f64) -> f64) -> Vec<(i32, f64)> {
     (-OFFSETS..=OFFSETS).map(|k| (k, SPACING * density(SPACING * f64::from(k)))).collect()
-}
-
-/// Between its ends a stretch is off by so much of either as it is near.
-#[test]
-fn a_stretch_is_off_between_its_ends() {
-    let mean = SVector::<f64, JOINT>::from([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 4.0, 8.0]);
-    let belief = Belief { mean, covariance: SMatrix::zeros() };
-    for (along, off) in [(0.0, 4.5), (0.25, 5.5), (1.0, 8.5)] {
-        let inside = Site { along, ..site(Vector6::zeros(), 1.0, 2.0, CLEAN) };
-        assert_eq!(inside.margin_under(&belief).0, 2.0 + off);
-        let outside = Site { along, ..site(Vector6::zeros(), -1.0, 2.0, CLEAN) };
-        assert_eq!(outside.margin_under(&belief).0, 2.0 - off);
-    }
 }
 
 /// Three labels beside either end of each of five stretches, of two contours, which are off by so many pixels; against
@@ -326,12 +347,12 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
         along: if k % 6 < 3 { 0.0 } else { 1.0 },
         ..site(*slope, *side, *margin, trust)
     };
-    let mut sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
+    let sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
     let stretches = |numbers: std::ops::Range<usize>| {
         numbers.map(|k| Stretch::new(k, (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect()
     };
     let mut outlines = [0..3, 3..5].map(|numbers| Outline { region: 0, growth, stretches: stretches(numbers) });
-    let found = propagated(&prior(1.0), &Gaussian::default(), &mut sites, &mut outlines).unwrap();
+    let found = propagated(&prior(1.0), &Gaussian::default(), &sites, &mut outlines).unwrap();
     let offsets = kinds.map(|kind| (kind.share, grid(|d| density(d / kind.off) / kind.off)));
     // A growth that is narrower than the spacing is none.
     let growths = if growth < SPACING { vec![(0, 1.0)] } else { grid(|d| density(d / growth) / growth) };

@@ -14,9 +14,6 @@ pub const INCREMENT: usize = 6;
 /// The same and by how many pixels a region's contour lies outside of its samples all around, its growth.
 pub const WHOLE: usize = INCREMENT + 1;
 
-/// All these and the offsets of both ends of a stretch of the contour, pixels outwards.
-pub const JOINT: usize = WHOLE + 2;
-
 impl Gaussian {
     /// The normal density about `mean` with independent components of these deviations.
     pub fn normal(mean: &Tangent, deviations: &Vector6<f64>) -> Self {

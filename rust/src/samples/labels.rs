@@ -55,33 +55,26 @@ pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, blur: f64, step: u
 }
 
 /// What is compared of poses that all samples led to.
-pub(super) struct Compared<'a> {
-    pub(super) pose: &'a Pose,
-    /// How far the labels of each region are trusted there.
-    pub(super) trust: &'a [Trust],
+#[derive(Debug, Clone)]
+pub(super) struct Compared {
+    /// Logarithm of the probability of each label, around each region.
+    pub(super) log_probabilities: Vec<f64>,
     /// Logarithms of the evidence, and of what else than samples is known.
     pub(super) log_evidence: f64,
     pub(super) log_known: f64,
 }
 
-impl Compared<'_> {
+impl Compared {
     /// Twice the logarithm of the odds against another pose: by the evidence, or by how likely the labels of other places would
     /// say the same where that leaves more to chance (`docs/math.md`, eq. 17.11).
     pub(super) fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         let known = self.log_known - other.log_known;
         let differences: Vec<f64> =
-            self.log_probabilities(regions).zip(other.log_probabilities(regions)).map(|(a, b)| a - b).collect();
+            self.log_probabilities.iter().zip(&other.log_probabilities).map(|(a, b)| a - b).collect();
         let counts: Vec<usize> = regions.iter().map(SampledRegion::count).collect();
         let sigmas = sigmas(&differences, &counts);
         let by_samples = 2.0 * (self.log_evidence - other.log_evidence - known);
         by_samples.min(2.0 * (cumulative(sigmas).ln() - cumulative(-sigmas).ln())) + 2.0 * known
-    }
-
-    /// Logarithm of the probability of each label, around each region.
-    fn log_probabilities(&self, regions: &[SampledRegion]) -> impl Iterator<Item = f64> {
-        regions.iter().zip(self.trust).flat_map(|(region, trust)| {
-            region.around().iter().map(|&number| trust.reading(&region.read(self.pose, number)).log_probability)
-        })
     }
 }
 
@@ -92,7 +85,7 @@ impl Trust {
     }
 
     /// The label of a sample that is seen there.
-    fn reading(&self, reading: &Reading) -> Label {
+    pub(super) fn reading(&self, reading: &Reading) -> Label {
         match reading {
             Reading::Seen(sight) => self.label(sight.edge, sight.margin, 0.0),
             Reading::Behind(right) => self.label_behind(*right),

@@ -2,7 +2,7 @@
 //! section 17).
 
 pub mod belief;
-pub mod followers;
+pub mod ends;
 pub mod labels;
 pub mod normal;
 pub mod posterior;

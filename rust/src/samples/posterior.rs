@@ -14,12 +14,17 @@ use crate::prior::Gaussian;
 /// From blur to blur.
 const STEP: f64 = 0.5;
 
-/// Standard deviations of how far contours are grown and clean stretches of them are off, pixels: from the quality of
-/// calibrations to a hand's error, and half the width of a lidar's beam beside a region of a few meters.
-const SCALES: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+/// Standard deviations of how far contours are grown and clean stretches of them are off, pixels, by halves: from a hand's error, and
+/// half the width of a lidar's beam beside a region of a few meters, to the quality of calibrations.
+const SCALES: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
 
 /// Logarithm of odds from which a setting that is farther on tells nothing.
 const NOTHING: f64 = 10.0;
+
+/// Squared distance of two states, in variances of both together, and difference of their logarithms of evidence, up to which they are
+/// one.
+const SAME_STATE: f64 = 0.01;
+const SAME_EVIDENCE: f64 = 0.1;
 
 /// Relinearizations at one blur at most: on the way, and where they end.
 const ROUNDS: usize = 2;
@@ -32,27 +37,33 @@ pub struct Posterior {
     pub pose: Pose,
     /// Covariance of the left increment.
     pub covariance: Matrix6<f64>,
-    /// Logarithm of the evidence.
-    pub log_evidence: f64,
-    /// The likeliest blur of the margins, pixels.
+    /// The likeliest blur of single labels, pixels.
     pub blur: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
     /// How far the labels of each region are trusted.
     trust: Vec<Trust>,
-    /// Logarithm of what else is known at the pose.
-    log_known: f64,
+    /// What is compared with others.
+    compared: Compared,
 }
 
 impl Posterior {
+    /// Logarithm of the evidence.
+    pub fn log_evidence(&self) -> f64 {
+        self.compared.log_evidence
+    }
+
     /// Twice the logarithm of the odds against another one (`docs/math.md`, eq. 17.11).
     pub fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
-        self.compared().against(&other.compared(), regions)
+        self.compared.against(&other.compared, regions)
     }
 
     /// The same where what is known speaks for it by so much more, as a logarithm.
     pub fn with_known(self, log_known: f64) -> Self {
-        Self { log_evidence: self.log_evidence + log_known, log_known: self.log_known + log_known, ..self }
+        let Self { mut compared, .. } = self;
+        compared.log_evidence += log_known;
+        compared.log_known += log_known;
+        Self { compared, ..self }
     }
 
     /// Squared distance to another one, in variances of both together; infinite where these are none.
@@ -66,7 +77,7 @@ impl Posterior {
     pub fn sigma_points(&self) -> Vec<Led> {
         let Some(root) = self.covariance.cholesky().map(|root| root.unpack()) else { return Vec::new() };
         let belief = Belief { mean: Tangent::zeros(), covariance: self.covariance };
-        let (trust, log_evidence) = (&self.trust, self.log_evidence);
+        let (trust, log_evidence) = (&self.trust, self.log_evidence());
         let led = |way: Tangent| Led { pose: self.pose.moved(&way), log_evidence, belief, trust: trust.clone() };
         (0..6).flat_map(|axis| [SIGMA_POINTS, -SIGMA_POINTS].map(|far| root.column(axis) * far)).map(led).collect()
     }
@@ -81,11 +92,6 @@ impl Posterior {
         let all: Vec<_> = std::iter::once((0.0, best.pose, best.covariance)).chain(odds).collect();
         let (pose, covariance) = mixed(&best.pose, &all);
         Self { pose, covariance, ..self }
-    }
-
-    fn compared(&self) -> Compared<'_> {
-        let Self { pose, trust, log_evidence, log_known, .. } = self;
-        Compared { pose, trust, log_evidence: *log_evidence, log_known: *log_known }
     }
 }
 
@@ -106,12 +112,12 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
     let mut samples = Samples::some(regions, others, *start, step);
-    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY, log_following: 0.0 };
+    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
     let mut blur = first_blur(regions, start, step);
     loop {
         state = samples.settled(state, Setting { blur, growth: 0.0, off: 0.0 }, ROUNDS, false)?;
         if blur <= SHARP {
-            let State { pose, log_evidence, belief, .. } = state;
+            let State { pose, log_evidence, belief } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
         }
         blur = if effort::is_spent() { SHARP } else { (blur * STEP).max(SHARP) };
@@ -119,10 +125,9 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 }
 
 /// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
-/// off. First the blur falls on from there, then contours may be grown farther and farther. What is off looks blurred
-/// to those who do not know of it: where the finest blur is not the likeliest, it falls once more from the start with
-/// stretches that are off as far as they may be. Then stretches are off more and more, and where anything is off the
-/// blur falls again. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
+/// off. All falls from wide to fine: first the blur, with contours that may be grown and stretches that may be off as far as
+/// they ever are, then how far stretches are off, then how far contours are grown, each with the likeliest of what fell before it,
+/// until that is hardly likely. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
 /// farther.
 pub fn posteriors(
     regions: &[SampledRegion],
@@ -131,28 +136,18 @@ pub fn posteriors(
     hopeless: f64,
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
-    let [least, more @ ..] = SCALES;
-    let most = more[more.len() - 1];
+    let [most, less @ ..] = SCALES;
     for blur in blurs() {
-        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: least, off: least }));
+        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: most, off: most }));
     }
     all.retain_mut(|one| one.go_back().is_some());
-    for growth in more {
+    for off in less {
+        // One that its blur puts off farther has been there.
+        go_on(&mut all, hopeless, |one| Some(Setting { off, ..one.likeliest()? }).filter(|next| next.clean() == off));
+    }
+    all.retain_mut(|one| one.go_back().is_some());
+    for growth in less {
         go_on(&mut all, hopeless, |one| Some(Setting { growth, ..one.likeliest()? }));
-    }
-    all.iter_mut().for_each(Going::start_again);
-    for blur in blurs() {
-        go_on(&mut all, hopeless, |one| Some(Setting { blur, growth: one.again?, off: most }));
-    }
-    all.retain_mut(|one| one.go_back().is_some());
-    for off in more {
-        let next = |one: &Going<_>| Some(Setting { off, ..one.likeliest()? });
-        go_on(&mut all, hopeless, |one| next(one).filter(|setting| !one.was_at(setting)));
-    }
-    all.retain_mut(|one| one.go_back().is_some());
-    for blur in blurs() {
-        let is_new = |likeliest: &Setting| likeliest.growth.max(likeliest.off) > least && blur < likeliest.blur;
-        go_on(&mut all, hopeless, |one| Some(Setting { blur, ..one.likeliest().filter(is_new)? }));
     }
     all.into_iter().filter_map(Going::ended).collect()
 }
@@ -162,8 +157,8 @@ fn blurs() -> impl Iterator<Item = f64> {
     std::iter::successors(Some(SHARP), |blur| Some(blur * STEP)).take_while(|blur| *blur >= FINEST)
 }
 
-/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless; where no effort is
-/// left, those alone that have not been anywhere yet.
+/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless or came to where another one
+/// is; where no effort is left, those alone that have not been anywhere yet.
 fn go_on<F: Fn(&Pose) -> Gaussian>(
     all: &mut Vec<Going<F>>,
     hopeless: f64,
@@ -173,8 +168,14 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
         let enough = effort::is_spent() && one.best.is_some();
         enough || next(one).is_none_or(|setting| one.go_to(setting).is_some())
     });
-    let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].heard().total_cmp(&all[b].heard())) else { return };
-    let is_behind = |one: &Going<F>| all[best].heard() - one.heard() > hopeless && !all[best].may_lead_by_chance(one);
+    let mut kept: Vec<State> = Vec::with_capacity(all.len());
+    all.retain(|one| {
+        let is_new = !kept.iter().any(|other| other.is_same(&one.state));
+        kept.extend(is_new.then_some(one.state));
+        is_new
+    });
+    let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].most().total_cmp(&all[b].most())) else { return };
+    let is_behind = |one: &Going<F>| all[best].most() - one.most() > hopeless && !all[best].may_lead_by_chance(one);
     let behind: Vec<bool> = all.iter().map(is_behind).collect();
     let mut behind = behind.into_iter();
     all.retain(|_| behind.next() == Some(false));
@@ -189,13 +190,29 @@ pub(super) struct Setting {
     pub(super) off: f64,
 }
 
+impl Setting {
+    /// How far clean stretches are off: what blurs labels beyond the finest does not average out along a stretch.
+    pub(super) fn clean(&self) -> f64 {
+        (self.blur.powi(2) - FINEST.powi(2)).sqrt().max(self.off)
+    }
+
+    /// How far labels are off in all, one by one: blurred, beside a stretch that is off and a contour that is grown.
+    pub(super) fn spread(&self) -> f64 {
+        self.blur.hypot(self.clean()).hypot(self.growth)
+    }
+
+    /// Logarithm of the prior, but for what is common to all: even in how far stretches are off (Gelman 2006), so that each of the
+    /// scales, which grow by a factor, stands for as much as it is large. Where samples lie too far apart to tell, contours are
+    /// rather off by pixels than exact.
+    fn log_prior(&self) -> f64 {
+        self.clean().ln()
+    }
+}
+
 /// A start on its way with all samples.
 struct Going<'a, F> {
     samples: Samples<'a, F>,
     state: State,
-    /// What it started from, and how far contours are grown where the blur falls once more from there.
-    first: (State, Samples<'a, F>),
-    again: Option<f64>,
     /// Where it was with each setting.
     found: Vec<(State, Setting)>,
     /// The likeliest of these, and the samples then.
@@ -204,34 +221,14 @@ struct Going<'a, F> {
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
-        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY, log_following: 0.0 };
+        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
         let samples = Samples::all(regions, others, from.pose, from.trust.clone());
-        Self { first: (state, samples.clone()), again: None, samples, state, found: Vec::new(), best: None }
-    }
-
-    /// Goes back to its start where something looks blurred.
-    fn start_again(&mut self) {
-        let blurred = self.best.as_ref().filter(|(_, setting, _)| setting.blur > FINEST);
-        self.again = blurred.map(|(_, setting, _)| setting.growth);
-        if self.again.is_some() {
-            (self.state, self.samples) = self.first.clone();
-        }
-    }
-
-    /// Whether it was there with a setting.
-    fn was_at(&self, setting: &Setting) -> bool {
-        self.found.iter().any(|(_, other)| other == setting)
+        Self { samples, state, found: Vec::new(), best: None }
     }
 
     /// The greatest logarithm of the evidence so far.
     fn most(&self) -> f64 {
         self.best.as_ref().map_or(f64::NEG_INFINITY, |(state, ..)| state.log_evidence)
-    }
-
-    /// The greatest logarithm of the evidence of the labels that follow from no others: where a mean is not settled, it puts those
-    /// that do on the wrong side together.
-    fn heard(&self) -> f64 {
-        self.found.iter().map(|(state, _)| state.heard()).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Whether chance may have decided between the likeliest states of both.
@@ -240,10 +237,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         own.against(&other, self.samples.regions) <= ALIKE
     }
 
-    fn compared(&self) -> Option<Compared<'_>> {
-        let (state, _, samples) = self.best.as_ref()?;
-        let (trust, log_known) = (&samples.trust, samples.log_known(&state.pose));
-        Some(Compared { pose: &state.pose, trust, log_evidence: state.log_evidence, log_known })
+    fn compared(&self) -> Option<Compared> {
+        let (State { pose, log_evidence, .. }, _, samples) = self.best.as_ref()?;
+        let log_known = samples.log_known(pose);
+        Some(Compared { log_probabilities: samples.log_probabilities(pose), log_evidence: *log_evidence, log_known })
     }
 
     /// The likeliest setting, unless the last one is so much less likely that farther ones tell nothing.
@@ -255,6 +252,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     /// The state with a setting; `None` where a direction is left free.
     fn go_to(&mut self, setting: Setting) -> Option<()> {
         self.state = self.samples.settled(self.state, setting, ROUNDS, false)?;
+        self.state.log_evidence += setting.log_prior();
         if self.state.log_evidence > self.most() {
             self.best = Some((self.state, setting, self.samples.clone()));
         }
@@ -273,23 +271,28 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn ended(mut self) -> Option<Posterior> {
         let setting = self.go_back()?;
         let likeliest = self.state;
-        let last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
-        let wrong = self.samples.wrong(&last);
+        let mut last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
+        last.log_evidence += setting.log_prior();
+        let wrong = self.samples.wrong(&last, setting);
         let rest = self.found.iter().filter(|(_, other)| *other != setting);
-        // What follows from other labels may be right for one reason with them: it has no say in how far contours are off.
-        let odds = rest.map(|(state, _)| (state.heard(), state)).chain([(likeliest.heard(), &last)]);
+        let odds = rest.map(|(state, _)| (state.log_evidence, state)).chain([(likeliest.log_evidence, &last)]);
         let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
-        let (trust, log_known) = (self.samples.trust.clone(), self.samples.log_known(&pose));
-        let State { log_evidence, .. } = last;
-        Some(Posterior { pose, covariance, log_evidence, blur: setting.blur, wrong, trust, log_known })
+        let (log_known, log_evidence) = (self.samples.log_known(&pose), last.log_evidence);
+        let compared =
+            Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
+        let trust = self.samples.trust.clone();
+        Some(Posterior { pose, covariance, blur: setting.blur, wrong, trust, compared })
     }
 }
 
 impl State {
-    /// Logarithm of the evidence of the labels that follow from no others.
-    fn heard(&self) -> f64 {
-        self.log_evidence - self.log_following
+    /// Whether another one is the same, but for what chance there is in the way to it.
+    fn is_same(&self, other: &Self) -> bool {
+        let way = self.pose.increment_to(&other.pose);
+        let root = (self.belief.covariance + other.belief.covariance).cholesky();
+        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE
+            && root.is_some_and(|root| way.dot(&root.solve(&way)) < SAME_STATE)
     }
 }
 

@@ -1,20 +1,22 @@
 //! Expectation propagation (Minka 2001): the normal distribution of a pose that samples on their sides of a contour
 //! leave possible (`docs/math.md`, eq. 17.5 to 17.7).
 
-use nalgebra::{SVector, Vector6};
+use nalgebra::Vector6;
 
-use super::belief::{Belief, INCREMENT, JOINT, WHOLE};
+use super::belief::Belief;
+use super::ends::PLACES;
 use super::normal::{cumulative, density};
 use super::readings::Sight;
-use super::stretch::{Heard, KINDS, Outline, View};
+use super::stretch::{KINDS, Outline, View};
 use crate::effort;
 use crate::prior::Gaussian;
 
 /// Sweeps over all sites at most.
 pub(super) const SWEEPS: usize = 6;
 
-/// What a sweep counts as for each site, in edges that are looked at: the entries of a covariance for each kind of stretch.
-pub(super) const EDGES_OF_SWEEP: usize = JOINT * JOINT * KINDS;
+/// What a sweep counts as for each site, in edges that are looked at: the places where its label is asked for each kind of stretch,
+/// eight of which take the time of an edge.
+pub(super) const EDGES_OF_SWEEP: usize = PLACES * PLACES * KINDS / 8;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the
 /// last.
@@ -53,7 +55,7 @@ pub enum Edge {
 
 impl Trust {
     /// The probability of a label on its wrong side, and what it is more on its right one.
-    fn bounds(&self, edge: Edge) -> (f64, f64) {
+    pub(super) fn bounds(&self, edge: Edge) -> (f64, f64) {
         match edge {
             Edge::Own => (self.mislabeled, 1.0 - 2.0 * self.mislabeled),
             Edge::HidesInside => (COIN, COIN - self.mislabeled),
@@ -142,8 +144,8 @@ pub struct Site {
     pub edge: Edge,
     /// How far labels are to be trusted.
     pub trust: Trust,
-    /// The normal factors of the margin that stand for the label, for each kind of stretch that it may lie beside.
-    pub factors: [Factor; KINDS],
+    /// The normal factor of the margin that stands for the label of a sample by itself.
+    pub factor: Factor,
 }
 
 /// Natural parameters of a normal factor of a margin.
@@ -197,7 +199,7 @@ impl Site {
     /// A sample where it is seen, whose factor is not known yet.
     pub fn new(sight: &Sight, trust: Trust) -> Self {
         let Sight { margin, slope, outwards, along, edge, .. } = *sight;
-        Self { slope, outwards, along, margin, bent: 0.0, edge, trust, factors: Default::default() }
+        Self { slope, outwards, along, margin, bent: 0.0, edge, trust, factor: Factor::default() }
     }
 
     /// The same with the derivative by the increment and the margin that it has from there.
@@ -205,44 +207,32 @@ impl Site {
         Self { slope: *slope, margin, ..self }
     }
 
-    /// The site with the factors of another one.
-    pub fn with_factors_of(self, other: &Self) -> Self {
-        Self { factors: other.factors, ..self }
+    /// The site with the factor of another one.
+    pub fn with_factor_of(self, other: &Self) -> Self {
+        Self { factor: other.factor, ..self }
     }
 
-    /// Derivative of the margin by the increment, the growth and the offsets, as far as they are among the components.
-    fn row<const D: usize>(&self) -> SVector<f64, D> {
-        SVector::from_fn(|row, _| match row {
-            INCREMENT => self.outwards,
-            WHOLE => self.outwards * (1.0 - self.along),
-            row if row > WHOLE => self.outwards * self.along,
-            row => self.slope[row],
-        })
+    /// Whether it is nearest to an end of its stretch, where the next one has its say.
+    pub fn is_at_corner(&self) -> bool {
+        self.along <= 0.0 || self.along >= 1.0
     }
 
-    /// Mean and variance of the margin under a distribution of the increment, and of what the contour is off.
-    pub fn margin_under<const D: usize>(&self, belief: &Belief<D>) -> (f64, f64) {
-        let row = self.row::<D>();
-        (self.margin + row.dot(&belief.mean), row.dot(&(belief.covariance * row)))
+    /// Mean and variance of the margin under a belief.
+    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+        (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&(belief.covariance * self.slope)))
     }
 
     /// What the label shows under a belief.
-    pub fn label<const D: usize>(&self, belief: &Belief<D>) -> Label {
+    pub fn label(&self, belief: &Belief) -> Label {
         let (mean, variance) = self.margin_under(belief);
         self.trust.label(self.edge, mean, variance + self.bent)
     }
 
-    /// The same where the mean of the belief puts the margin.
-    pub fn label_at_mean<const D: usize>(&self, belief: &Belief<D>) -> Label {
-        self.trust.label(self.edge, self.margin_under(belief).0, self.bent)
-    }
-
-    /// Moment matching of the factor for a kind of stretch, in place in the belief.
-    pub(super) fn update<const D: usize>(&mut self, kind: usize, belief: &mut Belief<D>) {
-        let row = self.row::<D>();
-        let spread = belief.covariance * row;
-        let (mean, variance) = (self.margin + row.dot(&belief.mean), row.dot(&spread));
-        let before = self.factors[kind];
+    /// Moment matching of the factor, in place in the belief.
+    fn update(&mut self, belief: &mut Belief) {
+        let spread = belief.covariance * self.slope;
+        let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
+        let before = self.factor;
         let Some((mean_without, variance_without)) = before.left_out(mean, variance) else { return };
         let tilted = Tilted::new(mean_without, variance_without + self.bent, &self.trust, self.edge);
         let left = 1.0 - variance_without * tilted.second;
@@ -261,23 +251,22 @@ impl Site {
         }
         belief.covariance.ger(-more / held, &spread, &spread, 1.0);
         belief.mean += spread * ((farther - more * mean) / held);
-        self.factors[kind] = after;
+        self.factor = after;
     }
 
-    /// The site's factor for a kind of stretch, without what makes it as large as the label's probability.
-    pub(super) fn factor_into<const D: usize>(&self, kind: usize, factor: &mut Gaussian<D>) {
-        let Factor { precision, pull } = self.factors[kind];
-        let row = self.row::<D>();
-        factor.information.ger(precision, &row, &row, 1.0);
-        factor.vector += row * (pull - precision * self.margin);
+    /// The site's factor, without what makes it as large as the label's probability.
+    fn factor_into(&self, factor: &mut Gaussian) {
+        let Factor { precision, pull } = self.factor;
+        factor.information.ger(precision, &self.slope, &self.slope, 1.0);
+        factor.vector += self.slope * (pull - precision * self.margin);
         factor.offset += self.margin * (pull - 0.5 * precision * self.margin);
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's
     /// probability.
-    pub(super) fn log_scale<const D: usize>(&self, kind: usize, belief: &Belief<D>) -> f64 {
+    fn log_scale(&self, belief: &Belief) -> f64 {
         let (mean, variance) = self.margin_under(belief);
-        let Some((mean_without, variance_without)) = self.factors[kind].left_out(mean, variance) else { return 0.0 };
+        let Some((mean_without, variance_without)) = self.factor.left_out(mean, variance) else { return 0.0 };
         let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust, self.edge).log_probability;
         let potential = |mean: f64, variance: f64| 0.5 * (variance.ln() + mean * mean / variance);
         label + potential(mean_without, variance_without) - potential(mean, variance)
@@ -303,42 +292,42 @@ pub struct Propagated {
     pub log_evidence: f64,
 }
 
-/// What samples beside contours that are off, and other factors, leave possible; sites and stretches keep their
-/// factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that sites do not
+/// What samples beside contours that are off, and other factors, leave possible; stretches keep their
+/// factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that stretches do not
 /// have yet: without it the first of them would meet a belief so wide that they contradict one another. `None` where a
 /// direction is left free.
 ///
 /// What contours are off meets in the increment alone, and stretches of one contour in that and its growth: each says
 /// something of these, a message, and without its own the product of all messages is what the others say.
-pub fn propagated<S: AsMut<Site> + AsRef<Site>>(
+pub fn propagated<S: AsRef<Site>>(
     others: &Gaussian,
     guard: &Gaussian,
-    sites: &mut [S],
+    sites: &[S],
     outlines: &mut [Outline],
 ) -> Option<Propagated> {
-    let mut heard: Vec<Heard> = outlines.iter().map(|outline| outline.heard(sites)).collect();
-    let sum = |heard: &[Heard]| heard.iter().fold(*others, |sum, heard| sum + heard.message());
-    let mut all = sum(&heard) + *guard;
+    let sum = |outlines: &[Outline]| outlines.iter().fold(*others, |sum, outline| sum + outline.message());
+    outlines.iter_mut().for_each(|outline| outline.find_ends(sites));
+    let mut all = sum(outlines) + *guard;
     let mut belief = all.belief()?.0;
+    outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
-        for (outline, heard) in outlines.iter_mut().zip(&mut heard) {
-            let rest = all - heard.message();
-            outline.sweep(&rest, heard, sites);
-            all = rest + heard.message();
+        for outline in outlines.iter_mut() {
+            let rest = all - outline.message();
+            outline.sweep(&rest)?;
+            all = rest + outline.message();
         }
         // Anew from all messages: differences' rounding errors add up.
-        heard.iter_mut().zip(&*outlines).for_each(|(heard, outline)| heard.renew(outline));
-        all = sum(&heard);
+        all = sum(outlines);
         belief = all.belief()?.0;
         if is_settled(&belief, &before)? {
             break;
         }
     }
     let (belief, integral) = all.belief()?;
-    let view = |(outline, heard): (&Outline, &Heard)| outline.view(&(all - heard.message()), heard, sites);
-    let views: Vec<View> = outlines.iter().zip(&heard).map(view).collect::<Option<_>>()?;
+    let view = |outline: &mut Outline| outline.view(&(all - outline.message()));
+    let views: Vec<View> = outlines.iter_mut().map(view).collect::<Option<_>>()?;
     let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
     Some(Propagated { belief, views, log_evidence })
 }
@@ -351,21 +340,21 @@ pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
 ) -> Option<Propagated> {
     let product = |sites: &[S]| {
         let mut all = *others;
-        sites.iter().for_each(|site| site.as_ref().factor_into(0, &mut all));
+        sites.iter().for_each(|site| site.as_ref().factor_into(&mut all));
         all
     };
     let mut belief = (product(sites) + *guard).belief()?.0;
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
-        sites.iter_mut().for_each(|site| site.as_mut().update(0, &mut belief));
+        sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
         belief = product(sites).belief()?.0;
         if is_settled(&belief, &before)? {
             break;
         }
     }
     let (belief, integral) = product(sites).belief()?;
-    let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(0, &belief)).sum::<f64>();
+    let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>();
     Some(Propagated { belief, views: Vec::new(), log_evidence })
 }
 

@@ -5,19 +5,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::followers::{Candidate, Place, followers};
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, leading_step, log_likelihood};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
-use super::stretch::{KINDS, Kind, KindView, Outline, Stretch, View};
+use super::stretch::{Kind, Known, Outline, Stretch, View};
 use crate::contour::fit::size;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
-/// The finest blur, pixels: contours of binary masks scatter by as much.
-pub(super) const FINEST: f64 = 0.25;
+/// The finest blur of single labels, pixels: a quarter of what contours of binary masks scatter by, most of which neighbors share. With
+/// 0.25 px, the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test --test sampled`).
+pub(super) const FINEST: f64 = 0.0625;
 
 /// Largest share of wrong labels: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
@@ -61,24 +61,14 @@ pub(super) struct Telling {
     number: usize,
     stretch: usize,
     wrong: bool,
+    /// Logarithm of the probability of its label under what was believed last.
+    told: f64,
 }
 
 impl Telling {
     /// Its region and the stretch that it lies beside.
     fn place(&self) -> (usize, usize) {
         (self.region, self.stretch)
-    }
-
-    /// It may follow from others beside a straight stretch of the region's own: not at a corner, where the next stretch has its say,
-    /// nor on the wrong side.
-    fn candidate(&self, number: usize) -> Option<Candidate> {
-        let Site { margin, along, edge, outwards, .. } = self.site;
-        let is_beside = edge == Edge::Own && along > 0.0 && along < 1.0;
-        (is_beside && !self.wrong).then_some(Candidate {
-            number,
-            inside: outwards > 0.0,
-            place: Place { along, margin },
-        })
     }
 }
 
@@ -109,8 +99,8 @@ pub(super) struct Samples<'a, F> {
     outlines: Vec<Outline>,
     /// How far contours are grown all around, pixels (standard deviation).
     growth: f64,
-    /// How far clean stretches are off at least, pixels (standard deviation).
-    off: f64,
+    /// How far clean stretches are off, pixels (standard deviation).
+    clean: f64,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     pub(super) trust: Vec<Trust>,
     certain: Vec<Shown>,
@@ -144,8 +134,6 @@ pub(super) struct State {
     pub(super) pose: Pose,
     pub(super) belief: Belief,
     pub(super) log_evidence: f64,
-    /// What of it is that of labels that follow from others.
-    pub(super) log_following: f64,
 }
 
 impl<F> Clone for Samples<'_, F> {
@@ -160,7 +148,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     pub(super) fn some(regions: &'a [SampledRegion], others: &'a F, start: Pose, step: usize) -> Self {
         let (telling, outlines, certain) = (Vec::new(), Vec::new(), Vec::new());
         let trust = vec![Trust::unknown(); regions.len()];
-        Self { regions, others, start, step, joined: false, telling, outlines, growth: 0.0, off: 0.0, trust, certain }
+        Self { regions, others, start, step, joined: false, telling, outlines, growth: 0.0, clean: 0.0, trust, certain }
     }
 
     /// All samples, trusted so far, those beside one stretch off together.
@@ -168,11 +156,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         Self { joined: true, trust, ..Self::some(regions, others, start, 1) }
     }
 
-    fn take(&mut self, Setting { blur, growth, off }: Setting) {
-        (self.growth, self.off) = (growth, off);
+    fn take(&mut self, setting: Setting) {
+        let Setting { blur, growth, .. } = setting;
+        (self.growth, self.clean) = (growth, if self.joined { setting.clean() } else { 0.0 });
         for (trust, sampled) in self.trust.iter_mut().zip(self.regions) {
             let wide = if self.joined { trust.wide } else { FAR_OFF * sampled.size() };
-            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur.max(off)));
+            (trust.blur, trust.wide) = (blur, wide.max(FAR_BLURS * blur.max(self.clean)));
         }
     }
 
@@ -181,7 +170,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
         self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
         for outline in &mut self.outlines {
-            let kinds = kinds(&self.trust[outline.region], self.off);
+            let kinds = kinds(&self.trust[outline.region], self.clean);
             outline.stretches.iter_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
         }
     }
@@ -193,12 +182,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         for (outline, view) in self.outlines.iter().zip(views) {
             let (count, square) = &mut sums[outline.region];
             for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
-                *count += stretch.odds[1];
-                *square += stretch.odds[1] * views[1].square();
+                *count += stretch.known.odds[1];
+                *square += stretch.known.odds[1] * views[1].square;
             }
         }
         for (trust, (count, square)) in self.trust.iter_mut().zip(sums) {
-            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur.max(self.off));
+            trust.wide = (square / count).sqrt().max(FAR_BLURS * trust.blur.max(self.clean));
         }
     }
 
@@ -223,9 +212,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 match sampled.read(&state.pose, number) {
                     Reading::Seen(sight) => {
                         let site = Site::new(&sight, trust);
-                        // The factors of margins stay what they are when these are linearized anew.
-                        let site = before.map_or(site, |before| site.with_factors_of(&before.site));
-                        seen.push(Telling { site, region, number, stretch: sight.stretch, wrong: false });
+                        // The factor of a margin stays what it is when that is linearized anew.
+                        let site = before.map_or(site, |before| site.with_factor_of(&before.site));
+                        seen.push(Telling { site, region, number, stretch: sight.stretch, wrong: false, told: 0.0 });
                     }
                     Reading::Behind(right) => self.certain[region].add(&trust.label_behind(right), !right),
                 }
@@ -251,7 +240,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         for telling in seen {
             let (mean, deviation) = margin(&telling);
             let wide = if doubtful.contains(&telling.place()) { self.trust[telling.region].wide } else { 0.0 };
-            if mean.abs() > REACH * deviation.hypot(wide).hypot(self.growth).hypot(self.off) {
+            if mean.abs() > REACH * deviation.hypot(wide).hypot(self.growth).hypot(self.clean) {
                 let label = telling.site.label(&belief);
                 self.certain[telling.region].add(&label, mean < 0.0);
             } else {
@@ -262,29 +251,26 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Puts the telling samples beside their stretches, which keep what is known of their kinds.
     fn join(&mut self) {
-        let known: BTreeMap<_, _> = self.odds().collect();
+        let known: BTreeMap<_, _> = self.known().collect();
         let mut members: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
         for (index, telling) in self.telling.iter().enumerate().filter(|_| self.joined) {
             members.entry(telling.region).or_default().entry(telling.stretch).or_default().push(index);
         }
         let outline = |(region, stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
             let stretch = |(number, beside): (usize, Vec<usize>)| {
-                let candidates = beside.iter().filter_map(|&index| self.telling[index].candidate(index));
-                let followers = followers(candidates, self.trust[region].mislabeled);
-                let members = beside.into_iter().filter(|member| !followers.contains(member)).collect();
-                let stretch = Stretch::new(number, members, kinds(&self.trust[region], self.off));
-                let stretch = Stretch { followers: followers.into_iter().collect(), ..stretch };
-                known.get(&(region, number)).map_or(stretch.clone(), |&odds| Stretch { odds, ..stretch })
+                let mut stretch = Stretch::new(number, beside, kinds(&self.trust[region], self.clean));
+                known.get(&(region, number)).into_iter().for_each(|&known| stretch.known = known);
+                stretch
             };
             Outline { region, growth: self.growth, stretches: stretches.into_iter().map(stretch).collect() }
         };
         self.outlines = members.into_iter().map(outline).collect();
     }
 
-    /// Probability of each kind, by region and stretch.
-    fn odds(&self) -> impl Iterator<Item = ((usize, usize), [f64; KINDS])> {
+    /// What is known of each stretch, by region and number.
+    fn known(&self) -> impl Iterator<Item = ((usize, usize), Known)> {
         self.outlines.iter().flat_map(|outline| {
-            outline.stretches.iter().map(|stretch| ((outline.region, stretch.number), stretch.odds))
+            outline.stretches.iter().map(|stretch| ((outline.region, stretch.number), stretch.known))
         })
     }
 
@@ -329,8 +315,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.certain.iter().map(|shown| shown.log_probability).sum()
     }
 
-    /// What all labels show of each region under what is believed of its contour, or of the increment alone; those that follow from
-    /// others show nothing of how far to trust them.
+    /// What all labels show of each region under what is believed of its contour, or of the increment alone.
     fn shown(&self, belief: &Belief, views: &[View]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
         if !self.joined {
@@ -338,19 +323,39 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
         for (outline, view) in self.outlines.iter().zip(views) {
             for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
-                for site in stretch.members.iter().map(|&member| &self.telling[member].site) {
-                    let of_kind = |sum, (odds, view): (&f64, &KindView)| sum + site.label(&view.belief) * *odds;
-                    let label = stretch.odds.iter().zip(views).fold(Label::default(), of_kind);
-                    shown[outline.region].add(&Label { disturbed: stretch.odds[1], ..label }, true);
+                for (disturbed, label) in stretch.shown(views) {
+                    shown[outline.region].add(&Label { disturbed, ..label }, true);
                 }
             }
         }
         shown
     }
 
-    /// Logarithm of the probability of the labels that follow from others.
-    fn log_following(&self, views: &[View]) -> f64 {
-        self.outlines.iter().zip(views).map(|(outline, view)| outline.log_following(view, &self.telling)).sum()
+    /// Keeps what is believed of each label.
+    fn keep_told(&mut self, views: &[View]) {
+        for (outline, view) in self.outlines.iter().zip(views) {
+            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+                for (&member, (_, label)) in stretch.members.iter().zip(stretch.shown(views)) {
+                    self.telling[member].told = label.log_probability;
+                }
+            }
+        }
+    }
+
+    /// Logarithm of the probability of each label, around each region: of those that tell something under what was believed last, of
+    /// the others at a pose.
+    pub(super) fn log_probabilities(&self, pose: &Pose) -> Vec<f64> {
+        let mut told: BTreeMap<_, _> =
+            self.telling.iter().map(|telling| ((telling.region, telling.number), telling.told)).collect();
+        let mut all = Vec::new();
+        for (region, sampled) in self.regions.iter().enumerate() {
+            let trust = self.own_trust(region);
+            all.extend(sampled.around().iter().map(|&number| match told.remove(&(region, number)) {
+                Some(told) => told,
+                None => trust.reading(&sampled.read(pose, number)).log_probability,
+            }));
+        }
+        all
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
@@ -366,7 +371,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at
     /// a pose.
-    pub(super) fn wrong(&self, state: &State) -> Vec<f64> {
+    pub(super) fn wrong(&self, state: &State, setting: Setting) -> Vec<f64> {
         let belief = Belief { mean: Tangent::zeros(), ..state.belief };
         let share = |(region, sampled): (usize, &SampledRegion)| {
             let trust = self.trust[region];
@@ -375,7 +380,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 let (margin, deviation) = match reading {
                     Reading::Seen(sight) if sight.edge == Edge::Own => {
                         let (mean, variance) = Site::new(&sight, trust).margin_under(&belief);
-                        (mean, (trust.blur * trust.blur + variance).sqrt())
+                        (mean, setting.spread().hypot(variance.sqrt()))
                     }
                     Reading::Behind(false) => (f64::NEG_INFINITY, 1.0),
                     _ => continue,
@@ -417,7 +422,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     fn propagate(&mut self, pose: &Pose, guard: &Gaussian) -> Option<Propagated> {
         let known = anchor(&self.start, pose) + (self.others)(pose);
         match self.joined {
-            true => propagated(&known, guard, &mut self.telling, &mut self.outlines),
+            true => propagated(&known, guard, &self.telling, &mut self.outlines),
             false => propagated_apart(&known, guard, &mut self.telling),
         }
     }
@@ -448,6 +453,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             self.learn_trust(&belief, &views);
             if self.joined {
                 self.learn_wide(&views);
+                self.keep_told(&views);
             }
             self.take_trust();
             let information = belief.covariance.cholesky()?;
@@ -460,9 +466,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             let step = shortened(&(belief.mean * share), &state.pose);
             // A step within the belief stays where the lines are good.
             let pose = if way < 1.0 { state.pose.moved(&step) } else { self.approached(&state.pose, &step, blur) };
-            let log_following = self.log_following(&views);
-            let log_evidence = log_evidence + self.log_certain() + log_following;
-            state = State { pose, belief, log_evidence, log_following };
+            let moved = state.pose.increment_to(&pose);
+            self.outlines.iter_mut().for_each(|outline| outline.moved(&moved));
+            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
             if way < SETTLED * SETTLED {
                 break;
             }
@@ -471,10 +477,9 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 }
 
-/// The kinds of a region's stretches: clean ones are off by what blurs them beyond their pixels.
-fn kinds(trust: &Trust, least: f64) -> Vec<Kind> {
-    let off = (trust.blur.powi(2) - FINEST.powi(2)).sqrt().max(least);
-    vec![Kind { share: 1.0 - trust.disturbed, off }, Kind { share: trust.disturbed, off: trust.wide }]
+/// The kinds of a region's stretches.
+fn kinds(trust: &Trust, clean: f64) -> Vec<Kind> {
+    vec![Kind { share: 1.0 - trust.disturbed, off: clean }, Kind { share: trust.disturbed, off: trust.wide }]
 }
 
 /// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.

@@ -109,7 +109,7 @@ impl Problem {
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
         // What lies farther is another answer, if one at all.
         modes.retain(|mode| !apart(&posterior.pose, &mode.pose, BASIN));
-        let modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence, is_same);
+        let modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence(), is_same);
         posterior.over_modes(&modes, self.sampled())
     }
 
@@ -157,7 +157,7 @@ fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
 
 /// The pose of the greatest evidence.
 fn likeliest_of(found: &[Posterior]) -> Option<Pose> {
-    let best = found.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+    let best = found.iter().max_by(|a, b| a.log_evidence().total_cmp(&b.log_evidence()))?;
     Some(best.pose)
 }
 
@@ -182,7 +182,7 @@ fn likeliest<T>(
 /// Each answer once, the likeliest first.
 fn answers(found: Vec<Posterior>) -> Vec<Posterior> {
     let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
-    likeliest(found, |_, _| false, |posterior| posterior.log_evidence, is_same)
+    likeliest(found, |_, _| false, |posterior| posterior.log_evidence(), is_same)
 }
 
 /// Whether the samples of every region agree with a pose.
