@@ -97,7 +97,7 @@ fn held(count: u64, shape: &[[f64; 2]], gap: f64, corners: f64) -> usize {
     (0..count).filter(is_held).count()
 }
 
-/// Of 40 seeds 34; 24 where all samples along a side count.
+/// Of 40 seeds 31; of these 20, 14 with a prior that is even in the logarithm of how far stretches are off.
 #[test]
 fn the_ellipsoid_holds_poses_from_corners_that_a_hand_set() {
     let shape = [[-0.75, -0.5], [0.6, -0.7], [0.8, 0.35], [-0.5, 0.65]];
@@ -105,7 +105,7 @@ fn the_ellipsoid_holds_poses_from_corners_that_a_hand_set() {
     assert!(held >= 17, "{held} of 20");
 }
 
-/// Rows and columns of samples along the sides of rectangles. Of 40 seeds 33; 3 where all of a row count.
+/// Rows and columns of samples along the sides of rectangles. Of 40 seeds 30; of these 20, 6 where labels are blurred by 0.25 px at least.
 #[test]
 fn the_ellipsoid_holds_poses_from_rows_along_sides() {
     let held = held(20, &[[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]], 0.02, 0.0);
@@ -171,7 +171,7 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
 
 /// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others, so that chance
 /// decides between its twelve poses. Of twelve numbers of one normal distribution, 54 % of those behind the largest are so by less
-/// than odds of 9 to 1 leave; 30 turns of 40 are found, 73 of 120 with 24 seeds.
+/// than odds of 9 to 1 leave; 30 turns of 40 or more are found.
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;
