@@ -201,8 +201,10 @@ def _window_mask(rings: Rings, window: Window) -> NDArray[np.bool_]:
     """Mask of one window: each row toggles at the first pixel center at or right of every crossing."""
     start, end = ring_edges(rings)
     edge, row = _crossed_lines(start[:, 1], end[:, 1], window.top, window.bottom - 1)
-    a, b = start[edge], end[edge]
-    crossing = a[:, 0] + (row - a[:, 1]) * ((b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1]))
+    # From its upper end, whichever way it goes: a shared edge is crossed at one place, rounding included.
+    down = (start[:, 1] < end[:, 1])[:, None]
+    a, b = np.where(down, start, end)[edge], np.where(down, end, start)[edge]
+    crossing = a[:, 0] + (row - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
     columns, rows = window.right - window.left, window.bottom - window.top
     toggle = np.clip(np.ceil(crossing) - window.left, 0, columns).astype(np.int64)
     toggles = np.zeros((rows, columns + 1), dtype=np.uint8)
