@@ -272,11 +272,11 @@ fn beside(random: &mut Random, count: usize, trust: Trust) -> (Vec<Beside>, Beli
 
 /// Mean, covariance and logarithm of the integral by an even grid over all that is known beforehand.
 fn by_even_grid(labels: &[Beside], before: &Belief<2>) -> (Belief<2>, f64) {
-    const STEP: f64 = 0.05;
+    const STEP: f64 = 0.1;
     let information = before.covariance.try_inverse().unwrap();
     let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
-    for row in -500..500 {
-        for column in -500..500 {
+    for row in -250..250 {
+        for column in -250..250 {
             let way = Vector2::new(f64::from(row), f64::from(column)) * STEP;
             let known = Belief { mean: before.mean + way, covariance: Matrix2::zeros() };
             let told: f64 = labels.iter().map(|label| label.label(&known).log_probability).sum();
@@ -301,11 +301,12 @@ fn differences_of(found: &Belief<2>, exact: &Belief<2>) -> (f64, f64) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Whether labels are blurred or nearly steps, and from where they were found last as from all that is known beforehand.
+    /// Whether labels are blurred or nearly steps, and from where they were found last as from all that is known beforehand. No label is wrong
+    /// for its own sake: of what one such leaves possible far away, a percent may be missed.
     #[test]
     fn ends_are_those_of_an_even_grid(seed in 0_u64..1000, count in 1_usize..40, blur in 0.1..2.0) {
         let mut random = Random::new(seed);
-        let trust = Trust { blur, disturbed: 0.0, mislabeled: 2e-3, ..CLEAN };
+        let trust = Trust { blur, disturbed: 0.0, mislabeled: 1e-6, ..CLEAN };
         let (labels, before) = beside(&mut random, count, trust);
         let (exact, log_integral) = by_even_grid(&labels, &before);
         let way = exact.covariance.cholesky().unwrap().l() * Vector2::new(1.0, -1.0);

@@ -78,6 +78,28 @@ impl Compared {
     }
 }
 
+/// What labels show together.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Shown {
+    pub(super) log_probability: f64,
+    pub(super) mislabeled: f64,
+    pub(super) disturbed: f64,
+    /// Numbers of labels: all, and those that could show a disturbed contour.
+    pub(super) all: f64,
+    pub(super) near: f64,
+}
+
+impl Shown {
+    pub(super) fn add(&mut self, label: &Label, is_near: bool) {
+        let near = f64::from(u8::from(is_near));
+        self.log_probability += label.log_probability;
+        self.mislabeled += label.mislabeled;
+        self.disturbed += near * label.disturbed;
+        self.all += 1.0;
+        self.near += near;
+    }
+}
+
 impl Trust {
     /// What is expected before anything is known.
     pub(super) fn unknown() -> Self {

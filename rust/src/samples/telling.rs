@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
-use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, WEIGHT, leading_step, log_likelihood};
+use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
@@ -104,28 +104,6 @@ pub(super) struct Samples<'a, F> {
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     pub(super) trust: Vec<Trust>,
     certain: Vec<Shown>,
-}
-
-/// What labels show together.
-#[derive(Debug, Clone, Copy, Default)]
-struct Shown {
-    log_probability: f64,
-    mislabeled: f64,
-    disturbed: f64,
-    /// Numbers of labels: all, and those that could show a disturbed contour.
-    all: f64,
-    near: f64,
-}
-
-impl Shown {
-    fn add(&mut self, label: &Label, is_near: bool) {
-        let near = f64::from(u8::from(is_near));
-        self.log_probability += label.log_probability;
-        self.mislabeled += label.mislabeled;
-        self.disturbed += near * label.disturbed;
-        self.all += 1.0;
-        self.near += near;
-    }
 }
 
 /// A pose and what is believed of its left increment.
