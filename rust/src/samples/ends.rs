@@ -1,4 +1,4 @@
-//! Labels beside one stretch of a contour, by how far it is off at its two ends (`docs/math.md`, eq. 17.5 to 17.7).
+//! Labels beside one stretch of a contour, by how far it is off at its two ends (`docs/math.md`, section 17, "Stretches").
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
