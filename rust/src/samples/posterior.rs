@@ -22,7 +22,7 @@ const SCALES: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
 const NOTHING: f64 = 10.0;
 
 /// Squared distance of two states, in variances of both together, and difference of their logarithms of evidence, up to which they are
-/// one.
+/// one: a tenth of each, by convention.
 const SAME_STATE: f64 = 0.01;
 const SAME_EVIDENCE: f64 = 0.1;
 

@@ -15,7 +15,7 @@ use crate::prior::Gaussian;
 pub(super) const SWEEPS: usize = 6;
 
 /// What a sweep counts as for each site, in edges that are looked at: the places where its label is asked for each kind of stretch,
-/// eight of which take the time of an edge.
+/// about eight of which take the time of an edge.
 pub(super) const EDGES_OF_SWEEP: usize = PLACES * PLACES * KINDS / 8;
 
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the

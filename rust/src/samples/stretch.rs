@@ -19,6 +19,9 @@ const APART: f64 = 1e-6;
 /// ends that nothing moves apart have a density.
 const UNKNOWN: f64 = 1e-3;
 
+/// Rotations of a symmetric matrix to its axes at most; two dimensions need one.
+const MOST_ROTATIONS: usize = 10;
+
 /// How far stretches of one kind are off, pixels (standard deviation), and what share of all stretches they are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kind {
@@ -284,7 +287,7 @@ impl Gaussian<ENDS> {
     fn to(&self, mean: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Self> {
         // Along the axes in which this one is of one size.
         let root = self.information.cholesky()?.unpack();
-        let mut eigen = (root.transpose() * covariance * root).symmetric_eigen();
+        let mut eigen = (root.transpose() * covariance * root).try_symmetric_eigen(f64::EPSILON, MOST_ROTATIONS)?;
         eigen.eigenvalues.apply(|ratio| *ratio = (1.0 / *ratio - 1.0).max(0.0));
         let information = root * eigen.recompose() * root.transpose();
         let vector = (information + self.information) * mean - self.vector;
