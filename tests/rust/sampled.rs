@@ -71,7 +71,7 @@ fn samples_make_up_for_a_wrong_outline() {
         let worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
         let estimate = estimated(&scene, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
-        assert!(rotation < 1e-2 && place < 3e-3, "seed {seed}: {rotation} rad, {place}");
+        assert!(rotation < 7e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
         let way = estimate.best.pose.increment_to(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
@@ -97,15 +97,15 @@ fn held(count: u64, shape: &[[f64; 2]], gap: f64, corners: f64) -> usize {
     (0..count).filter(is_held).count()
 }
 
-/// Of 40 seeds 31; of these 20, 14 with a prior that is even in the logarithm of how far stretches are off.
+/// Of 40 seeds 36; of these 20, 19, and 17 where what did not settle counts as well and growth falls last.
 #[test]
 fn the_ellipsoid_holds_poses_from_corners_that_a_hand_set() {
     let shape = [[-0.75, -0.5], [0.6, -0.7], [0.8, 0.35], [-0.5, 0.65]];
     let held = held(20, &shape, 0.07, 2.0);
-    assert!(held >= 17, "{held} of 20");
+    assert!(held >= 18, "{held} of 20");
 }
 
-/// Rows and columns of samples along the sides of rectangles. Of 40 seeds 30; of these 20, 6 where labels are blurred by 0.25 px at least.
+/// Rows and columns of samples along the sides of rectangles. Of 40 seeds 31; of these 20, 16, and 6 where labels are blurred by 0.25 px at least.
 #[test]
 fn the_ellipsoid_holds_poses_from_rows_along_sides() {
     let held = held(20, &[[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]], 0.02, 0.0);

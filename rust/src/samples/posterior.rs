@@ -14,9 +14,12 @@ use crate::prior::Gaussian;
 /// From blur to blur.
 const STEP: f64 = 0.5;
 
-/// Standard deviations of how far contours are grown and clean stretches of them are off, pixels, by halves: from a hand's error, and
-/// half the width of a lidar's beam beside a region of a few meters, to the quality of calibrations.
-const SCALES: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
+/// Standard deviations of how far clean stretches of contours are off, pixels, by halves: from a hand's error, and half the width of a
+/// lidar's beam beside a region of a few meters, to the quality of calibrations.
+const OFFS: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
+
+/// The same of how far contours are grown, by quarters: that is one number of a whole contour, which tells its scale no closer.
+const GROWTHS: [f64; 3] = [3.2, 0.8, 0.2];
 
 /// Logarithm of odds from which a setting that is farther on tells nothing.
 const NOTHING: f64 = 10.0;
@@ -112,12 +115,12 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
     let step = leading_step(regions);
     let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
     let mut samples = Samples::some(regions, others, *start, step);
-    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY };
+    let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY, is_settled: false };
     let mut blur = first_blur(regions, start, step);
     loop {
         state = samples.settled(state, Setting { blur, growth: 0.0, off: 0.0 }, ROUNDS, false)?;
         if blur <= SHARP {
-            let State { pose, log_evidence, belief } = state;
+            let State { pose, log_evidence, belief, .. } = state;
             return Some(Led { pose, log_evidence, belief, trust: samples.trust });
         }
         blur = if effort::is_spent() { SHARP } else { (blur * STEP).max(SHARP) };
@@ -126,8 +129,8 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 
 /// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
 /// off. All falls from wide to fine: first the blur, with contours that may be grown and stretches that may be off as far as
-/// they ever are, then how far stretches are off, then how far contours are grown, each with the likeliest of what fell before it,
-/// until that is hardly likely. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
+/// they ever are, then, with the likeliest blur, how far stretches are off with contours that are ever less grown, but for what
+/// follows on what is hardly likely. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
 /// farther.
 pub fn posteriors(
     regions: &[SampledRegion],
@@ -136,18 +139,14 @@ pub fn posteriors(
     hopeless: f64,
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
-    let [most, less @ ..] = SCALES;
     for blur in blurs() {
-        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: most, off: most }));
+        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: GROWTHS[0], off: OFFS[0] }));
     }
-    all.retain_mut(|one| one.go_back().is_some());
-    for off in less {
-        // One that its blur puts off farther has been there.
-        go_on(&mut all, hopeless, |one| Some(Setting { off, ..one.likeliest()? }).filter(|next| next.clean() == off));
-    }
-    all.retain_mut(|one| one.go_back().is_some());
-    for growth in less {
-        go_on(&mut all, hopeless, |one| Some(Setting { growth, ..one.likeliest()? }));
+    for growth in GROWTHS {
+        all.retain_mut(|one| one.go_back().is_some());
+        for off in OFFS {
+            go_on(&mut all, hopeless, |one| one.likeliest_with(growth, off));
+        }
     }
     all.into_iter().filter_map(Going::ended).collect()
 }
@@ -196,6 +195,11 @@ impl Setting {
         (self.blur.powi(2) - FINEST.powi(2)).sqrt().max(self.off)
     }
 
+    /// Whether another one means the same: one that its blur puts off farther does.
+    fn is_same(&self, other: &Self) -> bool {
+        self.blur == other.blur && self.growth == other.growth && self.clean() == other.clean()
+    }
+
     /// How far labels are off in all, one by one: blurred, beside a stretch that is off and a contour that is grown.
     pub(super) fn spread(&self) -> f64 {
         self.blur.hypot(self.clean()).hypot(self.growth)
@@ -221,7 +225,7 @@ struct Going<'a, F> {
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn new(regions: &'a [SampledRegion], others: &'a F, from: &Led) -> Self {
-        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY };
+        let state = State { pose: from.pose, belief: from.belief, log_evidence: f64::NEG_INFINITY, is_settled: false };
         let samples = Samples::all(regions, others, from.pose, from.trust.clone());
         Self { samples, state, found: Vec::new(), best: None }
     }
@@ -243,17 +247,21 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         Some(Compared { log_probabilities: samples.log_probabilities(pose), log_evidence: *log_evidence, log_known })
     }
 
-    /// The likeliest setting, unless the last one is so much less likely that farther ones tell nothing.
-    fn likeliest(&self) -> Option<Setting> {
-        let is_likely = self.most() - self.state.log_evidence <= NOTHING;
-        self.best.as_ref().filter(|_| is_likely).map(|(_, setting, _)| *setting)
+    /// The likeliest setting with contours that are so far grown and off, unless it has been there, or where it last came as near to
+    /// being that far off was so much less likely that this tells nothing.
+    fn likeliest_with(&self, growth: f64, off: f64) -> Option<Setting> {
+        let setting = Setting { growth, off, ..self.best.as_ref()?.1 };
+        let is_new = self.found.iter().all(|(_, found)| !found.is_same(&setting));
+        let wider = self.found.iter().rev().filter(|(_, found)| found.blur == setting.blur && found.off >= off);
+        let (last, _) = wider.min_by(|(_, a), (_, b)| a.off.total_cmp(&b.off))?;
+        (is_new && self.most() - last.log_evidence <= NOTHING).then_some(setting)
     }
 
     /// The state with a setting; `None` where a direction is left free.
     fn go_to(&mut self, setting: Setting) -> Option<()> {
         self.state = self.samples.settled(self.state, setting, ROUNDS, false)?;
         self.state.log_evidence += setting.log_prior();
-        if self.state.log_evidence > self.most() {
+        if self.best.as_ref().is_none_or(|(best, ..)| self.state.is_likelier(best)) {
             self.best = Some((self.state, setting, self.samples.clone()));
         }
         self.found.push((self.state, setting));
@@ -272,9 +280,12 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let setting = self.go_back()?;
         let likeliest = self.state;
         let mut last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
-        last.log_evidence += setting.log_prior();
+        last.log_evidence =
+            if last.is_settled { last.log_evidence + setting.log_prior() } else { likeliest.log_evidence };
         let wrong = self.samples.wrong(&last, setting);
-        let rest = self.found.iter().filter(|(_, other)| *other != setting);
+        let is_other =
+            |(state, other): &&(State, Setting)| state.is_settled && other.blur == setting.blur && *other != setting;
+        let rest = self.found.iter().filter(is_other);
         let odds = rest.map(|(state, _)| (state.log_evidence, state)).chain([(likeliest.log_evidence, &last)]);
         let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
@@ -287,6 +298,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
 }
 
 impl State {
+    /// Whether it is likelier than another one; what did not settle is not, where that did.
+    fn is_likelier(&self, other: &Self) -> bool {
+        (self.is_settled, self.log_evidence) > (other.is_settled, other.log_evidence)
+    }
+
     /// Whether another one is the same, but for what chance there is in the way to it.
     fn is_same(&self, other: &Self) -> bool {
         let way = self.pose.increment_to(&other.pose);

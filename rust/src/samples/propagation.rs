@@ -22,6 +22,9 @@ pub(super) const EDGES_OF_SWEEP: usize = PLACES * PLACES * KINDS / 8;
 /// last.
 const SETTLED: f64 = 0.05;
 
+/// Where the last sweep still moves the mean by more than this many of them, there is no such distribution: a convention.
+const LOST: f64 = 0.5;
+
 /// Probability of a label, right or wrong, of which the contour tells nothing.
 pub const COIN: f64 = 0.5;
 
@@ -288,8 +291,10 @@ pub struct Propagated {
     pub belief: Belief,
     /// Of the increment and what each contour is off; none of samples by themselves.
     pub views: Vec<View>,
-    /// Logarithm of the evidence.
+    /// Logarithm of the evidence; of no worth where sweeps did not settle.
     pub log_evidence: f64,
+    /// Whether the last sweep moved the mean by little.
+    pub is_settled: bool,
 }
 
 /// What samples beside contours that are off, and other factors, leave possible; stretches keep their
@@ -310,6 +315,7 @@ pub fn propagated<S: AsRef<Site>>(
     let mut all = sum(outlines) + *guard;
     let mut belief = all.belief()?.0;
     outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
+    let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
@@ -321,7 +327,8 @@ pub fn propagated<S: AsRef<Site>>(
         // Anew from all messages: differences' rounding errors add up.
         all = sum(outlines);
         belief = all.belief()?.0;
-        if is_settled(&belief, &before)? {
+        moved = far(&belief, &before)?;
+        if moved < SETTLED {
             break;
         }
     }
@@ -329,7 +336,7 @@ pub fn propagated<S: AsRef<Site>>(
     let view = |outline: &mut Outline| outline.view(&(all - outline.message()));
     let views: Vec<View> = outlines.iter_mut().map(view).collect::<Option<_>>()?;
     let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
-    Some(Propagated { belief, views, log_evidence })
+    Some(Propagated { belief, views, log_evidence, is_settled: moved < LOST })
 }
 
 /// The same of samples by themselves, each beside a part of a contour of its own.
@@ -344,18 +351,20 @@ pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
         all
     };
     let mut belief = (product(sites) + *guard).belief()?.0;
+    let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
         sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
         belief = product(sites).belief()?.0;
-        if is_settled(&belief, &before)? {
+        moved = far(&belief, &before)?;
+        if moved < SETTLED {
             break;
         }
     }
     let (belief, integral) = product(sites).belief()?;
     let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>();
-    Some(Propagated { belief, views: Vec::new(), log_evidence })
+    Some(Propagated { belief, views: Vec::new(), log_evidence, is_settled: moved < LOST })
 }
 
 /// Counts a sweep over so many sites; `None` where nobody waits for it any more.
@@ -364,8 +373,8 @@ fn count_sweep(sites: usize) -> Option<()> {
     (!effort::is_stopped()).then_some(())
 }
 
-/// Whether a mean has moved by next to nothing; `None` where a direction is left free.
-fn is_settled(belief: &Belief, before: &Vector6<f64>) -> Option<bool> {
+/// How far a mean has moved, in standard deviations; `None` where a direction is left free.
+fn far(belief: &Belief, before: &Vector6<f64>) -> Option<f64> {
     let way = belief.mean - before;
-    Some(way.dot(&belief.covariance.cholesky()?.solve(&way)) < SETTLED * SETTLED)
+    Some(way.dot(&belief.covariance.cholesky()?.solve(&way)).sqrt())
 }

@@ -112,6 +112,8 @@ pub(super) struct State {
     pub(super) pose: Pose,
     pub(super) belief: Belief,
     pub(super) log_evidence: f64,
+    /// Whether the sweeps that led there settled: if not, the evidence is of no worth.
+    pub(super) is_settled: bool,
 }
 
 impl<F> Clone for Samples<'_, F> {
@@ -427,7 +429,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
                 self.linearize(&state.pose);
             }
             let guard = if is_first && round == 0 { self.guard(&state, blur) } else { Gaussian::default() };
-            let Propagated { belief, views, log_evidence } = self.propagate(&state.pose, &guard)?;
+            let Propagated { belief, views, log_evidence, is_settled } = self.propagate(&state.pose, &guard)?;
             self.learn_trust(&belief, &views);
             if self.joined {
                 self.learn_wide(&views);
@@ -446,7 +448,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             let pose = if way < 1.0 { state.pose.moved(&step) } else { self.approached(&state.pose, &step, blur) };
             let moved = state.pose.increment_to(&pose);
             self.outlines.iter_mut().for_each(|outline| outline.moved(&moved));
-            state = State { pose, belief, log_evidence: log_evidence + self.log_certain() };
+            state = State { pose, belief, log_evidence: log_evidence + self.log_certain(), is_settled };
             if way < SETTLED * SETTLED {
                 break;
             }
