@@ -80,6 +80,15 @@ def test_a_pose_that_is_known_well_stays() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(known)), rtol=0.05)
 
 
+def test_a_wider_prior_leaves_what_the_edges_hold() -> None:
+    # Three times as wide, a tenth of the deviations moves edges by several times their spread.
+    wide = np.diag(np.repeat([3.0, 1.0], 3)) ** 2 @ COVARIANCE
+    narrow, wider = (rp.refine_with_scene(POSE, given, [frame(0)]) for given in (COVARIANCE, wide))
+    assert narrow.refined and wider.refined
+    deviations = [np.degrees(np.sqrt(np.linalg.eigvalsh(each.covariance[:3, :3]))) for each in (narrow, wider)]
+    assert (deviations[1] < 1.5 * deviations[0]).all()
+
+
 def test_nothing_in_view_leaves_the_pose_as_it_is() -> None:
     photo, points = cards(0)
     for cloud in (points[:3], np.full((5, 3), np.nan), np.zeros((0, 3))):

@@ -38,6 +38,10 @@ PRIOR_STEP = 1e-6
 LEAST_CURVATURE = 0.2
 """Curvature of the log posterior in units of the prior's: no direction is known much worse than beforehand."""
 
+STEP_UNITS, STEP_SPREADS = 0.1, 0.5
+"""Longest steps that tell the curvature, in the prior's deviations and in the finest spread: a bell's curvature is told
+an eighth too small by half its deviation, and by steps of several of them as none."""
+
 FLAT = 0.05
 """Slope of the log density, a deviation of the prior's, at which a maximum is reached: at the least curvature that is
 0.006 below it."""
@@ -132,11 +136,21 @@ class Posterior:
 
     def _curvature(self) -> Array:
         """The curvature (d, d) of the negative log density at the pose of increments, in the prior's units."""
-        step, count = 0.1, self._count
-        units = step * np.vstack([np.eye(count), -np.eye(count)])
-        _, slopes = self._costs(units, SPREADS_PX[-1])
-        matrix = (slopes[:count] - slopes[count:]) / (2.0 * step)
-        return np.asarray(0.5 * (matrix + matrix.T))
+        values, axes = np.linalg.eigh(self._per_step())
+        ways, back = axes / np.sqrt(values), axes * np.sqrt(values)
+        _, slopes = self._costs(np.vstack([ways.T, -ways.T]), SPREADS_PX[-1])
+        differences = 0.5 * (slopes[: self._count] - slopes[self._count :]) @ ways
+        return np.asarray(back @ (0.5 * (differences + differences.T)) @ back.T)
+
+    def _per_step(self) -> Array:
+        """The matrix (d, d) of the squares of increments in the longest ones that tell the curvature: a share of the
+        prior's deviations, and of the finest spread as the steps in the photos move by it, as a root mean square.
+        """
+        squares = np.eye(self._count) / STEP_UNITS**2
+        for frame in self._frames:
+            moved = frame.moved.reshape(-1, self._count) @ self._root
+            squares += 2.0 / max(len(moved), 1) * (moved.T @ moved) / (STEP_SPREADS * SPREADS_PX[-1]) ** 2
+        return np.asarray(squares)
 
     def _surplus(self) -> Array:
         """How much the prior's information (d, d), at most that of a normal distribution, exceeds its curvature."""
