@@ -179,9 +179,11 @@ def _described(error: Exception, text: str | None = None) -> TextError:
     if isinstance(error, TextError):
         return error
     if isinstance(error, ReaderError) and text is not None:
-        before = text[: error.position]
-        found = f"found the control character U+{ord(text[error.position]):04X}; needed text"
-        return TextError(found, before.count("\n") + 1, error.position - before.rfind("\n"))
+        # It stands nowhere before; the error's own position counts libyaml's bytes, or characters without it.
+        position = text.index(chr(error.character))
+        before = text[:position]
+        found = f"found the control character U+{error.character:04X}; needed text"
+        return TextError(found, before.count("\n") + 1, position - before.rfind("\n"))
     if isinstance(error, MarkedYAMLError):
         return _syntax_error(error, text)
     return TextError(f"found {type(error).__name__}: {' '.join(str(error).split())[:120]}; needed YAML")

@@ -68,6 +68,7 @@ CASES: list[tuple[str, str, Reader, str]] = [
     ("n.yaml", KALIBR.replace("  intrinsics", "   intrinsics"), lambda path: load_camera(path, "cam0"),
      "found ':'; needed one key a line, at the indentation of those beside it"),
     ("o.yml", "a: 1\nb: \x01\n", load_camera, "o.yml: line 2, column 4: found the control character U+0001; needed"),
+    ("o.yml", "é: ü\nö: \x01\n", load_camera, "o.yml: line 2, column 4: found the control character U+0001; needed"),
     ("p.yml", "a: 'x\nb: 1\n", load_camera, "p.yml: line 1, column 4: found \"'\"; needed a quote where the text ends"),
     ("q.yml", 'a: "C:\\data"\n', load_camera, "q.yml: line 1, column 7: found '\\\\'; needed a backslash written"),
     # Poses

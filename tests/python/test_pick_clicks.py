@@ -12,7 +12,7 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 FRAME = DATA / "natural" / "kitti_001112"
 
 MOST_CLICKS = 20
-"""Of `python -m benchmarks.picking --only natural`, which counts 18 for this frame."""
+"""Of `python -m benchmarks.picking --only natural`, which counts 16 for this frame."""
 
 
 @pytest.mark.skipif(not FRAME.is_dir(), reason="needs the real scenes, beside the checkout")
