@@ -90,6 +90,13 @@ class Evidence:
         pictures = self._spreads.log_ratios(spread_px)
         return _core.edge_evidence(pictures, self.pixels, self.moved, self._directions, increments)
 
+    def square_moves(self) -> Array:
+        """The matrix (d, d) of the mean square, in pixels, by which increments move the steps that the photo shows."""
+        size = self._photo.luminance.shape[::-1]
+        shown = ((self.pixels >= 0.0) & (self.pixels < size)).all(axis=1)
+        moved = self.moved[shown].reshape(-1, self.moved.shape[1] // 2)
+        return np.asarray(2.0 / max(len(moved), 1) * (moved.T @ moved))
+
     def share(self, spread_px: float) -> float:
         """What a step counts, 0 to 1, so that the likelihood ratio of all of them is 1 on the mean where chance rules.
 

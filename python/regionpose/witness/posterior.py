@@ -148,8 +148,7 @@ class Posterior:
         """
         squares = np.eye(self._count) / STEP_UNITS**2
         for frame in self._frames:
-            moved = frame.moved.reshape(-1, self._count) @ self._root
-            squares += 2.0 / max(len(moved), 1) * (moved.T @ moved) / (STEP_SPREADS * SPREADS_PX[-1]) ** 2
+            squares += self._root.T @ frame.square_moves() @ self._root / (STEP_SPREADS * SPREADS_PX[-1]) ** 2
         return np.asarray(squares)
 
     def _surplus(self) -> Array:
