@@ -6,7 +6,7 @@ use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::prior::Gaussian;
-use regionpose::samples::posterior::{Posterior, led, posteriors};
+use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::contours::all_bitten;
 use support::random::Random;
@@ -23,10 +23,26 @@ fn posterior(seed: u64) -> (Problem, Posterior) {
     let mut random = Random::new(seed);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
-    let unknown = |_: &Pose| Gaussian::default();
     let start = led(problem.sampled(), &unknown, &problem.centered(&scene.pose)).unwrap();
-    let found = posteriors(problem.sampled(), &unknown, &[start], 50.0).remove(0);
+    let found = posteriors(problem.sampled(), &unknown, &[start], 50.0, &mut Passed::default()).remove(0);
     (problem, found)
+}
+
+fn unknown(_: &Pose) -> Gaussian {
+    Gaussian::default()
+}
+
+/// A start comes to one posterior, whoever else comes there: two that begin at one place, and one that comes later.
+#[test]
+fn a_place_is_passed_once() {
+    let mut random = Random::new(3);
+    let scene = Scene::random(&mut random, layout(2));
+    let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
+    let start = led(problem.sampled(), &unknown, &problem.centered(&scene.pose)).unwrap();
+    let mut passed = Passed::default();
+    let mut found = |starts: &[Led]| posteriors(problem.sampled(), &unknown, starts, 50.0, &mut passed).len();
+    assert_eq!(found(&[start.clone(), start.clone()]), 1);
+    assert_eq!(found(&[start]), 0);
 }
 
 proptest! {

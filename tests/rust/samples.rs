@@ -15,6 +15,7 @@ use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
 use regionpose::samples::readings::{Reading, Sight};
 use regionpose::samples::signed_field::SignedField;
+use regionpose::samples::single;
 use regionpose::samples::stretch::{Kind, Outline, Stretch};
 use support::jacobian::differences;
 use support::random::Random;
@@ -318,6 +319,32 @@ proptest! {
             prop_assert!((log_found - log_integral).abs() < 0.1, "{log_found} against {log_integral}");
         }
     }
+}
+
+proptest! {
+    /// Over all that labels ask of functions in single precision.
+    #[test]
+    fn single_precision_is_near_to_double(x in -40.0_f32..40.0, log in -87.0_f32..2.0) {
+        let number = f64::from(log).exp() as f32;
+        let off = |single: f32, double: f64| (f64::from(single) - double).abs();
+        prop_assert!(off(single::cumulative(x), cumulative(f64::from(x))) < 3e-6);
+        prop_assert!(off(single::ln(number), f64::from(number).ln()) < 1e-6 * f64::max(1.0, f64::from(log).abs()));
+        let low = log.min(0.0);
+        let exact = f64::from(low).exp();
+        prop_assert!(off(single::exp(low), exact) < f64::max(1e-6 * exact, 2e-37));
+    }
+}
+
+/// Whatever is out of range goes to the ends of it.
+#[test]
+fn single_precision_ends_where_numbers_do() {
+    let far = [f32::MAX, f32::INFINITY];
+    assert!(
+        far.iter().all(|&x| single::cumulative(x) == 1.0 && single::cumulative(-x) == 0.0 && single::exp(-x) == 0.0)
+    );
+    assert_eq!(single::exp(0.0), 1.0);
+    assert_eq!(single::ln(1.0), 0.0);
+    assert_eq!(single::ln(0.0), single::ln(f32::MIN_POSITIVE));
 }
 
 /// Spacing of the offsets that are integrated over, and their number to either side.

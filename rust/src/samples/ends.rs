@@ -1,20 +1,20 @@
 //! Labels beside one stretch of a contour, by how far it is off at its two ends (`docs/math.md`, section 17, "Stretches").
 
 use std::f64::consts::PI;
-use std::sync::OnceLock;
 
 use nalgebra::{Matrix2, Vector2};
 
 use super::belief::Belief;
-use super::normal::cumulative;
 use super::propagation::{Edge, Label, Trust};
+use super::single;
+use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Ends of a stretch.
 pub const ENDS: usize = 2;
 
 /// Places along each axis at which labels are asked, and how far these reach, in standard deviations of what is found there. With 30
 /// places ellipsoids hold as many poses (`cargo test --test sampled`).
-pub(super) const PLACES: usize = 14;
+pub(super) const PLACES: usize = 16;
 const FARTHEST: f64 = 4.0;
 const SPACING: f64 = 2.0 * FARTHEST / PLACES as f64;
 
@@ -31,10 +31,21 @@ const AS_ROUND: f64 = 0.4;
 const CERTAIN: f64 = 5.0;
 
 /// Labels whose probabilities are multiplied before a logarithm is taken: of 10^-4 each, they are still numbers.
-const OFTEN: usize = 64;
+const OFTEN: usize = 8;
 
-/// Entries of the table of the normal distribution for each deviation.
-const ENTRIES: usize = 256;
+/// One number of each place, row by row.
+type Places<T> = [[T; PLACES]; PLACES];
+
+/// How far each place of a row or column is from the middle, in deviations.
+const FAR: [f64; PLACES] = {
+    let mut far = [0.0; PLACES];
+    let mut place = 0;
+    while place < PLACES {
+        far[place] = (place as f64 + 0.5) * SPACING - FARTHEST;
+        place += 1;
+    }
+    far
+};
 
 /// A label beside a stretch whose ends lie `e` pixels outside of the region's edge: its margin is `margin + weights . e`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,18 +78,19 @@ impl Beside {
 /// Mean and covariance of both ends once all labels are heard, and the logarithm of the labels' probability, where everything else
 /// leaves `before`; looked for about `about` first. `None` where a direction is left free.
 pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> Option<(Belief<ENDS>, f64)> {
+    let information = before.covariance.try_inverse()?;
     let mut about = *about;
     let mut found = None;
     for _ in 0..MOST_GRIDS {
         let root = about.covariance.cholesky()?.unpack();
         let grid = Grid { middle: about.mean, root };
-        let mut logs = grid.log_densities(before)?;
-        grid.hear(labels, &mut logs);
-        let (scaled, log_integral) = grid.moments(&logs);
+        let (scaled, log_integral) =
+            vectorized(Hearing { grid: &grid, labels, mean: &before.mean, information: &information });
         let mean = about.mean + root * scaled.mean;
         let covariance = root * scaled.covariance * root.transpose();
         about = Belief { mean, covariance };
-        found = Some((about, log_integral));
+        let normalizer = (2.0 * PI).ln() + 0.5 * before.covariance.determinant().ln();
+        found = Some((about, log_integral - normalizer));
         let is_near = scaled.mean.amax() < NEAR;
         let is_as_wide = (0..ENDS).all(|axis| AS_WIDE.contains(&scaled.covariance[(axis, axis)]));
         if is_near && is_as_wide && scaled.covariance[(0, 1)].abs() < AS_ROUND {
@@ -94,34 +106,62 @@ struct Grid {
     root: Matrix2<f64>,
 }
 
-/// How far a place is from the middle, in deviations.
-fn far(place: usize) -> f64 {
-    (place as f64 + 0.5) * SPACING - FARTHEST
+/// All labels heard at the places of a grid, where everything else leaves this mean and information.
+struct Hearing<'a> {
+    grid: &'a Grid,
+    labels: &'a [Beside],
+    mean: &'a Vector2<f64>,
+    information: &'a Matrix2<f64>,
+}
+
+impl NullaryFnOnce for Hearing<'_> {
+    /// Mean and covariance along the columns, and the logarithm of the integral.
+    type Output = (Belief<ENDS>, f64);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let (told, always) = self.grid.told(self.labels);
+        let mut logs = self.grid.log_densities(self.mean, self.information);
+        let mut most = [f64::NEG_INFINITY; PLACES];
+        for (logs, told) in logs.iter_mut().zip(&told) {
+            for column in 0..PLACES {
+                logs[column] += f64::from(told[column]);
+                most[column] = if logs[column] > most[column] { logs[column] } else { most[column] };
+            }
+        }
+        let most = most.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (belief, integral) = moments(&logs, most);
+        let area = SPACING * SPACING * self.grid.root.determinant().abs();
+        (belief, most + always + (integral * area).ln())
+    }
 }
 
 impl Grid {
-    /// Logarithm of a density at each place.
-    fn log_densities(&self, before: &Belief<ENDS>) -> Option<Vec<f64>> {
-        let information = before.covariance.try_inverse()?;
-        let normalizer = (2.0 * PI).ln() + 0.5 * before.covariance.determinant().ln();
-        let mut logs = Vec::with_capacity(PLACES * PLACES);
-        for row in 0..PLACES {
+    /// Logarithm of a density at each place, but for its normalizer.
+    #[inline(always)]
+    fn log_densities(&self, mean: &Vector2<f64>, information: &Matrix2<f64>) -> Places<f64> {
+        let way = self.middle - mean;
+        let (at_middle, slope) = (way.dot(&(information * way)), self.root.transpose() * information * way * 2.0);
+        let bend = self.root.transpose() * information * self.root;
+        let mut logs = [[0.0; PLACES]; PLACES];
+        for (row, logs) in logs.iter_mut().enumerate() {
+            let start = at_middle + FAR[row] * (slope.x + FAR[row] * bend.m11);
+            let along = slope.y + 2.0 * FAR[row] * bend.m12;
             for column in 0..PLACES {
-                let way = self.middle + self.root * Vector2::new(far(row), far(column)) - before.mean;
-                logs.push(-0.5 * way.dot(&(information * way)) - normalizer);
+                logs[column] = -0.5 * (start + FAR[column] * (along + FAR[column] * bend.m22));
             }
         }
-        Some(logs)
+        logs
     }
 
-    /// Adds the logarithm of the labels' probability at each place.
-    fn hear(&self, labels: &[Beside], logs: &mut [f64]) {
-        let mut product = [1.0; PLACES * PLACES];
+    /// Logarithm of the labels' probability at each place, and what is common to all.
+    #[inline(always)]
+    fn told(&self, labels: &[Beside]) -> (Places<f32>, f64) {
+        let (mut logs, mut product) = ([[0.0; PLACES]; PLACES], [[1.0; PLACES]; PLACES]);
         let (mut always, mut since) = (0.0, 0);
         for label in labels {
             let deviation = label.deviation();
-            // A zero without its sign: divided by, it tells sides.
-            let slope = (self.root.transpose() * label.weights / deviation).add_scalar(0.0);
+            let slope = self.root.transpose() * label.weights / deviation;
             let middle = (label.margin + label.weights.dot(&self.middle)) / deviation;
             let (least, more) = label.trust.bounds(label.edge);
             let right = least + more;
@@ -129,72 +169,65 @@ impl Grid {
             if middle - FARTHEST * slope.abs().sum() > CERTAIN {
                 continue;
             }
-            let (least, more) = (least / right, more / right);
-            for (row, products) in product.chunks_exact_mut(PLACES).enumerate() {
-                let start = middle + slope.x * far(row);
-                let [certain, doubtful] = [CERTAIN, -CERTAIN].map(|bound| beyond(start, slope.y, bound));
-                // Right beyond the one, wrong beyond the other.
-                let (between, wrong) = match slope.y >= 0.0 {
-                    true => (doubtful..certain, 0..doubtful),
-                    false => (certain..doubtful, doubtful..PLACES),
-                };
-                products[wrong].iter_mut().for_each(|product| *product *= least);
-                for (column, product) in between.clone().zip(&mut products[between]) {
-                    *product *= least + more * tabled(start + slope.y * far(column));
+            let (least, more) = ((least / right) as f32, (more / right) as f32);
+            let reach = FARTHEST * slope.y.abs();
+            for (row, products) in product.iter_mut().enumerate() {
+                let start = middle + slope.x * FAR[row];
+                if start - reach > CERTAIN {
+                    continue;
+                }
+                for column in 0..PLACES {
+                    let margin = start as f32 + slope.y as f32 * FAR[column] as f32;
+                    products[column] *= least + more * single::cumulative(margin);
                 }
             }
             since += 1;
             // A product of many small numbers is out of a number's range.
             if since % OFTEN == 0 {
-                take(logs, &mut product);
+                take(&mut logs, &mut product);
             }
         }
-        take(logs, &mut product);
-        logs.iter_mut().for_each(|log| *log += always);
+        take(&mut logs, &mut product);
+        (logs, always)
     }
+}
 
-    /// Mean and covariance along the columns, and the logarithm of the integral.
-    fn moments(&self, logs: &[f64]) -> (Belief<ENDS>, f64) {
-        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
-        for (number, log) in logs.iter().enumerate() {
-            let weight = (log - most).exp();
-            let place = Vector2::new(far(number / PLACES), far(number % PLACES));
-            all += weight;
-            first += place * weight;
-            second += place * place.transpose() * weight;
+/// Adds the logarithm of each product, which begins anew.
+#[inline(always)]
+fn take(logs: &mut Places<f32>, product: &mut Places<f32>) {
+    for (logs, products) in logs.iter_mut().zip(product) {
+        for column in 0..PLACES {
+            logs[column] += single::ln(products[column]);
+            products[column] = 1.0;
         }
-        let mean = first / all;
-        // A place stands for the area around it.
-        let around = Matrix2::identity() * (SPACING * SPACING / 12.0);
-        let covariance = second / all - mean * mean.transpose() + around;
-        let area = SPACING * SPACING * self.root.determinant().abs();
-        (Belief { mean, covariance }, most + (all * area).ln())
     }
 }
 
-/// The first column from which on `start + slope * far` is beyond a bound, as seen from its other side.
-fn beyond(start: f64, slope: f64, bound: f64) -> usize {
-    let place = ((bound - start) / slope + FARTHEST) / SPACING - 0.5;
-    if place.is_nan() { 0 } else { place.ceil().clamp(0.0, PLACES as f64) as usize }
-}
-
-fn take(logs: &mut [f64], product: &mut [f64]) {
-    for (log, product) in logs.iter_mut().zip(product) {
-        *log += product.ln();
-        *product = 1.0;
+/// Mean and covariance along the columns, and the sum over all places, of what these are the logarithms of, the greatest of which is
+/// `most`.
+#[inline(always)]
+fn moments(logs: &Places<f64>, most: f64) -> (Belief<ENDS>, f64) {
+    // Over the rows, for each column.
+    let (mut sums, mut firsts, mut seconds) = ([0.0_f32; PLACES], [0.0_f32; PLACES], [0.0_f32; PLACES]);
+    for (row, logs) in logs.iter().enumerate() {
+        let far = FAR[row] as f32;
+        for column in 0..PLACES {
+            let weight = single::exp((logs[column] - most) as f32);
+            sums[column] += weight;
+            firsts[column] += weight * far;
+            seconds[column] += weight * far * far;
+        }
     }
-}
-
-/// The normal distribution, to 1e-6.
-fn tabled(x: f64) -> f64 {
-    static TABLE: OnceLock<Vec<f64>> = OnceLock::new();
-    let table = TABLE.get_or_init(|| {
-        let count = 2 * CERTAIN as usize * ENTRIES + 2;
-        (0..count).map(|entry| cumulative(entry as f64 / ENTRIES as f64 - CERTAIN)).collect()
-    });
-    let place = (x.clamp(-CERTAIN, CERTAIN) + CERTAIN) * ENTRIES as f64;
-    let entry = place as usize;
-    let share = place - entry as f64;
-    table[entry] + share * (table[entry + 1] - table[entry])
+    let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+    for column in 0..PLACES {
+        let [sum, by_row, by_both] = [sums[column], firsts[column], seconds[column]].map(f64::from);
+        let far = FAR[column];
+        all += sum;
+        first += Vector2::new(by_row, far * sum);
+        second += Matrix2::new(by_both, far * by_row, far * by_row, far * far * sum);
+    }
+    let mean = first / all;
+    // A place stands for the area around it.
+    let around = Matrix2::identity() * (SPACING * SPACING / 12.0);
+    (Belief { mean, covariance: second / all - mean * mean.transpose() + around }, all)
 }

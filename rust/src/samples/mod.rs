@@ -9,5 +9,6 @@ pub mod posterior;
 pub mod propagation;
 pub mod readings;
 pub mod signed_field;
+pub mod single;
 pub mod stretch;
 pub mod telling;

@@ -131,24 +131,38 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 /// off. All falls from wide to fine: first the blur, with contours that may be grown and stretches that may be off as far as
 /// they ever are, then, with the likeliest blur, how far stretches are off with contours that are ever less grown, but for what
 /// follows on what is hardly likely. A start that is behind the best by more than `hopeless`, in logarithms of the evidence, goes no
-/// farther.
+/// farther, nor does one that comes to where one has `passed`, of these or of earlier ones, with the same setting.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
     led: &[Led],
     hopeless: f64,
+    passed: &mut Passed,
 ) -> Vec<Posterior> {
     let mut all: Vec<_> = led.iter().map(|from| Going::new(regions, others, from)).collect();
     for blur in blurs() {
-        go_on(&mut all, hopeless, |_| Some(Setting { blur, growth: GROWTHS[0], off: OFFS[0] }));
+        go_on(&mut all, hopeless, passed, |_| Some(Setting { blur, growth: GROWTHS[0], off: OFFS[0] }));
     }
     for growth in GROWTHS {
         all.retain_mut(|one| one.go_back().is_some());
         for off in OFFS {
-            go_on(&mut all, hopeless, |one| one.likeliest_with(growth, off));
+            go_on(&mut all, hopeless, passed, |one| one.likeliest_with(growth, off));
         }
     }
     all.into_iter().filter_map(Going::ended).collect()
+}
+
+/// Where starts have been with each setting.
+#[derive(Default)]
+pub struct Passed(Vec<(State, Setting)>);
+
+impl Passed {
+    /// Adds a state; false where one was there already.
+    fn is_new(&mut self, state: &State, setting: Setting) -> bool {
+        let is_new = !self.0.iter().any(|(other, at)| *at == setting && other.is_same(state));
+        self.0.extend(is_new.then_some((*state, setting)));
+        is_new
+    }
 }
 
 /// The blurs with all samples, falling.
@@ -156,22 +170,17 @@ fn blurs() -> impl Iterator<Item = f64> {
     std::iter::successors(Some(SHARP), |blur| Some(blur * STEP)).take_while(|blur| *blur >= FINEST)
 }
 
-/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless or came to where another one
-/// is; where no effort is left, those alone that have not been anywhere yet.
+/// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless or came to where one has
+/// passed; where no effort is left, those alone that have not been anywhere yet.
 fn go_on<F: Fn(&Pose) -> Gaussian>(
     all: &mut Vec<Going<F>>,
     hopeless: f64,
+    passed: &mut Passed,
     next: impl Fn(&Going<F>) -> Option<Setting>,
 ) {
     all.retain_mut(|one| {
         let enough = effort::is_spent() && one.best.is_some();
-        enough || next(one).is_none_or(|setting| one.go_to(setting).is_some())
-    });
-    let mut kept: Vec<State> = Vec::with_capacity(all.len());
-    all.retain(|one| {
-        let is_new = !kept.iter().any(|other| other.is_same(&one.state));
-        kept.extend(is_new.then_some(one.state));
-        is_new
+        enough || next(one).is_none_or(|setting| one.go_to(setting).is_some() && passed.is_new(&one.state, setting))
     });
     let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].most().total_cmp(&all[b].most())) else { return };
     let is_behind = |one: &Going<F>| all[best].most() - one.most() > hopeless && !all[best].may_lead_by_chance(one);

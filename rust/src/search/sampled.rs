@@ -13,7 +13,7 @@ use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
 use crate::samples::labels::{ALIKE, SHARP, leading_step, log_likelihood};
-use crate::samples::posterior::{Led, Posterior, led, posteriors};
+use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -73,10 +73,11 @@ impl Problem {
             let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
-        let mut found = self.posteriors_near(starts, &others);
+        let mut passed = Passed::default();
+        let mut found = self.posteriors_near(starts, &[], &others, &mut passed);
         if !found.iter().any(is_found) {
             let further = further_poses(self, &single_region_poses(self, &mut Alone::default()));
-            found.extend(self.posteriors_near(&further, &others));
+            found.extend(self.posteriors_near(&further, &[], &others, &mut passed));
         }
         let mut looked = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
@@ -88,23 +89,24 @@ impl Problem {
             let misfit = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
             let turned = turned_about(self, &best, misfit, HOPELESS);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
-            found.extend(self.further_posteriors(&starts, &found, &others));
+            found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
             looked = Some(best);
         }
         let found = answers(found);
         let Some(best) = found.first().cloned() else { return found };
         let is_alike = |posterior: &Posterior| best.against(posterior, self.sampled()) <= ALIKE;
-        let around = |posterior| if is_alike(&posterior) { self.with_modes(posterior, &others) } else { posterior };
-        found.into_iter().map(around).collect()
+        let mut around =
+            |posterior| if is_alike(&posterior) { self.with_modes(posterior, &others, &mut passed) } else { posterior };
+        found.into_iter().map(&mut around).collect()
     }
 
     /// A posterior with all that the samples lead to from its sigma points. Where they contradict a pose, which of them are wrong
     /// and which stretches are off depends on where it was looked for from.
-    fn with_modes(&self, posterior: Posterior, others: &impl Fn(&Pose) -> Gaussian) -> Posterior {
+    fn with_modes(&self, posterior: Posterior, others: &impl Fn(&Pose) -> Gaussian, passed: &mut Passed) -> Posterior {
         if effort::is_spent() || posterior.wrong.iter().all(|&wrong| wrong == 0.0) {
             return posterior;
         }
-        let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS);
+        let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS, passed);
         modes.push(posterior.clone());
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
         // What lies farther is another answer, if one at all.
@@ -113,17 +115,13 @@ impl Problem {
         posterior.over_modes(&modes, self.sampled())
     }
 
-    /// The posteriors of the likeliest starts.
-    fn posteriors_near(&self, starts: &[Pose], others: &impl Fn(&Pose) -> Gaussian) -> Vec<Posterior> {
-        self.further_posteriors(starts, &[], others)
-    }
-
     /// The posteriors of the likeliest starts, but of those that some of the samples lead to a place that is found already.
-    fn further_posteriors(
+    fn posteriors_near(
         &self,
         starts: &[Pose],
         found: &[Posterior],
         others: &impl Fn(&Pose) -> Gaussian,
+        passed: &mut Passed,
     ) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
         let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
@@ -137,7 +135,7 @@ impl Problem {
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_PLACE);
         let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
         let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
-        posteriors(regions, others, &likely, 2.0 * HOPELESS)
+        posteriors(regions, others, &likely, 2.0 * HOPELESS, passed)
     }
 
     /// The contours of the regions without samples.
