@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -53,15 +52,6 @@ class Pixels(NamedTuple):
     format: str | None
 
 
-class PictureHeader(NamedTuple):
-    """What a picture's header says, sizes in pixels."""
-
-    width: int
-    height: int
-    mode: str
-    format: str | None
-
-
 def most_bytes(path: Path) -> int:
     """Bytes to which a file may unfold in memory."""
     return max(FREE_BYTES, MOST_RATIO * path.stat().st_size)
@@ -83,26 +73,13 @@ def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, cont
     FileError where it is damaged, none, or larger than twice `PIL.Image.MAX_IMAGE_PIXELS`, which raises the limit, or
     than its file makes likely. FileNotFoundError.
     """
-    with _opened(path, per_pixel, content) as picture:
-        values = np.array(picture if mode is None else picture.convert(mode))
-        return Pixels(values, picture.mode, picture.format)
-
-
-def picture_header(path: Path) -> PictureHeader:
-    """What an image file's header says; errors as of `read_pixels`."""
-    with _opened(path, 1) as picture:
-        return PictureHeader(picture.width, picture.height, picture.mode, picture.format)
-
-
-@contextmanager
-def _opened(path: Path, per_pixel: int, content: IO[bytes] | None = None) -> Iterator[Image.Image]:
-    """A picture whose pixels fit the budget; whatever fails inside is the file's fault."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path if content is None else content) as picture:
                 _check_pixels(path, picture, per_pixel)
-                yield picture
+                values = np.array(picture if mode is None else picture.convert(mode))
+                return Pixels(values, picture.mode, picture.format)
     except (FileNotFoundError, FileError):
         raise
     # Damage shows as errors of every type, and without the file's name.

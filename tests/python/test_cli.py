@@ -361,7 +361,8 @@ def test_info_reads_results_and_refuses_the_rest(
     code, said, _ = run(capsys, "info", demo_out / "result.json", "--json")
     assert code == 0 and json.loads(said)["regions"][0] == "door"
     (tmp_path / "note.yaml").write_text("hello", encoding="utf-8")
-    for path in (tmp_path / "note.yaml", tmp_path / "nowhere.ply", tmp_path):
+    (tmp_path / "cut.jpg").write_bytes((demo_folder() / "image.jpg").read_bytes()[:5000])
+    for path in (tmp_path / "note.yaml", tmp_path / "cut.jpg", tmp_path / "nowhere.ply", tmp_path):
         code, said, err = run(capsys, "info", path)
         assert (code, said) == (2, "") and err.count("\n") == 1 and str(path) in err
 

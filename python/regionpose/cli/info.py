@@ -123,9 +123,10 @@ def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:
 
 
 def _image_facts(path: Path) -> Facts:
-    from regionpose.reading import picture_header
+    from regionpose.reading import read_pixels
 
-    width, height, mode, form = picture_header(path)
+    values, mode, form = read_pixels(path)
+    height, width = values.shape[:2]
     return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
 
 

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
@@ -216,6 +217,4 @@ def _outline(grid: Array, corners: Array) -> Array:
 
 def _holds(outline: Array, place: Array) -> bool:
     """Whether a place (2,) is inside an outline (n, 2)."""
-    import shapely
-
     return bool(shapely.contains_xy(shapely.Polygon(outline).buffer(0), *place))

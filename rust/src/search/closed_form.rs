@@ -1,20 +1,16 @@
 //! Poses to start from: the closed form that needs no prior, and the paper's own start.
 
-use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
 use nalgebra::{Complex, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
+use super::turns::{ANGLES, TURN, least};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::moments::plane::planar_moments;
 use crate::moments::shape::{NormalizedShape, SHAPE_ORDERS, centroid};
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::chart::Chart;
-
-/// Angles over a full turn at which shapes are compared: 5 degrees apart, a ninth of the shortest period that moments of order 8 can
-/// have, and of that of an eightfold symmetry.
-pub(super) const ANGLES: usize = 72;
 
 /// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
 ///
@@ -195,25 +191,23 @@ impl Difference {
     }
 
     fn local_minima(&self) -> Vec<Turn> {
-        let step = TAU / ANGLES as f64;
         let table = &*UNIT_CIRCLE;
         let samples: [f64; ANGLES] =
             std::array::from_fn(|k| self.at((1..=WINDINGS).map(|winding| table[k * winding % ANGLES])));
         let at = |k: usize| samples[k % ANGLES];
-        let is_least = |&k: &usize| at(k) <= at(k + ANGLES - 1) && at(k) < at(k + 1);
         let refined = |k: usize| {
             let (before, here, after) = (at(k + ANGLES - 1), at(k), at(k + 1));
             let curvature = before - 2.0 * here + after;
             let shift = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
-            Turn { angle: (k as f64 + shift) * step, mirrored: self.mirrored }
+            Turn { angle: (k as f64 + shift) * TURN, mirrored: self.mirrored }
         };
-        (0..ANGLES).filter(is_least).map(refined).collect()
+        least(&samples).into_iter().map(refined).collect()
     }
 }
 
 /// `e^(i angle)` of the angles at which shapes are compared.
 static UNIT_CIRCLE: LazyLock<[Complex<f64>; ANGLES]> =
-    LazyLock::new(|| std::array::from_fn(|k| Complex::cis(TAU * k as f64 / ANGLES as f64)));
+    LazyLock::new(|| std::array::from_fn(|k| Complex::cis(k as f64 * TURN)));
 
 fn slices(outline: &PlaneRings) -> impl Iterator<Item = &[Vector2<f64>]> {
     outline.rings().iter().map(Vec::as_slice)

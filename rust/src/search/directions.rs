@@ -4,13 +4,11 @@
 //! No outline has to be whole for it, nor the same on both sides: a part that is missing turns a region's direction by
 //! a share of its size only.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
-use super::closed_form::ANGLES;
 use super::moments::STARTS_PER_REGION;
 use super::poses::sorted;
+use super::turns::least_turns;
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -44,7 +42,7 @@ pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize) -> Vec<Pos
     }
     directions.extend(upright(prior));
     let Some(rotation) = best_rotation(&directions) else { return Vec::new() };
-    let turned = free_axis(&directions).map(|axis| least_turns(problem, &rotation, &axis, &place, step));
+    let turned = free_axis(&directions).map(|axis| least_poses(problem, &rotation, &axis, &place, step));
     std::iter::once(standing(rotation, &place)).chain(turned.into_iter().flatten()).collect()
 }
 
@@ -108,7 +106,7 @@ fn free_axis(directions: &[Direction]) -> Option<Unit<Vector3<f64>>> {
 
 /// Poses turned about an axis of the camera's at which the regions lie nearer to their contours than at the turns
 /// beside, the nearest first.
-fn least_turns(
+fn least_poses(
     problem: &Problem,
     rotation: &Rotation3<f64>,
     axis: &Unit<Vector3<f64>>,
@@ -116,13 +114,7 @@ fn least_turns(
     step: usize,
 ) -> Vec<Pose> {
     let sketch = Sketch::new(problem.contours(), step);
-    let turned = |turn: usize| {
-        let angle = TAU * turn as f64 / ANGLES as f64;
-        standing(Rotation3::from_axis_angle(axis, angle) * rotation, place)
-    };
-    let misfits: Vec<f64> = (0..ANGLES).map(|turn| sketch.misfit(&turned(turn))).collect();
-    let at = |turn: usize| misfits[turn % ANGLES];
-    let is_least = |&turn: &usize| at(turn) <= at(turn + ANGLES - 1) && at(turn) < at(turn + 1);
-    let least = sorted((0..ANGLES).filter(is_least).map(|turn| (at(turn), turned(turn))).collect());
-    least.into_iter().take(STARTS_PER_REGION).map(|(_, pose)| pose).collect()
+    let turned = |angle: f64| standing(Rotation3::from_axis_angle(axis, angle) * rotation, place);
+    let least = sorted(least_turns(|angle| sketch.misfit(&turned(angle))));
+    least.into_iter().take(STARTS_PER_REGION).map(|(_, angle)| turned(angle)).collect()
 }

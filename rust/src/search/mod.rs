@@ -11,3 +11,4 @@ pub mod p3p;
 pub mod poses;
 pub mod sampled;
 pub mod symmetry;
+mod turns;

@@ -6,9 +6,9 @@
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
 use super::candidates::HOPELESS;
-use super::closed_form::ANGLES;
 use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
+use super::turns::{TURN, least_turns};
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -47,7 +47,7 @@ pub(super) fn turned_about(
     let drawings = drawings(problem, pose);
     let found = drawings
         .iter()
-        .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_turns(misfit, drawing, behind, pose)));
+        .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_poses(misfit, drawing, behind, pose)));
     let most = misfit(pose) + worse;
     let found = sorted(found.filter(|(misfit, _)| *misfit < most).collect());
     found.into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
@@ -98,17 +98,11 @@ impl Drawing {
 }
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
-fn least_turns(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
-    let step = 2.0 * std::f64::consts::PI / ANGLES as f64;
+fn least_poses(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
     let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
-    let misfits: Vec<f64> = (0..ANGLES).map(|index| misfit_at(step * index as f64)).collect();
-    let is_least = |&index: &usize| {
-        let (before, after) = (misfits[(index + ANGLES - 1) % ANGLES], misfits[(index + 1) % ANGLES]);
-        misfits[index].is_finite() && misfits[index] <= before && misfits[index] < after
-    };
-    let others = (usize::from(!behind)..ANGLES).filter(is_least);
-    let near = |index: usize| least_near(misfit_at, (misfits[index], step * index as f64), step);
-    others.map(near).map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
+    let others = least_turns(misfit_at).into_iter().filter(|(_, angle)| behind || *angle != 0.0);
+    let near = others.map(|least| least_near(misfit_at, least, TURN));
+    near.map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }
 
 /// The least value near an angle and where it is, by steps of half the size each.
