@@ -10,6 +10,8 @@ alternate between all rows and their references:
     bitten     the batch, a notch of 5 % of its area cut out of each image outline
     masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand
     from_mask  tracing such a mask, over `cv2.findContours` on it
+    samples    the batch on scans of 64 beams, whose regions are known by all beams as samples, over the outlines of the
+               same scans' points
 
     python benchmarks/speed.py [--rows batch single ...] [--scenes 20] [--rounds 11]
 """
@@ -19,7 +21,9 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
+import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import cv2
@@ -30,8 +34,9 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.evaluation import perspective_scene, perspective_setup
 from regionpose.evaluation.setups import perspective_camera
-from regionpose.evaluation.studies.conditions import Condition
+from regionpose.evaluation.studies.conditions import Condition, Scan
 from regionpose.evaluation.studies.problems import draw_problem
+from regionpose.regions.outline import SparseSamplingWarning
 from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
@@ -51,6 +56,9 @@ VERTEX_NOISE = 0.5
 
 MASK_ERRORS = 0.2
 """Share of a mask's area that errors along its boundary change."""
+
+BEAMS, RANGE_NOISE_M = 64, 0.01
+"""Beams of a scan and the error along them: those of most rows of the study `lidar`."""
 
 MASKS = 8
 """Masks that are traced in a round: together they are larger than a processor's cache."""
@@ -121,11 +129,23 @@ def noisy(ring: Array) -> Array:
     return ring + random.normal(scale=VERTEX_NOISE, size=ring.shape)
 
 
+def drawn(condition: Condition, seeds: Sequence[int]) -> list[Problem]:
+    """Problems as the studies draw them."""
+    problems = [draw_problem(perspective_setup(), condition, seed) for seed in seeds]
+    return [(problem.camera, problem.image_regions, problem.world_regions) for problem in problems]
+
+
 def masked(seeds: Sequence[int]) -> list[Problem]:
-    """Problems on masks with errors, as the studies draw them."""
-    condition = Condition(planes=REGIONS, noise=MASK_ERRORS)
-    drawn = [draw_problem(perspective_setup(), condition, seed) for seed in seeds]
-    return [(problem.camera, problem.image_regions, problem.world_regions) for problem in drawn]
+    """Problems on masks with errors."""
+    return drawn(Condition(planes=REGIONS, noise=MASK_ERRORS), seeds)
+
+
+def scanned(seeds: Sequence[int], scan: Scan) -> list[Problem]:
+    """Problems of a lidar, by all beams as samples or by outlines of the regions' points."""
+    setting = Condition(planes=REGIONS, templates="asymmetric", lidar_beams=BEAMS, range_noise_m=RANGE_NOISE_M)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SparseSamplingWarning)
+        return drawn(replace(setting, scan=scan), seeds)
 
 
 def whole_masks(seeds: Sequence[int]) -> list[NDArray[Any]]:
@@ -134,9 +154,9 @@ def whole_masks(seeds: Sequence[int]) -> list[NDArray[Any]]:
     return [region.mask.full() for region in regions if region.mask is not None]
 
 
-def batch(problems: Sequence[Problem]) -> Row:
+def batch(problems: Sequence[Problem], reference: str = "solvePnP") -> Row:
     """The batch on one thread."""
-    return Row(lambda: rp.estimate_poses(problems, threads=1), len(problems), "solvePnP")
+    return Row(lambda: rp.estimate_poses(problems, threads=1), len(problems), reference)
 
 
 def single(problems: Sequence[Problem]) -> Row:
@@ -163,7 +183,7 @@ def contours(masks: Sequence[NDArray[Any]]) -> Row:
     return Row(lambda: [cv2.findContours(mask, *kind) for mask in pixels], len(pixels), "")
 
 
-ROWS = ("batch", "noisy", "single", "bitten", "masks", "from_mask")
+ROWS = ("batch", "noisy", "single", "bitten", "masks", "from_mask", "samples")
 
 
 def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row], dict[str, Row]]:
@@ -177,10 +197,15 @@ def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row],
         "bitten": lambda: batch([scene.problem(bitten) for scene in scenes]),
         "masks": lambda: batch(masked(seeds)),
         "from_mask": lambda: traced(masks),
+        "samples": lambda: batch(scanned(seeds, "samples"), "outlines"),
     }
     rows = {name: make[name]() for name in ROWS if name in names}
-    references = {"solvePnP": pnp(scenes), "findContours": contours(masks)}
-    return rows, {name: references[name] for name in {row.reference for row in rows.values()}}
+    references: dict[str, Callable[[], Row]] = {
+        "solvePnP": lambda: pnp(scenes),
+        "findContours": lambda: contours(masks),
+        "outlines": lambda: batch(scanned(seeds, "outline")),
+    }
+    return rows, {name: references[name]() for name in {row.reference for row in rows.values()}}
 
 
 def milliseconds(row: Row) -> float:
