@@ -21,7 +21,7 @@ const OFFS: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
 /// The same of how far contours are grown, by quarters: that is one number of a whole contour, which tells its scale no closer.
 const GROWTHS: [f64; 3] = [3.2, 0.8, 0.2];
 
-/// Logarithm of odds from which a setting that is farther on tells nothing.
+/// Logarithm of odds from which a setting that is farther on, or a linearization that reaches farther, tells nothing.
 const NOTHING: f64 = 10.0;
 
 /// Squared distance of two states, in variances of both together, and difference of their logarithms of evidence, up to which they are
@@ -180,7 +180,12 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
 ) {
     all.retain_mut(|one| {
         let enough = effort::is_spent() && one.best.is_some();
-        enough || next(one).is_none_or(|setting| one.go_to(setting).is_some() && passed.is_new(&one.state, setting))
+        enough
+            || next(one).is_none_or(|setting| match one.go_to(setting) {
+                Some(()) => passed.is_new(&one.state, setting),
+                // What leaves nothing with this setting is still where it was likeliest.
+                None => one.go_back().is_some(),
+            })
     });
     let Some(best) = (0..all.len()).max_by(|&a, &b| all[a].most().total_cmp(&all[b].most())) else { return };
     let is_behind = |one: &Going<F>| all[best].most() - one.most() > hopeless && !all[best].may_lead_by_chance(one);
@@ -288,9 +293,13 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn ended(mut self) -> Option<Posterior> {
         let setting = self.go_back()?;
         let likeliest = self.state;
-        let mut last = self.samples.settled(likeliest, setting, LAST_ROUNDS, true)?;
-        last.log_evidence =
-            if last.is_settled { last.log_evidence + setting.log_prior() } else { likeliest.log_evidence };
+        let last = match self.over_belief(setting) {
+            Some(last) => last,
+            None => {
+                self.go_back()?;
+                likeliest
+            }
+        };
         let wrong = self.samples.wrong(&last, setting);
         let is_other =
             |(state, other): &&(State, Setting)| state.is_settled && other.blur == setting.blur && *other != setting;
@@ -303,6 +312,15 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let trust = self.samples.trust.clone();
         Some(Posterior { pose, covariance, blur: setting.blur, wrong, trust, compared })
+    }
+
+    /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so
+    /// much less likely that margins bend by more over the belief than their lines say.
+    fn over_belief(&mut self, setting: Setting) -> Option<State> {
+        let last = self.samples.settled(self.state, setting, LAST_ROUNDS, true)?;
+        let log_evidence = last.log_evidence + setting.log_prior();
+        let is_found = last.is_settled && self.state.log_evidence - log_evidence <= NOTHING;
+        is_found.then_some(State { log_evidence, ..last })
     }
 }
 
