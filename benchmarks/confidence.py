@@ -2,8 +2,9 @@
 
 Draws problems of every noise model, mistake and camera, and scans with wrong labels, solves them, and fits the
 probability that the pose, or one that fits alike, is within 5 deg of the truth to what the fit shows (docs/math.md,
-section 15). Prints the weights for rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted
-to the others. The seeds are other ones than those of any table: they begin at a million.
+section 15), of poses from outlines and of those from samples apart. Prints the weights for
+rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
+ones than those of any table: they begin at a million.
 
     python benchmarks/confidence.py [--scenes 80] [--workers 2] [--keep FILE]
 """
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.estimation.sides import observed_regions
 from regionpose.evaluation.measures import rotation_error
-from regionpose.evaluation.studies.conditions import Condition, Mistake, NoiseModel
+from regionpose.evaluation.studies.conditions import Condition, Cut, Mistake, NoiseModel
 from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
 from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.problems import StudyProblem
@@ -35,54 +36,55 @@ from scipy.special import erf, expit
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-FEATURES = (
-    "1",
-    "ln rotation sigma",
-    "whole",
-    "ln scatter",
-    "contradicted regions",
-    "wrong labels",
-    "several regions",
-    "ambiguous",
-)
+COMMON = ("1", "ln rotation sigma", "several regions")
+FEATURES = {
+    "outlines": (*COMMON, "ambiguous", "whole", "ln scatter", "contradicted regions"),
+    "samples": (*COMMON, "unseen", "wrong labels", "ln growth"),
+}
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
 RIDGE = 1e-3
 """Keeps a weight finite that no problem speaks against."""
 MISLABELED = (0.03, 0.1)
 """Shares of wrong labels, as in the study `lidar`: scans of real scenes have some at right poses, too."""
+CUTS: tuple[Cut, ...] = ("scanner", "box")
+"""What of a region a scanner does not see, as there: it makes some poses wrong and leaves others right."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A camera, and what is wrong: a noise model of the study `trust`, labels of its scan besides, or a mistake."""
+    """A camera, and what is wrong: a noise model of the study `trust`, labels or a part of its scan, or a mistake."""
 
     camera: str
     model: NoiseModel | None = None
     mistake: Mistake | None = None
     mislabeled: float = 0.0
+    cut: Cut = "none"
 
     def draw(self, seed: int) -> StudyProblem:
         """The problem of a seed."""
         setup = benchmark_setups()[self.camera]
         if self.mistake is not None:
             return draw_mistaken_problem(setup, Condition(camera=self.camera, mistake=self.mistake), seed)
-        drawn = Condition(camera=self.camera, model=self.model or "exact", mislabeled=self.mislabeled)
+        model = self.model or "exact"
+        drawn = Condition(camera=self.camera, model=model, mislabeled=self.mislabeled, cut=self.cut)
         return draw_mixed_problem(setup, drawn, seed)
 
     @property
     def name(self) -> str:
         """What is wrong."""
         labels = f", {100.0 * self.mislabeled:.0f} % mislabeled" if self.mislabeled else ""
-        return f"model {self.model}{labels}" if self.mistake is None else f"mistake {self.mistake}"
+        cut = f", cut by the {self.cut}" if self.cut != "none" else ""
+        return f"model {self.model}{labels}{cut}" if self.mistake is None else f"mistake {self.mistake}"
 
 
 def kinds() -> list[Kind]:
-    """All noise models, scans with wrong labels as in the study `lidar`, and all mistakes, with both cameras."""
+    """All noise models, scans with wrong labels or cut as in the study `lidar`, all mistakes, with both cameras."""
     cameras = ("perspective", "omnidirectional")
     models = [Kind(camera, model=m) for camera, m in itertools.product(cameras, typing.get_args(NoiseModel))]
     labels = [Kind(camera, model="lidar", mislabeled=share) for camera, share in itertools.product(cameras, MISLABELED)]
+    cuts = [Kind(camera, model="lidar", cut=cut) for camera, cut in itertools.product(cameras, CUTS)]
     mistakes = [Kind(camera, mistake=m) for camera, m in itertools.product(cameras, typing.get_args(Mistake))]
-    return [*models, *labels, *mistakes]
+    return [*models, *labels, *cuts, *mistakes]
 
 
 @dataclass(frozen=True)
@@ -173,20 +175,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=80, help="problems of each camera and kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--keep", type=Path, help="write features, confidences and outcomes to this .npz file")
+    parser.add_argument("--keep", type=Path, help="write kinds, features, confidences and outcomes beside this .npz file, by source")
     options = parser.parse_args()
     rows = outcomes(options.scenes, options.workers)
-    features = np.array([row.evidence for row in rows])
-    found = np.array([float(row.found) for row in rows])
-    now = np.array([row.stated for row in rows])
-    if options.keep is not None:
-        np.savez(options.keep, features=features, stated=now, found=found)
-    print(f"{len(rows)} problems, {100.0 * found.mean():.1f} % of them found; each kind by the weights of all others:")
-    others = left_out([row.kind for row in rows], features, found)
-    for name, weight in zip(FEATURES, fitted(features, found), strict=True):
-        print(f"{weight:8.4f}  {name}")
-    print(f"log loss, each kind left out: {log_loss(others, found):.4f}; by the weights that are built in:")
-    print_bins(now, found)
+    for source, names in FEATURES.items():
+        own = [row for row in rows if len(row.evidence) == len(names)]
+        features = np.array([row.evidence for row in own])
+        found = np.array([float(row.found) for row in own])
+        now = np.array([row.stated for row in own])
+        if options.keep is not None:
+            kinds = np.array([row.kind for row in own])
+            file = options.keep.with_stem(f"{options.keep.stem}-{source}")
+            np.savez(file, kinds=kinds, features=features, stated=now, found=found)
+        print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found; each kind by the weights of all others:")
+        others = left_out([row.kind for row in own], features, found)
+        for name, weight in zip(names, fitted(features, found), strict=True):
+            print(f"{weight:8.4f}  {name}")
+        print(f"log loss, each kind left out: {log_loss(others, found):.4f}; by the weights that are built in:")
+        print_bins(now, found)
 
 
 if __name__ == "__main__":

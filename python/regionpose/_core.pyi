@@ -330,7 +330,7 @@ class Estimate:
 
     @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (8,) (docs/math.md, eq. 15.2)."""
+        """What the confidence is computed from, (7,) of outlines or (6,) of samples (docs/math.md, eq. 15.2)."""
 
     @property
     def alternatives(self) -> list[Solution]:

@@ -4,31 +4,38 @@ use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use regionpose::Pose;
 use regionpose::contour::votes::Vote;
-use regionpose::verdict::confidence::Evidence;
+use regionpose::verdict::confidence::{Evidence, Shown};
 use regionpose::verdict::shares::{shares, together};
 
 const GOOD: Evidence = Evidence {
     rotation_sigma: 0.01,
-    whole: true,
-    scatter: 0.25,
-    contradicted: 0,
-    wrong: 0.0,
     regions: 3,
-    ambiguous: false,
+    shown: Shown::Outlines { ambiguous: false, whole: true, scatter: 0.25, contradicted: 0 },
 };
 
-const BAD: Evidence = Evidence { rotation_sigma: 8.0, whole: false, scatter: 10.0, regions: 1, ..GOOD };
+const BAD: Evidence = Evidence {
+    rotation_sigma: 8.0,
+    regions: 1,
+    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 10.0, contradicted: 0 },
+};
+
+const SAMPLED: Evidence = Evidence { shown: Shown::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
+
+const HALF_SEEN: Evidence =
+    Evidence { rotation_sigma: 3.0, regions: 1, shown: Shown::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 } };
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
     assert!(GOOD.probability() > 0.99, "{}", GOOD.probability());
     assert!(BAD.probability() < 0.5, "{}", BAD.probability());
+    assert!(SAMPLED.probability() > 0.99, "{}", SAMPLED.probability());
+    assert!(HALF_SEEN.probability() < 0.6, "{}", HALF_SEEN.probability());
 }
 
 #[test]
 fn a_direction_that_is_free_has_a_finite_confidence() {
-    for sigma in [f64::INFINITY, f64::NAN] {
-        let evidence = Evidence { rotation_sigma: sigma, ..GOOD };
+    for (sigma, good) in [f64::INFINITY, f64::NAN].into_iter().flat_map(|sigma| [(sigma, GOOD), (sigma, SAMPLED)]) {
+        let evidence = Evidence { rotation_sigma: sigma, ..good };
         assert!(evidence.features().iter().all(|feature| feature.is_finite()));
         assert!((0.0..0.1).contains(&evidence.probability()), "{}", evidence.probability());
     }
@@ -70,15 +77,42 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
 proptest! {
     #[test]
     fn it_is_a_probability_that_falls_with_the_uncertainty(
-        sigma in 1e-4..50.0_f64, factor in 1.0..20.0_f64, scatter in 0.25..20.0_f64, whole in proptest::bool::ANY,
-        contradicted in 0..4_usize, wrong in 0.0..0.5_f64, more in 0.0..0.5_f64, regions in 1..9_usize,
-        ambiguous in proptest::bool::ANY,
+        rotation_sigma in 1e-4..50.0_f64, factor in 1.0..20.0_f64, regions in 1..9_usize, shown in shown(),
     ) {
-        let evidence = Evidence { rotation_sigma: sigma, whole, scatter, contradicted, wrong, regions, ambiguous };
-        let wider = Evidence { rotation_sigma: sigma * factor, ..evidence };
+        let evidence = Evidence { rotation_sigma, regions, shown };
+        let wider = Evidence { rotation_sigma: rotation_sigma * factor, ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());
-        let worse = Evidence { wrong: wrong + more, ambiguous: true, ..evidence };
-        prop_assert!(worse.probability() <= evidence.probability());
     }
+
+    /// Other answers, scatter, wrong labels, contours that are grown and parts that the scanner did not see make it less.
+    #[test]
+    fn it_falls_with_what_speaks_against_the_pose(
+        rotation_sigma in 1e-4..50.0_f64, regions in 1..9_usize, shown in shown(), more in 0.0..0.5_f64,
+    ) {
+        let worse = match shown {
+            Shown::Outlines { scatter, contradicted, .. } => {
+                Shown::Outlines { ambiguous: true, whole: false, scatter: scatter + more, contradicted }
+            }
+            Shown::Samples { unseen, wrong, growth } => {
+                Shown::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
+            }
+        };
+        let evidence = Evidence { rotation_sigma, regions, shown };
+        let other = Evidence { shown: worse, ..evidence };
+        prop_assert!(other.probability() <= evidence.probability());
+    }
+}
+
+/// What outlines or samples may show.
+fn shown() -> impl Strategy<Value = Shown> {
+    let outlines = (proptest::bool::ANY, proptest::bool::ANY, 0.25..20.0_f64, 0..4_usize);
+    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted)| Shown::Outlines {
+        ambiguous,
+        whole,
+        scatter,
+        contradicted,
+    });
+    let samples = (0.0..0.5_f64, 0.0..0.5_f64, 0.2..3.2_f64);
+    prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| Shown::Samples { unseen, wrong, growth })]
 }

@@ -34,7 +34,16 @@ impl OverlapAreas {
     ///
     /// 0 for equal regions; 1 plus the ratio of the areas for regions apart; NaN without an observed region.
     pub fn error(&self) -> f64 {
-        (self.only_observed + self.only_predicted) / (self.intersection + self.only_observed)
+        (self.only_observed + self.only_predicted) / self.observed()
+    }
+
+    /// Share of the observed region that the predicted one leaves open.
+    pub fn uncovered(&self) -> f64 {
+        self.only_observed / self.observed()
+    }
+
+    fn observed(&self) -> f64 {
+        self.intersection + self.only_observed
     }
 }
 

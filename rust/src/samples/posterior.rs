@@ -42,6 +42,8 @@ pub struct Posterior {
     pub covariance: Matrix6<f64>,
     /// The likeliest blur of single labels, pixels.
     pub blur: f64,
+    /// How far contours are likeliest grown, as a standard deviation, pixels.
+    pub growth: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
     /// How far the labels of each region are trusted.
@@ -311,7 +313,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let trust = self.samples.trust.clone();
-        Some(Posterior { pose, covariance, blur: setting.blur, wrong, trust, compared })
+        Some(Posterior { pose, covariance, blur: setting.blur, growth: setting.growth, wrong, trust, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so

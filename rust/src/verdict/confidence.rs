@@ -10,8 +10,12 @@ use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 
-/// Weights of [`Evidence::features`], of a logistic regression on the synthetic problems of `benchmarks/confidence.py --scenes 240`.
-const WEIGHTS: [f64; 8] = [0.114, -0.849, 1.371, -0.967, 1.124, -8.550, 0.814, -1.156];
+/// Weights of [`Evidence::features`] of a pose from outlines, of a logistic regression on the synthetic problems of
+/// `benchmarks/confidence.py --scenes 160`.
+const OUTLINES: [f64; 7] = [-0.146, -0.714, 0.785, -1.441, 1.405, -1.301, 1.498];
+
+/// The same of a pose from samples.
+const SAMPLES: [f64; 6] = [1.791, -0.433, 2.681, -2.998, -6.174, -0.701];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
@@ -24,70 +28,85 @@ pub(super) const RIGHT: f64 = 5.0;
 pub struct Evidence {
     /// Largest standard deviation of the rotation about any axis, degrees.
     pub rotation_sigma: f64,
-    /// Whether nothing had to be given up: the moments of the whole regions decided, no part of them being disturbed so much that
-    /// the contours had to; or samples did, which need no whole outline.
-    pub whole: bool,
-    /// Scatter of the clean pieces of the contours, or the blur of samples, pixels.
-    pub scatter: f64,
-    /// Number of regions whose contours contradict the pose: the disturbance is theirs, and the others are the less disturbed.
-    pub contradicted: usize,
-    /// Share of the samples near a region's contour that lie on its wrong side, the mean of the regions that have any; or 0.
-    pub wrong: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,
-    /// Whether other poses fit as well: where several do, one that was not found may, too.
-    pub ambiguous: bool,
+    /// What else, as the pose is from outlines or from samples.
+    pub shown: Shown,
+}
+
+/// What outlines or samples show of a pose beside its noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shown {
+    /// By the pieces of contours.
+    Outlines {
+        /// Whether other poses fit as well: where several do, one that was not found may, too.
+        ambiguous: bool,
+        /// Whether nothing had to be given up: the moments of the whole regions decided, no part of them being disturbed so much
+        /// that the contours had to.
+        whole: bool,
+        /// Scatter of the clean pieces of the contours, pixels.
+        scatter: f64,
+        /// Number of regions whose contours contradict the pose: the disturbance is theirs, and the others are the less disturbed.
+        contradicted: usize,
+    },
+    /// By the labels of samples.
+    Samples {
+        /// Share of an observed region that the outline of its samples leaves open, the mean of the regions that have any: what the
+        /// scanner did not see contradicts no pose.
+        unseen: f64,
+        /// Share of the samples near a region's contour that lie on its wrong side, the mean of the same.
+        wrong: f64,
+        /// How far contours are grown, pixels.
+        growth: f64,
+    },
 }
 
 impl Evidence {
     /// The evidence of contours at a pose, and of the pose's covariance; `whole` where the pose is that of the moments.
-    pub fn new(fit: &ContourFit, covariance: &Matrix6<f64>, whole: bool) -> Self {
-        Self {
-            rotation_sigma: rotation_sigma(covariance),
-            whole,
-            scatter: fit.mixture.sigma,
-            contradicted: count(&contradicted(fit)),
-            wrong: 0.0,
-            regions: count(&log_odds(fit).iter().map(|&odds| odds >= 0.0).collect::<Vec<_>>()),
-            ambiguous: false,
-        }
+    pub fn from_outlines(fit: &ContourFit, covariance: &Matrix6<f64>, whole: bool, ambiguous: bool) -> Self {
+        let shown =
+            Shown::Outlines { ambiguous, whole, scatter: fit.mixture.sigma, contradicted: count(&contradicted(fit)) };
+        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belonging(fit)), shown }
     }
 
-    /// The same with the regions' samples in place of their contours: the blur as scatter, and the wrong labels.
-    pub fn with_samples(self, posterior: &Posterior, sampled: &[SampledRegion], fit: &ContourFit) -> Self {
-        let mut contradicted = contradicted(fit);
-        let mut belong: Vec<bool> = log_odds(fit).iter().map(|&odds| odds >= 0.0).collect();
+    /// The evidence of samples, and of the contours of regions that have none, as `fit` at the pose; `unseen` of each region with
+    /// samples.
+    pub fn from_samples(
+        posterior: &Posterior,
+        sampled: &[SampledRegion],
+        fit: &ContourFit,
+        covariance: &Matrix6<f64>,
+        unseen: &[f64],
+    ) -> Self {
+        let mut belong = belonging(fit);
         for (region, &wrong) in sampled.iter().zip(&posterior.wrong) {
-            contradicted[region.index()] = false;
             belong[region.index()] = !contradicts(wrong);
         }
-        let (contradicted, regions) = (count(&contradicted), count(&belong));
-        let wrong = posterior.wrong.iter().sum::<f64>() / posterior.wrong.len() as f64;
-        Self { whole: true, scatter: posterior.blur, contradicted, wrong, regions, ..self }
+        let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
+        let shown = Shown::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
+        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belong), shown }
     }
 
-    /// What the logarithm of the odds that the pose is no other place is a weighted sum of: 1, the logarithm of the rotation's
-    /// deviation, whether it is whole, the logarithm of the scatter, the number of contradicted regions, the share of wrong labels,
-    /// whether several regions belong, and whether it is ambiguous.
-    pub fn features(&self) -> [f64; 8] {
-        let indicator = |holds: bool| f64::from(u8::from(holds));
-        let (whole, several) = (indicator(self.whole), indicator(self.regions > 1));
-        [
-            1.0,
-            bounded(self.rotation_sigma).ln(),
-            whole,
-            self.scatter.ln(),
-            self.contradicted as f64,
-            self.wrong,
-            several,
-            indicator(self.ambiguous),
-        ]
+    /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.2).
+    pub fn features(&self) -> Vec<f64> {
+        let common = [1.0, bounded(self.rotation_sigma).ln(), indicator(self.regions > 1)];
+        let own = match self.shown {
+            Shown::Outlines { ambiguous, whole, scatter, contradicted } => {
+                vec![indicator(ambiguous), indicator(whole), scatter.ln(), contradicted as f64]
+            }
+            Shown::Samples { unseen, wrong, growth } => vec![unseen, wrong, growth.ln()],
+        };
+        [common.as_slice(), &own].concat()
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
     /// noise leaves it so near.
     pub fn probability(&self) -> f64 {
-        let odds: f64 = self.features().iter().zip(WEIGHTS).map(|(feature, weight)| feature * weight).sum();
+        let weights: &[f64] = match self.shown {
+            Shown::Outlines { .. } => &OUTLINES,
+            Shown::Samples { .. } => &SAMPLES,
+        };
+        let odds: f64 = self.features().iter().zip(weights).map(|(feature, weight)| feature * weight).sum();
         within(self.rotation_sigma) / (1.0 + (-odds).exp())
     }
 }
@@ -110,6 +129,15 @@ fn bounded(rotation_sigma: f64) -> f64 {
     let (least, most) = ROTATION;
     // The comparison's order makes a deviation that is not known the largest.
     rotation_sigma.min(most).max(least)
+}
+
+/// Which regions belong to a pose by their contours.
+fn belonging(fit: &ContourFit) -> Vec<bool> {
+    log_odds(fit).iter().map(|&odds| odds >= 0.0).collect()
+}
+
+fn indicator(holds: bool) -> f64 {
+    f64::from(u8::from(holds))
 }
 
 fn count(indicators: &[bool]) -> usize {

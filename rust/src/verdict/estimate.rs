@@ -127,7 +127,7 @@ impl Search {
         let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
         let places = stated(likely(&self.problem, answers, &self.options.prior), &self.options.prior);
         let (best, _) = places.first()?;
-        let evidence = Evidence { ambiguous: places.len() > 1, ..best.evidence(&self.problem) };
+        let evidence = best.evidence(&self.problem, places.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
             (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
@@ -293,12 +293,17 @@ impl Place {
         }
     }
 
-    /// What the fit shows of the pose.
-    fn evidence(&self, problem: &Problem) -> Evidence {
-        let evidence = Evidence::new(&self.fit, self.covariance(problem), self.minimum.is_some());
+    /// What the fit shows of the pose; `ambiguous` where others fit as well.
+    fn evidence(&self, problem: &Problem, ambiguous: bool) -> Evidence {
+        let covariance = self.covariance(problem);
         match &self.posterior {
-            Some(posterior) => evidence.with_samples(posterior, problem.sampled(), &self.fit),
-            None => evidence,
+            Some(posterior) => {
+                let areas = region_overlaps(problem, &self.pose);
+                let unseen = |region: &SampledRegion| areas[region.index()].uncovered();
+                let unseen: Vec<f64> = problem.sampled().iter().map(unseen).collect();
+                Evidence::from_samples(posterior, problem.sampled(), &self.fit, covariance, &unseen)
+            }
+            None => Evidence::from_outlines(&self.fit, covariance, self.minimum.is_some(), ambiguous),
         }
     }
 
@@ -317,10 +322,14 @@ fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2]) -> S
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each.
 pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
-    let pairs = problem.regions().iter().zip(problem.worlds());
-    let areas: Vec<OverlapAreas> = pairs.map(|(region, world)| region_overlap(region, world, pose)).collect();
+    let areas = region_overlaps(problem, pose);
     let total = areas.iter().fold(OverlapAreas::default(), |sum, areas| sum + *areas);
     (total.error(), areas.iter().map(OverlapAreas::error).collect())
+}
+
+fn region_overlaps(problem: &Problem, pose: &Pose) -> Vec<OverlapAreas> {
+    let pairs = problem.regions().iter().zip(problem.worlds());
+    pairs.map(|(region, world)| region_overlap(region, world, pose)).collect()
 }
 
 fn warnings(
