@@ -175,7 +175,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=80, help="problems of each camera and kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--keep", type=Path, help="write kinds, features, confidences and outcomes beside this .npz file, by source")
+    parser.add_argument("--keep", type=Path, help="write features and outcomes by source: beside this .npz file")
     options = parser.parse_args()
     rows = outcomes(options.scenes, options.workers)
     for source, names in FEATURES.items():
@@ -187,7 +187,7 @@ def main() -> None:
             kinds = np.array([row.kind for row in own])
             file = options.keep.with_stem(f"{options.keep.stem}-{source}")
             np.savez(file, kinds=kinds, features=features, stated=now, found=found)
-        print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found; each kind by the weights of all others:")
+        print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found; each kind by weights of all others:")
         others = left_out([row.kind for row in own], features, found)
         for name, weight in zip(names, fitted(features, found), strict=True):
             print(f"{weight:8.4f}  {name}")
