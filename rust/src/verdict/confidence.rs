@@ -30,7 +30,7 @@ pub struct Evidence {
     pub rotation_sigma: f64,
     /// Number of regions that belong to the pose.
     pub regions: usize,
-    /// What else, as the pose is from outlines or from samples.
+    /// The rest, which is other things of outlines than of samples.
     pub shown: Shown,
 }
 

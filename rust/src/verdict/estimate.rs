@@ -327,6 +327,7 @@ pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
     (total.error(), areas.iter().map(OverlapAreas::error).collect())
 }
 
+/// How each projected region covers the observed one.
 fn region_overlaps(problem: &Problem, pose: &Pose) -> Vec<OverlapAreas> {
     let pairs = problem.regions().iter().zip(problem.worlds());
     pairs.map(|(region, world)| region_overlap(region, world, pose)).collect()
