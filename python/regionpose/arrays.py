@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
 
+LARGEST_COORDINATE, SMALLEST_EXTENT = 2.0**200, 2.0**-200
+"""Of points, as of the core's rings: products of a few of these, and their inverses, are finite numbers."""
+
 
 def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
     """Rings (n, columns) as a list of arrays; one array of vertices is one ring. ValueError for anything else."""
@@ -68,6 +71,22 @@ def finite_array(values: object, item: str, *shapes: tuple[int, ...]) -> Array:
     if not np.isfinite(floats).all():
         raise ValueError(f"{item} is {floats.tolist()}; needed finite numbers {needed}")
     return floats
+
+
+def check_coordinates(points: Array, item: str = "point") -> None:
+    """Pass points (n, k) of which no finite one is too far away to be calculated with; ValueError that names one."""
+    far = np.flatnonzero(((points > LARGEST_COORDINATE) | (points < -LARGEST_COORDINATE)).any(axis=1))
+    wrong = far[np.isfinite(points[far]).all(axis=1)]
+    if len(wrong):
+        found = f"{item} {wrong[0]} is {points[wrong[0]].tolist()}"
+        raise ValueError(f"{found}; needed coordinates of at most {LARGEST_COORDINATE:.1e}")
+
+
+def check_extent(points: Array) -> None:
+    """Pass finite points (n, k) that are far enough apart to be calculated with; ValueError for others."""
+    extent = float(np.ptp(points, axis=0).max())
+    if extent < SMALLEST_EXTENT:
+        raise ValueError(f"{len(points)} points are within {extent:.3g}; needed an extent of {SMALLEST_EXTENT:.1e}")
 
 
 def read_only(values: NDArray[Kind]) -> NDArray[Kind]:

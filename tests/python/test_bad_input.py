@@ -139,6 +139,24 @@ WORLDS: list[tuple[Callable[[], object], str]] = [
     (lambda: POINTS(np.outer(np.arange(9.0), [1, 2, 3])), "9 points are identical or on one line"),
     (lambda: POINTS(LIFTED[:2]), "fewer than 3 differ"),
     (lambda: POINTS(with_value(LIFTED, np.nan)), r"point 2 is \[1.0, nan, 1.0\]; needed finite coordinates"),
+    (
+        lambda: POINTS(with_value(LIFTED, 1e61)),
+        r"point 2 is \[1.0, 1e\+61, 1.0\]; needed coordinates of at most",
+    ),
+    (lambda: POINTS(LIFTED * 1e-70), "4 points are within 1e-70; needed an extent of 6.2e-61"),
+    (
+        lambda: rp.WorldRegion.from_points(LIFTED, sensor_origin=[0, 1e61, 0]),
+        r"sensor_origin is \[0.0, 1e\+61, 0.0\]; nee",
+    ),
+    (
+        lambda: rp.WorldRegion.from_samples(LIFTED, [[1e61, 0, 0]]),
+        r"outside point 0 is \[1e\+61, 0.0, 0.0\]; needed coord",
+    ),
+    (
+        lambda: rp.WorldRegion.from_scan(with_value(LIFTED, 1e61), [0, 1, 3]),
+        "point 2 is .*; needed coordinates of at most",
+    ),
+    (lambda: rp.grow_plane(with_value(LIFTED, 1e61), UP), "point 2 is .*; needed coordinates of at most 1.6e"),
     (lambda: POINTS(SQUARE), r"points has shape \(4, 2\); needed \(n, 3\)"),
     (lambda: POINTS(None), "points has type object"),
     (lambda: POINTS([["a", "b", "c"]]), "type <U1"),
@@ -378,6 +396,7 @@ FUNCTIONS: list[Callable[[Any], object]] = [
 
 @settings(max_examples=400, deadline=None)
 @example(rp.Pose.from_parts(np.eye(3), [0, 0, 0]).transform, [[0.0, 0.0, np.inf]])
+@example(POINTS, LIFTED * 1e307)
 @given(st.sampled_from(FUNCTIONS), ANYTHING)
 def test_anything_is_taken_or_refused_with_a_value_error(function: Callable[[Any], object], value: object) -> None:
     with warnings.catch_warnings():

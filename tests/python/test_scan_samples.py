@@ -177,7 +177,7 @@ def test_wrong_input_is_named() -> None:
         rp.WorldRegion.from_scan(points, [[0, 1], [2, 3]])
     with pytest.raises(ValueError, match=r"points has shape \(4800, 2\); needed \(n, 3\)"):
         rp.WorldRegion.from_scan(points[:, :2], members)
-    with pytest.raises(ValueError, match=r"sensor_origin is \[0, 0\]; needed 3 finite coordinates"):
+    with pytest.raises(ValueError, match=r"sensor_origin is \[0, 0\]; needed 3 coordinates of at most"):
         rp.WorldRegion.from_scan(points, members, sensor_origin=[0, 0])
     with pytest.raises(ValueError, match="outside has shape"):
         rp.WorldRegion.from_samples(points[members], np.empty((0, 3)))

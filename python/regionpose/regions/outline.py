@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from regionpose import _core
-from regionpose.arrays import row_array, signed_area
+from regionpose.arrays import LARGEST_COORDINATE, check_coordinates, check_extent, row_array, signed_area
 from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
 
 Array = NDArray[np.float64]
@@ -328,8 +328,9 @@ def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: Arra
     moved = points[near] - origin
     if sensor_origin is not None:
         sensor = np.asarray(sensor_origin, dtype=np.float64)
-        if sensor.shape != (3,) or not np.isfinite(sensor).all():
-            raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed 3 finite coordinates")
+        if sensor.shape != (3,) or not (np.abs(sensor) <= LARGEST_COORDINATE).all():
+            needed = f"3 coordinates of at most {LARGEST_COORDINATE:.1e}"
+            raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed {needed}")
         beams = points[near] - sensor
         beams /= np.maximum(np.linalg.norm(beams, axis=1, keepdims=True), np.finfo(float).tiny)
         approach = beams @ axes[2]
@@ -385,7 +386,9 @@ def _checked_points(points: ArrayLike) -> Array:
     wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
     if len(wrong):
         raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
+    check_coordinates(given)
     others = given[(given != given[0]).any(axis=1)] if len(given) else given
     if len(others) < 2 or (others == others[0]).all():
         raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
+    check_extent(given)
     return given

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arrays import counter_clockwise, real_array, ring_list, row_array, signed_area
+from regionpose.arrays import check_coordinates, counter_clockwise, real_array, ring_list, row_array, signed_area
 
 Array = NDArray[np.float64]
 
@@ -153,6 +153,7 @@ class WorldRegion:
         beside = row_array(outside, "outside", 3)
         if not len(beside):
             raise ValueError(f"outside has shape {beside.shape}; needed (n, 3) with at least one place")
+        check_coordinates(beside, "outside point")
         plane = plane_samples(inside)
         region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
         within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
@@ -195,6 +196,7 @@ class WorldRegion:
         from regionpose.regions.scan_samples import scan_samples
 
         cloud = row_array(points, "points", 3)
+        check_coordinates(cloud)
         numbers = _member_array(members, len(cloud))
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)

@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.arrays import row_array
+from regionpose.arrays import check_coordinates, row_array
 from regionpose.progress import Progress
 from regionpose.regions.outline import plane_samples
 from regionpose.segmentation.narrow_parts import without_narrow_parts
@@ -103,11 +103,14 @@ def nearest_to_ray(points: ArrayLike, origin: ArrayLike, direction: ArrayLike) -
 
 
 def checked_cloud(points: ArrayLike) -> Array:
-    """The points as an (n, 3) array of floats; ValueError for another shape or type, or fewer than 3 finite points."""
+    """The points as an (n, 3) array of floats; ValueError for another shape or type, fewer than 3 finite points, or one
+    that is too far away to be calculated with.
+    """
     cloud = row_array(points, "points", 3)
     finite = int(np.isfinite(cloud).all(axis=1).sum())
     if finite < 3:
         raise ValueError(f"{finite} of {len(cloud)} points are finite; needed at least 3")
+    check_coordinates(cloud)
     return cloud
 
 

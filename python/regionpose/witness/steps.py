@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
-from regionpose.arrays import real_array
+from regionpose.arrays import check_coordinates, real_array, row_array
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -91,10 +91,9 @@ def far_turns() -> Array:
 
 
 def checked_points(points: ArrayLike) -> Array:
-    """Points (n, 3); ValueError for another shape."""
-    places = real_array(points, "points", "(n, 3)").astype(np.float64, copy=False)
-    if places.ndim != 2 or places.shape[1] != 3:
-        raise ValueError(f"points has shape {places.shape}; needed (n, 3)")
+    """Points (n, 3); ValueError for another shape, or one that is too far away to be calculated with."""
+    places = row_array(points, "points", 3)
+    check_coordinates(places)
     return places
 
 
