@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 FIRST_SEED = 1_000_000
 COMMON = ("1", "ln rotation sigma", "several regions")
 FEATURES = {
-    "outlines": (*COMMON, "ambiguous", "whole", "ln scatter", "contradicted regions"),
+    "outlines": (*COMMON, "ambiguous", "whole", "ln scatter", "contradicted regions", "overlap error"),
     "samples": (*COMMON, "unseen", "wrong labels", "ln growth"),
 }
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)

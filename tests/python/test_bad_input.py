@@ -428,6 +428,8 @@ def test_rings_are_refused_or_have_a_positive_area(rings: list[np.ndarray]) -> N
 
 
 @settings(max_examples=25, deadline=None)
+@example(210, 0.25, 1e-6, "plane", "boundary", "scipy")
+@example(155, 1.0, 1.0, "plane", "boundary", "native")
 @given(
     st.integers(0, 1000),
     st.floats(-1.0, 1.0),

@@ -10,13 +10,20 @@ use regionpose::verdict::shares::{shares, together};
 const GOOD: Evidence = Evidence {
     rotation_sigma: 0.01,
     regions: 3,
-    shown: Shown::Outlines { ambiguous: false, whole: true, scatter: 0.25, contradicted: 0 },
+    shown: Shown::Outlines { ambiguous: false, whole: true, scatter: 0.25, contradicted: 0, overlap_error: 0.01 },
 };
 
 const BAD: Evidence = Evidence {
     rotation_sigma: 8.0,
     regions: 1,
-    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 10.0, contradicted: 0 },
+    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 10.0, contradicted: 0, overlap_error: 0.4 },
+};
+
+/// A few clean pieces of another shape.
+const UNLIKE: Evidence = Evidence {
+    rotation_sigma: 0.3,
+    regions: 1,
+    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 0.25, contradicted: 0, overlap_error: 0.9 },
 };
 
 const SAMPLED: Evidence = Evidence { shown: Shown::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
@@ -28,6 +35,7 @@ const HALF_SEEN: Evidence =
 fn good_evidence_is_trusted_and_bad_is_not() {
     assert!(GOOD.probability() > 0.99, "{}", GOOD.probability());
     assert!(BAD.probability() < 0.5, "{}", BAD.probability());
+    assert!(UNLIKE.probability() < 0.5, "{}", UNLIKE.probability());
     assert!(SAMPLED.probability() > 0.99, "{}", SAMPLED.probability());
     assert!(HALF_SEEN.probability() < 0.6, "{}", HALF_SEEN.probability());
 }
@@ -85,15 +93,19 @@ proptest! {
         prop_assert!(wider.probability() <= evidence.probability());
     }
 
-    /// Other answers, scatter, wrong labels, contours that are grown and parts that the scanner did not see make it less.
+    /// Other answers, scatter, parts elsewhere, wrong labels, contours that are grown and parts that the scanner did not see make it less.
     #[test]
     fn it_falls_with_what_speaks_against_the_pose(
         rotation_sigma in 1e-4..50.0_f64, regions in 1..9_usize, shown in shown(), more in 0.0..0.5_f64,
     ) {
         let worse = match shown {
-            Shown::Outlines { scatter, contradicted, .. } => {
-                Shown::Outlines { ambiguous: true, whole: false, scatter: scatter + more, contradicted }
-            }
+            Shown::Outlines { scatter, contradicted, overlap_error, .. } => Shown::Outlines {
+                ambiguous: true,
+                whole: false,
+                scatter: scatter + more,
+                contradicted,
+                overlap_error: overlap_error + more,
+            },
             Shown::Samples { unseen, wrong, growth } => {
                 Shown::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
             }
@@ -106,12 +118,13 @@ proptest! {
 
 /// What outlines or samples may show.
 fn shown() -> impl Strategy<Value = Shown> {
-    let outlines = (proptest::bool::ANY, proptest::bool::ANY, 0.25..20.0_f64, 0..4_usize);
-    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted)| Shown::Outlines {
+    let outlines = (proptest::bool::ANY, proptest::bool::ANY, 0.25..20.0_f64, 0..4_usize, 0.0..1.0_f64);
+    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted, overlap_error)| Shown::Outlines {
         ambiguous,
         whole,
         scatter,
         contradicted,
+        overlap_error,
     });
     let samples = (0.0..0.5_f64, 0.0..0.5_f64, 0.2..3.2_f64);
     prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| Shown::Samples { unseen, wrong, growth })]

@@ -12,10 +12,10 @@ use crate::samples::readings::SampledRegion;
 
 /// Weights of [`Evidence::features`] of a pose from outlines, of a logistic regression on the synthetic problems of
 /// `benchmarks/confidence.py --scenes 160`.
-const OUTLINES: [f64; 7] = [-0.146, -0.714, 0.785, -1.441, 1.405, -1.301, 1.498];
+const OUTLINES: [f64; 8] = [1.035, -0.766, 1.955, -0.916, 0.619, -0.757, 1.122, -4.503];
 
 /// The same of a pose from samples.
-const SAMPLES: [f64; 6] = [1.791, -0.433, 2.681, -2.998, -6.174, -0.701];
+const SAMPLES: [f64; 6] = [1.683, -0.492, 2.527, -2.556, -6.467, -0.672];
 
 /// Bounds of the rotation's deviation, degrees, beyond which no problem was.
 const ROTATION: (f64, f64) = (1e-3, 1e2);
@@ -48,6 +48,9 @@ pub enum Shown {
         scatter: f64,
         /// Number of regions whose contours contradict the pose: the disturbance is theirs, and the others are the less disturbed.
         contradicted: usize,
+        /// Largest overlap error of the regions that belong to the pose, 1 at most: pieces of a contour may lie on that of another
+        /// shape, areas do not.
+        overlap_error: f64,
     },
     /// By the labels of samples.
     Samples {
@@ -62,11 +65,25 @@ pub enum Shown {
 }
 
 impl Evidence {
-    /// The evidence of contours at a pose, and of the pose's covariance; `whole` where the pose is that of the moments.
-    pub fn from_outlines(fit: &ContourFit, covariance: &Matrix6<f64>, whole: bool, ambiguous: bool) -> Self {
-        let shown =
-            Shown::Outlines { ambiguous, whole, scatter: fit.mixture.sigma, contradicted: count(&contradicted(fit)) };
-        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belonging(fit)), shown }
+    /// The evidence of contours at a pose, of the pose's covariance and of each region's overlap error; `whole` where the pose is
+    /// that of the moments.
+    pub fn from_outlines(
+        fit: &ContourFit,
+        covariance: &Matrix6<f64>,
+        overlap_errors: &[f64],
+        whole: bool,
+        ambiguous: bool,
+    ) -> Self {
+        let belong = belonging(fit);
+        let own = belong.iter().zip(overlap_errors).filter(|&(&belongs, _)| belongs).map(|(_, &error)| error);
+        let shown = Shown::Outlines {
+            ambiguous,
+            whole,
+            scatter: fit.mixture.sigma,
+            contradicted: count(&contradicted(fit)),
+            overlap_error: own.reduce(f64::max).map_or(1.0, |largest| largest.min(1.0)),
+        };
+        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belong), shown }
     }
 
     /// The evidence of samples, and of the contours of regions that have none, as `fit` at the pose; `unseen` of each region with
@@ -91,8 +108,8 @@ impl Evidence {
     pub fn features(&self) -> Vec<f64> {
         let common = [1.0, bounded(self.rotation_sigma).ln(), indicator(self.regions > 1)];
         let own = match self.shown {
-            Shown::Outlines { ambiguous, whole, scatter, contradicted } => {
-                vec![indicator(ambiguous), indicator(whole), scatter.ln(), contradicted as f64]
+            Shown::Outlines { ambiguous, whole, scatter, contradicted, overlap_error } => {
+                vec![indicator(ambiguous), indicator(whole), scatter.ln(), contradicted as f64, overlap_error]
             }
             Shown::Samples { unseen, wrong, growth } => vec![unseen, wrong, growth.ln()],
         };

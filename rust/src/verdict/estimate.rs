@@ -97,6 +97,8 @@ struct Place {
     posterior: Option<Posterior>,
     /// Covariance of the left increment, once it is asked for.
     covariance: OnceCell<Matrix6<f64>>,
+    /// How each projected region covers the observed one, once it is asked for.
+    overlaps: OnceCell<Vec<OverlapAreas>>,
     /// What counts against it: how much worse than the best it fits, and the prior, in variances.
     against: f64,
 }
@@ -262,12 +264,18 @@ fn order(pose: &Pose) -> [i64; 3] {
 impl Place {
     /// A place against which nothing counts yet.
     fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
-        Self { pose, minimum, fit, posterior: None, covariance: OnceCell::new(), against: 0.0 }
+        let (covariance, overlaps) = (OnceCell::new(), OnceCell::new());
+        Self { pose, minimum, fit, posterior: None, covariance, overlaps, against: 0.0 }
     }
 
     /// That of the samples, or else of the contours.
     fn covariance(&self, problem: &Problem) -> &Matrix6<f64> {
         self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit))
+    }
+
+    /// How each projected region covers the observed one.
+    fn overlaps(&self, problem: &Problem) -> &[OverlapAreas] {
+        self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
     }
 
     /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
@@ -295,15 +303,17 @@ impl Place {
 
     /// What the fit shows of the pose; `ambiguous` where others fit as well.
     fn evidence(&self, problem: &Problem, ambiguous: bool) -> Evidence {
-        let covariance = self.covariance(problem);
+        let (covariance, overlaps) = (self.covariance(problem), self.overlaps(problem));
         match &self.posterior {
             Some(posterior) => {
-                let areas = region_overlaps(problem, &self.pose);
-                let unseen = |region: &SampledRegion| areas[region.index()].uncovered();
+                let unseen = |region: &SampledRegion| overlaps[region.index()].uncovered();
                 let unseen: Vec<f64> = problem.sampled().iter().map(unseen).collect();
                 Evidence::from_samples(posterior, problem.sampled(), &self.fit, covariance, &unseen)
             }
-            None => Evidence::from_outlines(&self.fit, covariance, self.minimum.is_some(), ambiguous),
+            None => {
+                let errors: Vec<f64> = overlaps.iter().map(OverlapAreas::error).collect();
+                Evidence::from_outlines(&self.fit, covariance, &errors, self.minimum.is_some(), ambiguous)
+            }
         }
     }
 
@@ -315,14 +325,17 @@ impl Place {
 
 fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2]) -> Solution {
     let covariance = *place.covariance(problem);
+    let (overlap_error, region_overlap_errors) = errors_of(place.overlaps(problem));
     let Place { pose, minimum, fit, posterior, .. } = place;
-    let (overlap_error, region_overlap_errors) = overlap_errors(problem, &pose);
     Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence, share }
 }
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each.
 pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
-    let areas = region_overlaps(problem, pose);
+    errors_of(&region_overlaps(problem, pose))
+}
+
+fn errors_of(areas: &[OverlapAreas]) -> (f64, Vec<f64>) {
     let total = areas.iter().fold(OverlapAreas::default(), |sum, areas| sum + *areas);
     (total.error(), areas.iter().map(OverlapAreas::error).collect())
 }
