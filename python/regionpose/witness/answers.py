@@ -22,8 +22,8 @@ from regionpose.witness.visibility import Occlusion
 
 Array = NDArray[np.float64]
 
-SURE = 0.9
-"""Confidence from which on one of several answers is the answer: as above."""
+SURE = 0.95
+"""Confidence from which on a pose is trusted, and one of several answers is the answer: the regions' own bound."""
 
 OF_OTHERS = {"ambiguous", "ambiguous-region"}
 """Warnings of other answers."""

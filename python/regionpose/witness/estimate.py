@@ -106,8 +106,9 @@ def refined_estimate(
     """An estimate with its pose refined by the rest of the scene if that says enough, and what that said of the pose
     and of the focal lengths; `estimated`: the regions' estimate with another camera, started at a pose.
     """
-    focal = focal_evidence(estimate, scene, estimated)
-    found = replace(refine_with_scene(estimate.pose, estimate.covariance, scene), focal=focal)
+    found = refine_with_scene(estimate.pose, estimate.covariance, scene)
+    focal = focal_evidence(estimate, scene, estimated, found.pose if found.refined else None)
+    found = replace(found, focal=focal)
     if not found.refined:
         return estimate, found
     return moved_estimate(estimate, found.pose, found.covariance, camera, image_regions, world_regions), found

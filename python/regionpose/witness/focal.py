@@ -62,12 +62,15 @@ class FocalEvidence:
     factor: float
 
 
-def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimated: Estimated) -> FocalEvidence | None:
+def focal_evidence(
+    estimate: PoseEstimate, scene: Sequence[SceneFrame], estimated: Estimated, refined: Pose | None = None
+) -> FocalEvidence | None:
     """What the edges say of the focal lengths of the camera of all frames; None of a camera that has no matrix, and
     where no pose is found with other ones.
 
     With focal lengths up to a quarter longer or shorter the regions' pose is another one; about each the edges are
-    asked as in `refine_with_scene`, the focal lengths unknown beside the pose.
+    asked as in `refine_with_scene`, the focal lengths unknown beside the pose. The pose that this led to with the given
+    ones, `refined`, is one of the maxima there.
     """
     camera = scene[0].camera
     if not isinstance(camera, MatrixCamera):
@@ -75,7 +78,7 @@ def focal_evidence(estimate: PoseEstimate, scene: Sequence[SceneFrame], estimate
     curve = _Curve.of(camera, estimate, estimated)
     if curve is None:
         return None
-    compared = list(_compared(curve, scene))
+    compared = list(_compared(curve, scene, [] if refined is None else [refined]))
     # Where steps count less they tell less, not another thing.
     found = max(compared, key=lambda each: (_mass(each.best) - _log_odds(each.given)) / each.share).best
     # Less likely than chance they would decide nothing.
@@ -97,8 +100,8 @@ class _Compared(NamedTuple):
     share: float
 
 
-def _compared(curve: _Curve, scene: Sequence[SceneFrame]) -> Iterator[_Compared]:
-    """The given focal lengths and those about each node."""
+def _compared(curve: _Curve, scene: Sequence[SceneFrame], refined: Sequence[Pose]) -> Iterator[_Compared]:
+    """The given focal lengths, with which maxima near the refined pose are known, and those about each node."""
     given = curve.evidence(0.0, scene)
     given_shares = [frame.share(SPREADS_PX[-1]) for frame in given]
     for node in NODES:
@@ -109,8 +112,9 @@ def _compared(curve: _Curve, scene: Sequence[SceneFrame]) -> Iterator[_Compared]
                 # One photo and one scan: a step counts the same for both, and for neither more than it may.
                 own = [frame.share(SPREADS_PX[-1]) for frame in frames]
                 shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
-            right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks()
-            peaks = [(node + peak.log_focal, peak) for peak in curve.posterior(node, SPREAD, frames, shares).peaks()]
+            right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks(refined)
+            found = curve.posterior(node, SPREAD, frames, shares).peaks([] if node else refined)
+            peaks = [(node + peak.log_focal, peak) for peak in found]
             yield _Compared(
                 [peak for peak in right if abs(peak.log_focal) <= OTHER],
                 [peak for log_focal, peak in peaks if abs(log_focal) > OTHER],

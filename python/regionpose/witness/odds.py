@@ -12,12 +12,11 @@ from scipy.stats import norm, t
 Array = NDArray[np.float64]
 
 DECISIVE = float(np.log(9.0))
-"""Logarithm of the odds from which on they decide, for a pose or against it or between two: those of the confidence of
-90 % that a pose needs."""
+"""Logarithm of the odds from which on they decide, for a pose or against it or between two: a convention, 90 %."""
 
 COMMON = float(1.0 / (1.0 + np.exp(2.0 * DECISIVE)))
 """Least probability that all regions share a mistake, such as a wrong frame, at which they fit as well: that at which
-odds that decide against a pose leave it a confidence of 90 % at most."""
+odds that decide against a pose leave it a confidence of 90 % at most, less than it needs."""
 
 HIDDEN = -DECISIVE
 """Logarithm of the odds that a pose has which hides one of its regions: a convention. None of 104 right poses does, and

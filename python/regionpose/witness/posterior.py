@@ -29,8 +29,13 @@ SPREADS_PX = (8.0, 4.0, 2.0)
 SAME = 0.05
 """Increments nearer to one another, in the prior's deviations, are one: far less than peaks are apart."""
 
-DRAWS, LED = 500, 4
-"""Poses drawn from the prior, and how many of the best are led to a maximum: some for each dimension."""
+DRAWS, COARSE, LED = 2000, 12, 4
+"""Poses drawn from the prior, how many of the best are led to a coarse maximum, and how many of the best of these on to
+a fine one. Of poses 2.4 deg and 15 cm off, nine in twelve reach the truth by these, and seven by 500, 4 and 4, in three
+quarters of the time (`test_refinement.py::test_a_wide_prior_is_searched`)."""
+
+COARSELY_SAME = 0.3
+"""Coarse maxima nearer to one another, in the prior's deviations, lead to one: a convention, a third of a deviation."""
 
 PRIOR_STEP = 1e-6
 """Least deviation that the prior is taken to have, rad and meters: below what any calibration knows."""
@@ -70,23 +75,19 @@ class Posterior:
         self._frames, self._shares, self._count = frames, shares, len(root)
         self._prior, self._root, self._base = prior, root, np.zeros(len(root))
 
-    def peaks(self) -> list[Peak]:
-        """The maxima that the best of some poses drawn from the prior lead to."""
+    def peaks(self, known: Sequence[Pose] = ()) -> list[Peak]:
+        """The maxima that the best of some poses drawn from the prior lead to, and those near poses that are `known`
+        to be near one, with the cameras' focal lengths.
+        """
         rng = np.random.default_rng(SEED)
         scales = np.sqrt(rng.chisquare(FREEDOM, (DRAWS, 1)) / FREEDOM)
         draws = np.vstack([np.zeros(self._count), rng.normal(size=(DRAWS, self._count)) / scales])
         costs, _ = self._costs(draws, SPREADS_PX[0])
-        starts = [self._led(draws[number], SPREADS_PX[0]) for number in np.argsort(costs)[:LED]]
-        return self._distinct([self._peak(self._root @ start) for start in starts])
-
-    def _distinct(self, peaks: Sequence[Peak]) -> list[Peak]:
-        """Those that none before is the same as."""
-        kept: dict[int, Array] = {}
-        for number, peak in enumerate(peaks):
-            place = self.units(peak)
-            if all(np.linalg.norm(place - other) > SAME for other in kept.values()):
-                kept[number] = place
-        return [peaks[number] for number in kept]
+        led = np.array([self._led(draws[number], SPREADS_PX[0]) for number in np.argsort(costs)[:COARSE]])
+        led = led[np.argsort(self._costs(led, SPREADS_PX[0])[0])]
+        starts = [*led[_distinct(led, COARSELY_SAME)[:LED]], *(self.units(_View(pose)) for pose in known)]
+        peaks = [self._peak(self._root @ start) for start in starts]
+        return [peaks[number] for number in _distinct([self.units(peak) for peak in peaks], SAME)]
 
     def _peak(self, increment: Array) -> Peak:
         """The maximum that an increment (d,) of the prior's pose leads to, coarse to fine."""
@@ -168,6 +169,15 @@ class _View(NamedTuple):
     def moved(self, increment: Array) -> _View:
         """After an increment of the pose (6,), and of both (7,)."""
         return _View(moved(self.pose, increment[:6]), self.log_focal + float(increment[6:].sum()))
+
+
+def _distinct(places: Sequence[Array] | Array, same: float) -> list[int]:
+    """The numbers of those places (d,) that are farther than this from each one kept before."""
+    kept: list[int] = []
+    for number, place in enumerate(places):
+        if all(np.linalg.norm(place - places[other]) > same for other in kept):
+            kept.append(number)
+    return kept
 
 
 def _eigen(matrix: Array) -> tuple[Array, Array]:

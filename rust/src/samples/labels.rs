@@ -20,9 +20,8 @@ pub(super) const MISLABELED: f64 = 0.01;
 pub(super) const DISTURBED: f64 = 0.03;
 pub(super) const WEIGHT: f64 = 30.0;
 
-/// Another pose fits as well by its samples where the odds against it are less than 9 to 1, as twice their logarithm: those of the
-/// confidence of 90 % that a pose needs. With 99 to 1, 1 of 10,008 poses fewer is wrong without a warning, and 9 right poses more
-/// have one (`regionpose evaluate trust --scenes 556`).
+/// Another pose fits as well by its samples where the odds against it are less than 9 to 1, as twice their logarithm: a convention.
+/// Of others the shares alone count.
 pub(crate) const ALIKE: f64 = 4.394_449_154_672_439;
 
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
