@@ -85,8 +85,20 @@ class Posterior:
         costs, _ = self._costs(draws, SPREADS_PX[0])
         led = np.array([self._led(draws[number], SPREADS_PX[0]) for number in np.argsort(costs)[:COARSE]])
         led = led[np.argsort(self._costs(led, SPREADS_PX[0])[0])]
-        starts = [*led[_distinct(led, COARSELY_SAME)[:LED]], *(self.units(_View(pose)) for pose in known)]
-        peaks = [self._peak(self._root @ start) for start in starts]
+        starts = [self._root @ start for start in led[_distinct(led, COARSELY_SAME)[:LED]]]
+        return self._peaks([*starts, *map(self._increment, known)])
+
+    def near(self, known: Sequence[Pose]) -> list[Peak]:
+        """The maxima near poses that are `known` to be near one, with the cameras' focal lengths."""
+        return self._peaks([self._increment(pose) for pose in known])
+
+    def _increment(self, pose: Pose) -> Array:
+        """The increment (d,) from the prior's pose to a pose, with the cameras' focal lengths."""
+        return self._root @ self.units(_View(pose))
+
+    def _peaks(self, increments: Sequence[Array]) -> list[Peak]:
+        """The maxima near increments (d,) of the prior's pose, each once."""
+        peaks = [self._peak(increment) for increment in increments]
         return [peaks[number] for number in _distinct([self.units(peak) for peak in peaks], SAME)]
 
     def _peak(self, increment: Array) -> Peak:
@@ -113,6 +125,14 @@ class Posterior:
         """The increment (d,) from the prior's pose in units of its deviations."""
         increment = np.append(self._prior.increment_to(view.pose), view.log_focal)[: self._count]
         return np.asarray(np.linalg.solve(self._root, increment), dtype=np.float64)
+
+    def is_nearer(self, peak: Peak, other: Posterior) -> bool:
+        """Whether a peak is nearer to the prior's pose than to that of another one."""
+        return bool(np.linalg.norm(self.units(peak)) <= np.linalg.norm(other.units(peak)))
+
+    def has(self, peaks: Sequence[Peak], other: Peak) -> bool:
+        """Whether another peak is one of these."""
+        return any(np.linalg.norm(self.units(peak) - self.units(other)) <= COARSELY_SAME for peak in peaks)
 
     def _costs(self, units: Array, spread_px: float) -> tuple[Array, Array]:
         """Negative log densities (t,) of increments (t, d) in units of the prior's deviations, and their slopes."""

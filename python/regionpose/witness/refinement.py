@@ -79,8 +79,8 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     """The pose near a given one at which steps of the frames' points lie on the edges of their photos.
 
     The edges' likelihood and the given pose's distribution are maximized together. The refined pose is taken if the
-    edges under the steps are 9 times as likely about the given pose as by chance, likelier than about each of 9 turned
-    poses, and if photo and cloud agree at it by odds of 9 to 1 (docs/math.md, eq. 18.6 to 18.9).
+    edges under the steps are 9 times as likely about the given pose as by chance and as about each of 9 turned poses,
+    and if photo and cloud agree at it by odds of 9 to 1 (docs/math.md, eq. 18.6 to 18.9).
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
         For other shapes.
     """
     root, frames = root_of(covariance), [Evidence(frame, pose) for frame in scene]
-    shares = [frame.share(SPREADS_PX[-1]) for frame in frames]
-    peaks = Posterior(pose, root, frames, shares).peaks()
+    shares = _shares(frames)
+    peaks = _likelier_seen(pose, root, scene, frames, Posterior(pose, root, frames, shares).peaks())
     log_odds = log_odds_of(peaks)
     left = SceneRefinement(
         pose=pose,
@@ -111,26 +111,63 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     )
     if not log_odds > DECISIVE:
         return left
-    best = max(peaks, key=lambda peak: peak.mass)
+    best = max(peaks, key=_mass)
     told = replace(left, alignments=tuple(frame.alignment(best.pose) for frame in scene))
     if not sum(alignment.log_odds for alignment in told.alignments) > DECISIVE:
         return told
-    chance = max(_about_turned(turn, pose, root, frames, shares) for turn in far_turns()[:COMPARED])
-    if not log_odds > chance:
+    chance = _by_chance(pose, root, scene, frames, shares, peaks)
+    if not log_odds - chance > DECISIVE:
         return replace(told, chance=chance)
     return replace(told, pose=best.pose, covariance=_spread_of(peaks, best), chance=chance, refined=True)
 
 
-def _about_turned(turn: Array, pose: Pose, root: Array, frames: Sequence[Evidence], shares: Sequence[float]) -> float:
-    """The log odds about a pose turned by a rotation vector, without peaks that belong to the pose itself."""
-    for frame in frames:
-        turned = frame.turn(Rotation.from_rotvec(turn))
-    posterior = Posterior(turned, root, frames, shares)
+def _shares(frames: Sequence[Evidence]) -> list[float]:
+    return [frame.share(SPREADS_PX[-1]) for frame in frames]
+
+
+def _likelier_seen(
+    given: Pose, root: Array, scene: Sequence[SceneFrame], frames: Sequence[Evidence], peaks: list[Peak]
+) -> list[Peak]:
+    """The peaks, or those that they lead to by the steps that the camera sees from the best of them, if these are
+    likelier: from a given pose that is meters off it sees partly other ones.
+    """
+    best = max(peaks, key=_mass).pose
+    anew = [Evidence(frame, best, like=old) for frame, old in zip(scene, frames, strict=True)]
+    led = Posterior(given, root, anew, _shares(anew)).near([peak.pose for peak in peaks])
+    return max(peaks, led, key=log_odds_of)
+
+
+def _by_chance(
+    pose: Pose,
+    root: Array,
+    scene: Sequence[SceneFrame],
+    frames: Sequence[Evidence],
+    shares: Sequence[float],
+    found: Sequence[Peak],
+) -> float:
+    """The largest log odds about turned poses, without peaks that belong to the pose itself: that are nearer to it, or
+    those that are found about it.
+    """
     own = Posterior(pose, root, (), ())
-    others = [
-        peak for peak in posterior.peaks() if np.linalg.norm(posterior.units(peak)) < np.linalg.norm(own.units(peak))
-    ]
-    return log_odds_of(others)
+
+    def others(about: Posterior, peaks: Sequence[Peak]) -> list[Peak]:
+        return [peak for peak in peaks if not (own.is_nearer(peak, about) or own.has(found, peak))]
+
+    likeliest: tuple[float, Pose, list[Peak]] = (-np.inf, pose, [])
+    for turn in far_turns()[:COMPARED]:
+        for frame in frames:
+            turned = frame.turn(Rotation.from_rotvec(turn))
+        about = Posterior(turned, root, frames, shares)
+        peaks = others(about, about.peaks())
+        likeliest = max(likeliest, (log_odds_of(peaks), turned, peaks), key=lambda each: each[0])
+    chance, turned, peaks = likeliest
+    # It is looked at as the pose is.
+    anew = others(Posterior(turned, root, (), ()), _likelier_seen(turned, root, scene, frames, peaks)) if peaks else []
+    return max(chance, log_odds_of(anew))
+
+
+def _mass(peak: Peak) -> float:
+    return peak.mass
 
 
 def _spread_of(peaks: Sequence[Peak], best: Peak) -> Array:
