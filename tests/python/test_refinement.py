@@ -107,6 +107,17 @@ def test_a_wide_prior_is_searched() -> None:
     assert sum(searched(seed, 3.0)[1] < 1.0 for seed in range(12)) >= 8
 
 
+@pytest.mark.parametrize("seed", [2, 4])
+def test_steps_are_seen_from_where_they_lead_to(seed: int) -> None:
+    # From degrees and decimeters beside the true pose other steps are seen, and these alone lead a degree or two past.
+    sigmas = 3.0 * SIGMAS
+    start = moved(POSE, np.random.default_rng(seed).normal(size=6) * sigmas)
+    found = rp.refine_with_scene(start, np.diag(sigmas**2), [frame(seed)])
+    mass, error = searched(seed, 3.0)
+    assert found.refined and found.log_odds > mass + 9.0
+    assert errors(found.pose)[0] < 0.5 and error > 0.8
+
+
 def test_a_known_maximum_is_one_of_them() -> None:
     # Few of the poses drawn within 7 deg and 0.4 m are near the one that the edges show.
     (missed, _), (mass, error) = searched(6, 8.0), searched(6, 8.0, [POSE])
