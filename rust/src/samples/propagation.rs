@@ -6,8 +6,9 @@ use nalgebra::Vector6;
 use super::belief::Belief;
 use super::ends::PLACES;
 use super::normal::{cumulative, density};
+use super::outline::{Outline, View};
 use super::readings::Sight;
-use super::stretch::{KINDS, Outline, View};
+use super::stretch::KINDS;
 use crate::effort;
 use crate::prior::Gaussian;
 
@@ -130,7 +131,7 @@ impl std::ops::Add for Label {
 
 /// A sample: its margin on the right side of the contour is `margin + slope . x + outwards (g + (1 - along) d + along e)`
 /// pixels, linear in the left increment `x`, the growth `g` of its contour and the offsets `d` and `e` of the ends of the
-/// stretch that it lies beside.
+/// stretch that it lies beside, with those of their corners.
 #[derive(Debug, Clone, Copy)]
 pub struct Site {
     /// Derivative of the margin by the increment.
@@ -310,22 +311,23 @@ pub fn propagated<S: AsRef<Site>>(
     sites: &[S],
     outlines: &mut [Outline],
 ) -> Option<Propagated> {
-    let sum = |outlines: &[Outline]| outlines.iter().fold(*others, |sum, outline| sum + outline.message());
     outlines.iter_mut().for_each(|outline| outline.find_ends(sites));
-    let mut all = sum(outlines) + *guard;
+    let mut messages: Vec<Gaussian> = outlines.iter().map(Outline::message).collect();
+    let sum = |messages: &[Gaussian]| messages.iter().fold(*others, |sum, message| sum + *message);
+    let mut all = sum(&messages) + *guard;
     let mut belief = all.belief()?.0;
     outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
     let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
-        for outline in outlines.iter_mut() {
-            let rest = all - outline.message();
-            outline.sweep(&rest)?;
-            all = rest + outline.message();
+        for (outline, message) in outlines.iter_mut().zip(&mut messages) {
+            let rest = all - *message;
+            *message = outline.sweep(&rest)?;
+            all = rest + *message;
         }
         // Anew from all messages: differences' rounding errors add up.
-        all = sum(outlines);
+        all = sum(&messages);
         belief = all.belief()?.0;
         moved = far(&belief, &before)?;
         if moved < SETTLED {
@@ -333,8 +335,8 @@ pub fn propagated<S: AsRef<Site>>(
         }
     }
     let (belief, integral) = all.belief()?;
-    let view = |outline: &mut Outline| outline.view(&(all - outline.message()));
-    let views: Vec<View> = outlines.iter_mut().map(view).collect::<Option<_>>()?;
+    let views = outlines.iter_mut().zip(&messages).map(|(outline, message)| outline.view(&(all - *message)));
+    let views: Vec<View> = views.collect::<Option<_>>()?;
     let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
     Some(Propagated { belief, views, log_evidence, is_settled: moved < LOST })
 }

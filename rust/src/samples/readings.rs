@@ -1,6 +1,7 @@
 //! How far the samples of a region lie from its observed contour, and how a pose moves them (`docs/math.md`, eq. 17.1,
 //! 17.2).
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
@@ -104,6 +105,16 @@ impl SampledRegion {
     /// Number of samples.
     pub fn count(&self) -> usize {
         self.samples.len()
+    }
+
+    /// The numbers of the stretches of each ring of its contour, in its order.
+    pub(super) fn rings(&self) -> &[Range<usize>] {
+        self.contour.rings()
+    }
+
+    /// Unit normal of a stretch of its contour on the chart's plane.
+    pub(super) fn normal(&self, stretch: usize) -> Vector2<f64> {
+        self.contour.normal(stretch)
     }
 
     /// The numbers of the samples in the order in which they lie around the middle of those inside.

@@ -1,5 +1,7 @@
 //! The signed distance of any point from the rings that bound a region (`docs/math.md`, eq. 17.1).
 
+use std::ops::Range;
+
 use nalgebra::Vector2;
 
 use crate::contour::pieces::edges;
@@ -21,6 +23,10 @@ pub struct SignedField {
     stretches: Vec<usize>,
     /// Where on its stretch each edge starts and how much of it it is.
     places: Vec<[f64; 2]>,
+    /// The numbers of the stretches of each ring.
+    rings: Vec<Range<usize>>,
+    /// Unit normal of each stretch, from its start to its end.
+    normals: Vec<Vector2<f64>>,
 }
 
 /// Where a point lies from the boundary.
@@ -59,10 +65,23 @@ impl SignedField {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges: Vec<Edge> =
             rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
-        let begins = rings.iter().flat_map(|ring| stretches(ring, STRAIGHT / pixels));
-        let stretches: Vec<usize> = begins.scan(0, numbered).collect();
-        let places = places(&edges, &stretches);
-        Self { field: EdgeField::new(rings), edges, stretches, places }
+        let begins: Vec<Vec<bool>> = rings.iter().map(|ring| stretches(ring, STRAIGHT / pixels)).collect();
+        let numbers_of = begins.iter().map(|begins| begins.iter().filter(|begins| **begins).count());
+        let rings_of = numbers_of.scan(0, |last, count| Some(std::mem::replace(last, *last + count)..*last));
+        let rings_of: Vec<Range<usize>> = rings_of.collect();
+        let stretches: Vec<usize> = begins.into_iter().flatten().scan(0, numbered).map(|next| next - 1).collect();
+        let (places, normals) = (places(&edges, &stretches), normals(&edges, &stretches));
+        Self { field: EdgeField::new(rings), edges, stretches, places, rings: rings_of, normals }
+    }
+
+    /// The numbers of the stretches of each ring, in its order.
+    pub fn rings(&self) -> &[Range<usize>] {
+        &self.rings
+    }
+
+    /// Unit normal of a stretch, from its start to its end.
+    pub fn normal(&self, stretch: usize) -> Vector2<f64> {
+        self.normals[stretch]
     }
 
     /// Signed distance of a point, its gradient and where it is measured from.
@@ -157,7 +176,15 @@ fn places(edges: &[Edge], stretches: &[usize]) -> Vec<[f64; 2]> {
     edges.iter().zip(stretches).zip(starts).map(place).collect()
 }
 
-/// The number of a stretch, one more than the last where it begins.
+/// The unit normal of each stretch; of one that ends where it starts, any.
+fn normals(edges: &[Edge], stretches: &[usize]) -> Vec<Vector2<f64>> {
+    let mut ways = vec![Vector2::zeros(); stretches.last().map_or(0, |last| last + 1)];
+    edges.iter().zip(stretches).for_each(|(edge, &stretch)| ways[stretch] += edge.step);
+    let normal = |way: Vector2<f64>| Vector2::new(-way.y, way.x).try_normalize(0.0).unwrap_or_else(Vector2::x);
+    ways.into_iter().map(normal).collect()
+}
+
+/// The number of the next stretch, one more than the last where one begins.
 fn numbered(last: &mut usize, begins: bool) -> Option<usize> {
     *last += usize::from(begins);
     Some(*last)

@@ -1,4 +1,4 @@
-//! Observed contours that are off: grown all around, and each stretch of them at either end (`docs/math.md`, eq. 17.4).
+//! A stretch of an observed contour, which may be disturbed, and the samples beside it (`docs/math.md`, eq. 17.4).
 
 use std::f64::consts::PI;
 
@@ -15,19 +15,15 @@ pub const KINDS: usize = 2;
 /// How much less it counts, a sample, that both ends of a stretch move apart: of samples at one place along it, both move alike.
 const APART: f64 = 1e-6;
 
-/// How far either end lies from where increment and growth put it, pixels (standard deviation): far less than any offset, so that
-/// ends that nothing moves apart have a density.
-const UNKNOWN: f64 = 1e-3;
-
 /// Rotations of a symmetric matrix to its axes at most; two dimensions need one.
 const MOST_ROTATIONS: usize = 10;
 
-/// How far stretches of one kind are off, pixels (standard deviation), and what share of all stretches they are.
+/// How far stretches of one kind are off from between their corners, and what share of all stretches they are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kind {
     /// Share of the stretches.
     pub share: f64,
-    /// Standard deviation of the offset of either end, pixels.
+    /// Standard deviation of the offset of either end from its corner, pixels; 0 of what runs from corner to corner.
     pub off: f64,
 }
 
@@ -36,6 +32,8 @@ pub struct Kind {
 pub struct Stretch {
     /// Its number on the contour.
     pub number: usize,
+    /// Its unit normal on the contour's plane.
+    pub normal: Vector2<f64>,
     /// Numbers of the samples beside it.
     pub members: Vec<usize>,
     /// What it may be, one or two kinds.
@@ -54,29 +52,9 @@ pub struct Known {
     /// Probability of each kind.
     pub odds: [f64; KINDS],
     /// The factor of the ends that stands for all labels, but for a multiple.
-    message: Gaussian<ENDS>,
+    pub(super) message: Gaussian<ENDS>,
     /// Where the ends lie for each kind.
     found: [Option<Belief<ENDS>>; KINDS],
-}
-
-/// The contour of a region with samples beside it.
-#[derive(Debug, Clone)]
-pub struct Outline {
-    /// Its place among the regions with samples.
-    pub region: usize,
-    /// How far it is grown all around, pixels (standard deviation).
-    pub growth: f64,
-    /// Its stretches that samples lie beside.
-    pub stretches: Vec<Stretch>,
-}
-
-/// What is believed of a contour.
-#[derive(Debug, Clone)]
-pub struct View {
-    /// Of each stretch, for each kind that it may be.
-    pub stretches: Vec<Vec<KindView>>,
-    /// Logarithm of the probability of the labels.
-    pub log_probability: f64,
 }
 
 /// What is believed of a stretch of one kind.
@@ -94,15 +72,15 @@ pub struct KindView {
 
 impl Stretch {
     /// Samples beside a stretch of one of these kinds.
-    pub fn new(number: usize, members: Vec<usize>, kinds: Vec<Kind>) -> Self {
+    pub fn new(number: usize, normal: Vector2<f64>, members: Vec<usize>, kinds: Vec<Kind>) -> Self {
         let odds = std::array::from_fn(|kind| kinds.get(kind).map_or(0.0, |kind| kind.share));
         let known = Known { odds, message: Gaussian::default(), found: [None; KINDS] };
-        Self { number, members, kinds, known, ends: SMatrix::zeros(), labels: Vec::new() }
+        Self { number, normal, members, kinds, known, ends: SMatrix::zeros(), labels: Vec::new() }
     }
 
     /// Finds how increment and growth move its ends: as the slopes of the samples beside it do, those at corners left out, where
     /// there are others.
-    fn find_ends<S: AsRef<Site>>(&mut self, sites: &[S]) {
+    pub(super) fn find_ends<S: AsRef<Site>>(&mut self, sites: &[S]) {
         let members = || self.members.iter().map(|&member| sites[member].as_ref());
         let at_corners = members().all(|site| site.is_at_corner());
         let (mut products, mut slopes) = (Matrix2::zeros(), SMatrix::<f64, ENDS, INCREMENT>::zeros());
@@ -119,7 +97,7 @@ impl Stretch {
 
     /// Takes the labels of its samples, as its ends move them: what these leave open of a margin, under a covariance of the increment,
     /// blurs it.
-    fn take_labels<S: AsRef<Site>>(&mut self, sites: &[S], covariance: &Matrix6<f64>) {
+    pub(super) fn take_labels<S: AsRef<Site>>(&mut self, sites: &[S], covariance: &Matrix6<f64>) {
         let ends = self.ends.fixed_columns::<INCREMENT>(0);
         let label = |&member: &usize| {
             let site = sites[member].as_ref();
@@ -131,19 +109,14 @@ impl Stretch {
         self.labels = self.members.iter().map(label).collect();
     }
 
-    /// The factor of the increment and the growth that stands for it.
-    fn factor(&self) -> Gaussian<WHOLE> {
-        let Gaussian { information, vector, .. } = self.known.message;
-        let back = self.ends.transpose();
-        Gaussian { information: back * information * self.ends, vector: back * vector, offset: 0.0 }
+    /// How increment and growth move its ends outwards of the region's edge.
+    pub(super) fn ends(&self) -> &SMatrix<f64, ENDS, WHOLE> {
+        &self.ends
     }
 
-    /// Where its ends lie under a belief, and what everything else leaves of that; `None` where a direction is left free.
-    fn seen(&self, belief: &Belief<WHOLE>) -> Option<(Belief<ENDS>, Belief<ENDS>)> {
-        let covariance = self.ends * belief.covariance * self.ends.transpose() + Matrix2::identity() * UNKNOWN.powi(2);
-        let seen = Belief { mean: self.ends * belief.mean, covariance };
-        let rest = seen.factor()? - self.known.message;
-        Some((seen, rest.belief()?.0))
+    /// What everything else leaves of where its ends are seen; `None` where a direction is left free.
+    fn rest(&self, seen: &Belief<ENDS>) -> Option<Belief<ENDS>> {
+        Some((seen.factor()? - self.known.message).belief()?.0)
     }
 
     /// What is believed of each kind where everything else leaves `rest` of the ends.
@@ -179,10 +152,10 @@ impl Stretch {
         (all, std::array::from_fn(|kind| logs.get(kind).map_or(0.0, |log| (log - all).exp())))
     }
 
-    /// Moment matching, in place in the belief: the factor that makes of what the others leave the mean and, but where it is wider,
-    /// the covariance of all kinds together.
-    fn update(&mut self, belief: &mut Belief<WHOLE>) -> Option<()> {
-        let (seen, rest) = self.seen(belief)?;
+    /// Moment matching: the factor that makes of what the others leave of its ends, seen there, the mean and, but where it is
+    /// wider, the covariance of all kinds together.
+    pub(super) fn update(&mut self, seen: &Belief<ENDS>) -> Option<()> {
+        let rest = self.rest(seen)?;
         let views = self.views(&rest)?;
         self.known.odds = self.judged(&views).1;
         let parts = || self.known.odds.iter().zip(&views);
@@ -190,18 +163,18 @@ impl Stretch {
         let spread = |part: &Belief<ENDS>| part.covariance + (part.mean - mean) * (part.mean - mean).transpose();
         let covariance: Matrix2<f64> = parts().map(|(odds, view)| spread(&view.clean) * *odds).sum();
         let message = rest.factor()?.to(&mean, &covariance)?;
-        // The belief changes along what moves the ends alone.
-        let after = (rest.factor()? + message).belief()?.0;
-        let gain = belief.covariance * self.ends.transpose() * seen.covariance.try_inverse()?;
-        let (mean, covariance) =
-            (gain * (after.mean - seen.mean), gain * (after.covariance - seen.covariance) * gain.transpose());
-        if !(mean.iter().chain(&covariance).all(|entry| entry.is_finite())) {
-            return None;
-        }
-        belief.mean += mean;
-        belief.covariance += covariance;
-        self.known.message = message;
-        Some(())
+        let is_finite = message.information.iter().chain(&message.vector).all(|entry| entry.is_finite());
+        is_finite.then(|| self.known.message = message)
+    }
+
+    /// What is believed of each kind where its ends are seen there, and the logarithm of what its factor is multiplied by so that
+    /// it integrates, with everything else, to the labels' probability.
+    pub(super) fn view(&mut self, seen: &Belief<ENDS>) -> Option<(Vec<KindView>, f64)> {
+        let rest = self.rest(seen)?;
+        let views = self.views(&rest)?;
+        let (_, log_integral) = (rest.factor()? + self.known.message).belief()?;
+        let log_scale = self.judged(&views).0 - log_integral;
+        Some((views, log_scale))
     }
 
     /// What its labels show under what is believed of each kind, with the probability that it is disturbed.
@@ -214,60 +187,10 @@ impl Stretch {
     }
 
     /// What it is known by from a pose that lies farther by an increment.
-    fn moved(&mut self, increment: &Vector6<f64>) {
+    pub(super) fn moved(&mut self, increment: &Vector6<f64>) {
         let way = self.ends.fixed_columns::<INCREMENT>(0) * increment;
         self.known.message.vector -= self.known.message.information * way;
         self.known.found.iter_mut().flatten().for_each(|belief| belief.mean -= way);
-    }
-}
-
-impl Outline {
-    /// Finds how increment and growth move the ends of its stretches.
-    pub fn find_ends<S: AsRef<Site>>(&mut self, sites: &[S]) {
-        self.stretches.iter_mut().for_each(|stretch| stretch.find_ends(sites));
-    }
-
-    /// Takes the labels of the samples beside its stretches, under a covariance of the increment.
-    pub fn take_labels<S: AsRef<Site>>(&mut self, sites: &[S], covariance: &Matrix6<f64>) {
-        self.stretches.iter_mut().for_each(|stretch| stretch.take_labels(sites, covariance));
-    }
-
-    /// What it is known by from a pose that lies farther by an increment.
-    pub fn moved(&mut self, increment: &Vector6<f64>) {
-        self.stretches.iter_mut().for_each(|stretch| stretch.moved(increment));
-    }
-
-    /// The factor of the increment and the growth that stands for it.
-    fn factor(&self) -> Gaussian<WHOLE> {
-        let growth = Gaussian::of_component(INCREMENT, self.growth);
-        self.stretches.iter().fold(growth, |sum, stretch| sum + stretch.factor())
-    }
-
-    /// The factor of the increment that stands for it, but for a multiple.
-    pub fn message(&self) -> Gaussian {
-        Gaussian { offset: 0.0, ..self.factor().marginal::<INCREMENT>() }
-    }
-
-    /// Moment matching of its stretches, one by one, where everything else leaves `others`; `None` where a direction is left free.
-    pub fn sweep(&mut self, others: &Gaussian) -> Option<()> {
-        let (mut belief, _) = (others.among::<WHOLE>() + self.factor()).belief()?;
-        // One that cannot be heard now keeps what it said.
-        self.stretches.iter_mut().for_each(|stretch| _ = stretch.update(&mut belief));
-        Some(())
-    }
-
-    /// What is believed where everything else leaves `others`; `None` where a direction is left free.
-    pub fn view(&mut self, others: &Gaussian) -> Option<View> {
-        let (belief, mut log_probability) = (others.among::<WHOLE>() + self.factor()).belief()?;
-        let mut stretches = Vec::with_capacity(self.stretches.len());
-        for stretch in &mut self.stretches {
-            let (_, rest) = stretch.seen(&belief)?;
-            let views = stretch.views(&rest)?;
-            let (_, scale) = (rest.factor()? + stretch.known.message).belief()?;
-            log_probability += stretch.judged(&views).0 - scale;
-            stretches.push(views);
-        }
-        Some(View { stretches, log_probability })
     }
 }
 
@@ -292,14 +215,5 @@ impl Gaussian<ENDS> {
         let information = root * eigen.recompose() * root.transpose();
         let vector = (information + self.information) * mean - self.vector;
         Some(Self { information, vector, offset: 0.0 })
-    }
-}
-
-impl<const D: usize> Gaussian<D> {
-    /// The density of a component about zero with this standard deviation.
-    fn of_component(component: usize, deviation: f64) -> Self {
-        let mut factor = Self { offset: -deviation.ln() - 0.5 * (2.0 * PI).ln(), ..Self::default() };
-        factor.information[(component, component)] = deviation.powi(-2);
-        factor
     }
 }

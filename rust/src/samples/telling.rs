@@ -1,15 +1,18 @@
 //! The samples that tell something at a pose, and what is believed once they are heard (`docs/math.md`, section 17).
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector2, Vector6};
 
 use super::belief::Belief;
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
+use super::outline::{Outline, View};
 use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
-use super::stretch::{Kind, Known, Outline, Stretch, View};
+use super::ring::Ring;
+use super::stretch::{Kind, Known, Stretch};
 use crate::contour::fit::size;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
@@ -99,7 +102,7 @@ pub(super) struct Samples<'a, F> {
     outlines: Vec<Outline>,
     /// How far contours are grown all around, pixels (standard deviation).
     growth: f64,
-    /// How far clean stretches are off, pixels (standard deviation).
+    /// How far the contours' corners are off along either axis, pixels (standard deviation).
     clean: f64,
     /// How far the labels of each region are to be trusted, and what those that move nothing show of it.
     pub(super) trust: Vec<Trust>,
@@ -150,8 +153,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let own: Vec<Trust> = (0..self.regions.len()).map(|region| self.own_trust(region)).collect();
         self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
         for outline in &mut self.outlines {
-            let kinds = kinds(&self.trust[outline.region], self.clean);
-            outline.stretches.iter_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
+            let kinds = kinds(&self.trust[outline.region]);
+            outline.stretches_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
         }
     }
 
@@ -161,7 +164,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             self.regions.iter().map(|sampled| (1.0, (FAR_OFF * sampled.size()).powi(2))).collect();
         for (outline, view) in self.outlines.iter().zip(views) {
             let (count, square) = &mut sums[outline.region];
-            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+            for (stretch, views) in outline.stretches().zip(&view.stretches) {
                 *count += stretch.known.odds[1];
                 *square += stretch.known.odds[1] * views[1].square;
             }
@@ -231,27 +234,34 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 
     /// Puts the telling samples beside their stretches, which keep what is known of their kinds.
     fn join(&mut self) {
-        let known: BTreeMap<_, _> = self.known().collect();
         let mut members: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
         for (index, telling) in self.telling.iter().enumerate().filter(|_| self.joined) {
             members.entry(telling.region).or_default().entry(telling.stretch).or_default().push(index);
         }
-        let outline = |(region, stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
-            let stretch = |(number, beside): (usize, Vec<usize>)| {
-                let mut stretch = Stretch::new(number, beside, kinds(&self.trust[region], self.clean));
+        let known: BTreeMap<_, _> = self.outlines.iter().flat_map(known).collect();
+        let outline = |(region, mut stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
+            let kinds = kinds(&self.trust[region]);
+            let stretch = |number: usize, normal: Vector2<f64>, beside: Vec<usize>| {
+                let mut stretch = Stretch::new(number, normal, beside, kinds.clone());
                 known.get(&(region, number)).into_iter().for_each(|&known| stretch.known = known);
                 stretch
             };
-            Outline { region, growth: self.growth, stretches: stretches.into_iter().map(stretch).collect() }
+            let ring = |sides: &Range<usize>| {
+                let mut all: Vec<Stretch> = Vec::new();
+                for number in sides.clone() {
+                    let beside = stretches.remove(&number).unwrap_or_default();
+                    // One without samples stands for all that follow on it.
+                    if !(beside.is_empty() && all.last().is_some_and(|last| last.members.is_empty())) {
+                        all.push(stretch(number, self.regions[region].normal(number), beside));
+                    }
+                }
+                Ring { off: self.clean, stretches: all }
+            };
+            let rings = self.regions[region].rings().iter().map(ring);
+            let rings = rings.filter(|ring| ring.stretches.iter().any(|stretch| !stretch.members.is_empty())).collect();
+            Outline { region, growth: self.growth, rings }
         };
         self.outlines = members.into_iter().map(outline).collect();
-    }
-
-    /// What is known of each stretch, by region and number.
-    fn known(&self) -> impl Iterator<Item = ((usize, usize), Known)> {
-        self.outlines.iter().flat_map(|outline| {
-            outline.stretches.iter().map(|stretch| ((outline.region, stretch.number), stretch.known))
-        })
     }
 
     /// Linearizes the telling samples at a pose; one that tells no longer stays as it was.
@@ -302,7 +312,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
         }
         for (outline, view) in self.outlines.iter().zip(views) {
-            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+            for (stretch, views) in outline.stretches().zip(&view.stretches) {
                 for (disturbed, label) in stretch.shown(views) {
                     shown[outline.region].add(&Label { disturbed, ..label }, true);
                 }
@@ -314,7 +324,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     /// Keeps what is believed of each label.
     fn keep_told(&mut self, views: &[View]) {
         for (outline, view) in self.outlines.iter().zip(views) {
-            for (stretch, views) in outline.stretches.iter().zip(&view.stretches) {
+            for (stretch, views) in outline.stretches().zip(&view.stretches) {
                 for (&member, (_, label)) in stretch.members.iter().zip(stretch.shown(views)) {
                     self.telling[member].told = label.log_probability;
                 }
@@ -457,9 +467,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 }
 
-/// The kinds of a region's stretches.
-fn kinds(trust: &Trust, clean: f64) -> Vec<Kind> {
-    vec![Kind { share: 1.0 - trust.disturbed, off: clean }, Kind { share: trust.disturbed, off: trust.wide }]
+/// The kinds of a region's stretches: from corner to corner, or disturbed.
+fn kinds(trust: &Trust) -> Vec<Kind> {
+    vec![Kind { share: 1.0 - trust.disturbed, off: 0.0 }, Kind { share: trust.disturbed, off: trust.wide }]
+}
+
+/// What is known of each stretch of a contour, by region and number.
+fn known(outline: &Outline) -> impl Iterator<Item = ((usize, usize), Known)> {
+    outline.stretches().map(|stretch| ((outline.region, stretch.number), stretch.known))
 }
 
 /// A site on the line that its margins at the sigma points of a belief follow best, two along each column of its root.
