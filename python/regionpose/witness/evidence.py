@@ -83,12 +83,13 @@ class Evidence:
         """How many steps are looked at."""
         return len(self._steps)
 
-    def at(self, increments: Array, spread_px: float) -> tuple[Array, Array]:
+    def at(self, increments: Array, spread_px: float, every: int = 1) -> tuple[Array, Array]:
         """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
-        of steps as if they were independent.
+        of steps as if they were independent; of every so manyth of them alone, as if it stood for so many.
         """
-        pictures = self._spreads.log_ratios(spread_px)
-        return _core.edge_evidence(pictures, self.pixels, self.moved, self._directions, increments)
+        pictures, steps = self._spreads.log_ratios(spread_px), (self.pixels, self.moved, self._directions)
+        values, slopes = _core.edge_evidence(pictures, *(part[::every] for part in steps), increments)
+        return every * values, every * slopes
 
     def square_moves(self) -> Array:
         """The matrix (d, d) of the mean square, in pixels, by which increments move the steps that the photo shows."""

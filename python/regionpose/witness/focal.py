@@ -104,15 +104,17 @@ def _compared(curve: _Curve, scene: Sequence[SceneFrame], refined: Sequence[Pose
     """The given focal lengths, with which maxima near the refined pose are known, and those about each node."""
     given = curve.evidence(0.0, scene)
     given_shares = [frame.share(SPREADS_PX[-1]) for frame in given]
+    searched = curve.posterior(0.0, GIVEN_SPREAD, given, given_shares).peaks(refined)
     for node in NODES:
         if node in curve:
-            frames, shares = given, given_shares
+            frames, shares, right = given, given_shares, searched
             if node:
                 frames = curve.evidence(node, scene, given)
                 # One photo and one scan: a step counts the same for both, and for neither more than it may.
                 own = [frame.share(SPREADS_PX[-1]) for frame in frames]
                 shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
-            right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).peaks(refined)
+            if shares != given_shares:
+                right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).near(searched)
             found = curve.posterior(node, SPREAD, frames, shares).peaks([] if node else refined)
             peaks = [(node + peak.log_focal, peak) for peak in found]
             yield _Compared(
