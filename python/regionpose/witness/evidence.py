@@ -87,8 +87,9 @@ class Evidence:
         """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
         of steps as if they were independent; of every so manyth of them alone, as if it stood for so many.
         """
-        pictures, steps = self._spreads.log_ratios(spread_px), (self.pixels, self.moved, self._directions)
-        values, slopes = _core.edge_evidence(pictures, *(part[::every] for part in steps), increments)
+        pictures, chosen = self._spreads.log_ratios(spread_px), slice(None, None, every)
+        pixels, moved, directions = self.pixels[chosen], self.moved[chosen], self._directions[chosen]
+        values, slopes = _core.edge_evidence(pictures, pixels, moved, directions, increments)
         return every * values, every * slopes
 
     def square_moves(self) -> Array:
