@@ -14,9 +14,9 @@ use crate::prior::Gaussian;
 /// From blur to blur.
 const STEP: f64 = 0.5;
 
-/// Standard deviations of how far clean stretches of contours are off, pixels, by halves: from a hand's error, and half the width of a
-/// lidar's beam beside a region of a few meters, to the quality of calibrations.
-const OFFS: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
+/// Standard deviations of how far corners of contours are off, pixels, by halves: from twice what the likeliest is of walls that a hand
+/// drew in photos of a street, beside a scan of another time (`python -m benchmarks.picking`), to the quality of calibrations.
+const OFFS: [f64; 7] = [6.4, 3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
 
 /// The same of how far contours are grown, by quarters: that is one number of a whole contour, which tells its scale no closer.
 const GROWTHS: [f64; 3] = [3.2, 0.8, 0.2];
@@ -196,7 +196,7 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
     all.retain(|_| behind.next() == Some(false));
 }
 
-/// Blur of labels, and how far contours are grown and clean stretches of them are off at least (standard deviations),
+/// Blur of labels, and how far contours are grown and their corners are off at least (standard deviations),
 /// pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Setting {
@@ -206,7 +206,7 @@ pub(super) struct Setting {
 }
 
 impl Setting {
-    /// How far clean stretches are off: what blurs labels beyond the finest does not average out along a stretch.
+    /// How far corners are off: what blurs labels beyond the finest does not average out along a stretch.
     pub(super) fn clean(&self) -> f64 {
         (self.blur.powi(2) - FINEST.powi(2)).sqrt().max(self.off)
     }

@@ -35,6 +35,18 @@ pub struct Ring {
 }
 
 impl Ring {
+    /// All stretches of a ring, whether samples lie beside them or not.
+    pub(super) fn new(off: f64, all: impl Iterator<Item = Stretch>) -> Self {
+        let mut stretches: Vec<Stretch> = Vec::new();
+        for stretch in all {
+            // One without samples stands for all that follow on it, too.
+            if !(stretch.members.is_empty() && stretches.last().is_some_and(|last| last.members.is_empty())) {
+                stretches.push(stretch);
+            }
+        }
+        Self { off, stretches }
+    }
+
     /// Moment matching of its stretches, one by one, where everything else leaves `others`: the factor of increment and growth
     /// that stands for it then; `None` where a direction is left free.
     pub(super) fn sweep(&mut self, others: &Gaussian<WHOLE>) -> Option<Gaussian<WHOLE>> {

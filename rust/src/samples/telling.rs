@@ -1,9 +1,8 @@
 //! The samples that tell something at a pose, and what is believed once they are heard (`docs/math.md`, section 17).
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 
-use nalgebra::{Matrix6, Vector2, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
@@ -241,23 +240,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         let known: BTreeMap<_, _> = self.outlines.iter().flat_map(known).collect();
         let outline = |(region, mut stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
             let kinds = kinds(&self.trust[region]);
-            let stretch = |number: usize, normal: Vector2<f64>, beside: Vec<usize>| {
-                let mut stretch = Stretch::new(number, normal, beside, kinds.clone());
+            let mut stretch = |number: usize| {
+                let beside = stretches.remove(&number).unwrap_or_default();
+                let mut stretch = Stretch::new(number, self.regions[region].normal(number), beside, kinds.clone());
                 known.get(&(region, number)).into_iter().for_each(|&known| stretch.known = known);
                 stretch
             };
-            let ring = |sides: &Range<usize>| {
-                let mut all: Vec<Stretch> = Vec::new();
-                for number in sides.clone() {
-                    let beside = stretches.remove(&number).unwrap_or_default();
-                    // One without samples stands for all that follow on it.
-                    if !(beside.is_empty() && all.last().is_some_and(|last| last.members.is_empty())) {
-                        all.push(stretch(number, self.regions[region].normal(number), beside));
-                    }
-                }
-                Ring { off: self.clean, stretches: all }
-            };
-            let rings = self.regions[region].rings().iter().map(ring);
+            let rings = self.regions[region].rings().iter();
+            let rings = rings.map(|numbers| Ring::new(self.clean, numbers.clone().map(&mut stretch)));
             let rings = rings.filter(|ring| ring.stretches.iter().any(|stretch| !stretch.members.is_empty())).collect();
             Outline { region, growth: self.growth, rings }
         };
