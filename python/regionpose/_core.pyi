@@ -195,6 +195,13 @@ class WorldRegion:
     def with_samples(self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike) -> WorldRegion:
         """The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses."""
 
+    def with_line_samples(self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike) -> WorldRegion:
+        """The same of places on one line, which is all that is known of it then."""
+
+    @property
+    def is_line(self) -> bool:
+        """Whether one line is all that is known of it."""
+
     @property
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         """Places (n, 3) inside, (m, 3) outside of the region, and (k, 3) outside that it encloses, or None."""

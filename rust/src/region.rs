@@ -165,6 +165,8 @@ pub struct WorldRegion {
     /// Shared by all copies.
     derived: Arc<Derived>,
     samples: Option<Samples>,
+    /// Whether one line of its plane is all that is known.
+    is_line: bool,
 }
 
 /// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
@@ -204,7 +206,7 @@ impl WorldRegion {
 
     /// The planar region of rings given in a plane's coordinates.
     pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
-        Self { frame, outline, surface: None, viewpoint: None, samples: None, derived: Arc::default() }
+        Self { frame, outline, surface: None, viewpoint: None, samples: None, derived: Arc::default(), is_line: false }
     }
 
     /// The region covered by a triangulated open surface, which need not be planar but must not hide itself from the camera.
@@ -247,11 +249,13 @@ impl WorldRegion {
         self.viewpoint.as_ref()
     }
 
-    /// Whether a camera at this point of the world sees the side away from the viewpoint; `false` without a viewpoint.
+    /// Whether a camera at this point of the world sees the side away from the viewpoint; `false` without a viewpoint, and of a line,
+    /// whose plane may be any.
     ///
     /// Of a surface that is not planar, the mean plane's side counts.
     pub fn is_behind(&self, camera: &Vector3<f64>) -> bool {
-        self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
+        !self.is_line
+            && self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
     }
 
     /// The same region with what a sensor knows of it: places inside and outside of it, moved onto its plane.
@@ -270,6 +274,17 @@ impl WorldRegion {
         }
         let samples = Samples::new(&self.frame, inside, outside)?;
         Ok(Self { samples: Some(samples), ..self })
+    }
+
+    /// The same region of which a sensor knows places on one line alone, as a single scan line crosses it: its plane may be any
+    /// through that line, and the outline says where to look.
+    ///
+    /// # Errors
+    /// As of [`WorldRegion::with_samples`], and a sample off the line through those inside by more than a tenth of the extent.
+    pub fn with_line_samples(self, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
+        let sampled = self.with_samples(inside, outside)?;
+        samples::check_line(inside, outside)?;
+        Ok(Self { is_line: true, ..sampled })
     }
 
     /// The same region with samples also at places outside that it encloses: they count where its image has a hole.
@@ -291,7 +306,12 @@ impl WorldRegion {
         self.samples.as_ref()
     }
 
-    /// The plane's coordinates in which [`WorldRegion::outline`] is given.
+    /// Whether one line is all that is known of it, and its plane is not.
+    pub fn is_line(&self) -> bool {
+        self.is_line
+    }
+
+    /// The plane's coordinates in which [`WorldRegion::outline`] is given; of a line, some plane through it.
     pub fn frame(&self) -> &PlaneFrame {
         &self.frame
     }

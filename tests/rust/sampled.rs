@@ -5,7 +5,9 @@ mod support;
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
+use regionpose::region::PlaneFrame;
 use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::contours::all_bitten;
@@ -319,6 +321,46 @@ fn a_prior_that_samples_contradict_is_left_out_and_warned_of() {
     assert!(estimate.warnings.iter().any(warned), "{:?}", estimate.warnings);
 }
 
+/// The samples of one of three regions on a line across it, whose plane is given wrong: the pose is that of the truth, and no
+/// side counts.
+#[test]
+fn places_on_one_line_need_no_plane() {
+    let (mut with, mut without) = (Vec::new(), Vec::new());
+    for seed in 0..8 {
+        let mut random = Random::new(600 + seed);
+        let scene = Scene::random(&mut random, layout(2));
+        let mut worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
+        let (frame, outline) = (scene.worlds[1].frame(), scene.worlds[1].outline());
+        let middle = outline.rings()[0].iter().sum::<Vector2<f64>>() / outline.rings()[0].len() as f64;
+        let places = (-400..400).map(|k| middle + Vector2::new(0.01 * f64::from(k), 0.0));
+        let (inside, outside): (Vec<_>, Vec<_>) = places.partition(|place| outline.contains(*place));
+        let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.lifted(place)).collect::<Vec<_>>();
+        // The line in another plane through it.
+        let [u, v, n] = frame.axes;
+        let turned = [u, (v + n) / 2f64.sqrt(), (n - v) / 2f64.sqrt()];
+        let other = PlaneFrame { origin: frame.lifted(&middle), axes: turned };
+        let strip = PlaneRings::polygon(vec![rectangle(1.0, 0.01)]).unwrap();
+        let line =
+            WorldRegion::from_outline(other, strip).with_line_samples(&lifted(inside), &lifted(outside)).unwrap();
+        let line = line.seen_from(frame.origin + u + (v - n * 2.0)).unwrap();
+        let [one, other] = [-5.0, 5.0].map(|far| frame.origin + turned[2] * far);
+        assert!(line.is_line() && !line.is_behind(&one) && !line.is_behind(&other));
+        worlds[1] = line;
+        let errors = |count: usize| {
+            let problem = Problem::new(&scene.observed[..count], &worlds[..count]).unwrap();
+            let estimate = problem.estimate().unwrap();
+            (scene.errors(&estimate.best.pose).0, problem.creases().len())
+        };
+        let [(both, creases), (alone, _)] = [2, 1].map(errors);
+        assert_eq!(creases, 0);
+        with.push(both);
+        without.push(alone);
+    }
+    with.sort_by(f64::total_cmp);
+    without.sort_by(f64::total_cmp);
+    assert!(with[4] < 0.7 * without[4], "{with:.4?} {without:.4?}");
+}
+
 #[test]
 fn samples_that_cannot_be_used_are_refused() {
     let square: Vec<_> = rectangle(1.0, 1.0).iter().map(|p| p.push(0.0)).collect();
@@ -332,6 +374,13 @@ fn samples_that_cannot_be_used_are_refused() {
     assert!(bad.contains("inside sample 1"), "{bad}");
     let off = refused(&[near, far], &[Vector3::new(1.0, 0.0, 0.5)]);
     assert!(off.contains("an outside sample is number 0 at 5.000e-1 off"), "{off}");
+    let [begin, end, aside] = [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.3, 0.0]].map(Vector3::from);
+    let not_one_line =
+        |inside: &[_], outside: &[_]| region.clone().with_line_samples(inside, outside).unwrap_err().to_string();
+    let off = not_one_line(&[begin, aside, end], &[far]);
+    assert!(off.contains("an inside sample is number 0 at 1.961e-1 off the line"), "{off}");
+    let off = not_one_line(&[begin, end], &[far, aside]);
+    assert!(off.contains("an outside sample is number 1 at 3.000e-1 off the line"), "{off}");
     let bent = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.2], [0.0, 1.0, 0.0]].map(Vector3::from);
     let surface = WorldRegion::from_mesh(&bent, &[[0, 1, 2], [0, 2, 3]]).unwrap();
     assert!(surface.with_samples(&[near], &[far]).unwrap_err().to_string().contains("needs to be a planar region"));

@@ -11,11 +11,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import Delaunay, QhullError, cKDTree
+from scipy.spatial import Delaunay, QhullError
 
 from regionpose import _core
-from regionpose.arrays import LARGEST_COORDINATE, check_coordinates, check_extent, row_array, signed_area
-from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
+from regionpose.arrays import signed_area
+from regionpose.regions.plane_samples import plane_samples, thinned
 
 Array = NDArray[np.float64]
 
@@ -26,30 +26,11 @@ RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch; at 1.2 a third of lost
 returns leaves holes."""
 
-
-ROUNDING = 64.0
-"""Rounding errors of a coordinate that a distance from a plane may hold."""
-
-REGION_THICKNESS = 0.02
-"""Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
-of a face stand out from it, and the image shows them as part of it."""
-
-LEAST_APPROACH = 0.1
-"""Sine of the least angle between beam and plane at which samples move along the beam: a flatter one takes them far."""
-
 INNER_SHARE = 0.2
 """Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
 
 MITRE_LIMIT = 2.0
 """Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
-
-LINE_STEPS = 0.25
-"""Root mean square distance from a parabola, in steps along it, below which samples are one scan line: two lines with a
-tenth of the samples on one of them, two steps apart, are 0.6."""
-
-MOST_SAMPLES = 20_000
-"""Samples from which a plane and an outline are taken: 140 across the patch tell its area to a thousandth, and more
-change the plane by less than a hundredth of the noise."""
 
 EVEN_ROUNDS = 4
 """Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
@@ -87,21 +68,6 @@ class Outline(NamedTuple):
     rings: list[Array]
 
 
-class PlaneSamples(NamedTuple):
-    """A plane and the samples of a region on it.
-
-    `origin` (3,), `axes` (3, 3): rows u, v, normal. `thickness`: distance from the plane, meters, up to which points of
-    the region belong to it; `noise`, up to which noise puts points of the plane. `flat`: the samples (n, 2) in its
-    coordinates, moved onto it along the normal or their beams.
-    """
-
-    origin: Array
-    axes: Array
-    thickness: float
-    noise: float
-    flat: Array
-
-
 def outline_of_points(
     points: ArrayLike,
     *,
@@ -125,15 +91,6 @@ def outline_of_points(
     return Outline(plane.origin, plane.axes[:2], rings)
 
 
-def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> PlaneSamples:
-    """The robust plane of points (n, 3) and those near it moved onto it; ValueError as of `outline_of_points`."""
-    given = _checked_points(points)
-    origin, axes, _ = robust_plane(given[:: max(1, len(given) // MOST_SAMPLES)])
-    samples = _flat_samples(given, origin, axes, sensor_origin)
-    _refuse_one_line(_thinned(samples.flat if sensor_origin is None else _sights(given, sensor_origin)))
-    return samples
-
-
 def checked_radius(radius: object) -> float:
     """`radius` as a positive number, infinite for the convex hull; ValueError that says what was found otherwise."""
     if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
@@ -149,7 +106,7 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     They are taken where the samples are equally far apart in all directions: along the lines of a scan and across them.
     A SparseSamplingWarning tells that few rows of samples cross the patch, or that the outline misses a part of it.
     """
-    points = _thinned(points)
+    points = thinned(points)
     squared = _spacing_squared(points)
     even = points @ squared
     if radius is None:
@@ -262,24 +219,16 @@ def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
         )
 
 
-def _refuse_one_line(points: Array) -> None:
-    """Refuse points (n, 2) on one scan line, which is a conic in the plane and over a patch a parabola, or less."""
-    freedom = len(points) - 3
-    if freedom < 1:
-        return
-    centered = points - points.mean(axis=0)
-    along, across = (centered @ np.linalg.svd(centered, full_matrices=False)[2].T).T
-    parabola = np.vander(along / np.abs(along).max(), 3)
-    off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
-    step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
-    if np.sqrt(np.sum(off**2) / freedom) < LINE_STEPS * step:
-        raise ValueError(f"{len(points)} points lie on one scan line; needed points on lines across the patch")
-
-
 def _delaunay_edges(points: Array) -> NDArray[np.intp]:
     """Pairs (m, 2) of points (n, 2) that are natural neighbors."""
     ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
+
+
+def _steps(points: Array) -> NDArray[np.intp]:
+    """Pairs (n - 1, 2) of points on a line (n, 1) that follow one another."""
+    order = np.argsort(points[:, 0])
+    return np.column_stack([order[:-1], order[1:]])
 
 
 def _edge_keys(ends: NDArray[np.intp], count: int) -> NDArray[np.intp]:
@@ -306,56 +255,13 @@ def _main_part(rings: list[Array]) -> list[Array]:
     return [outer, *inside]
 
 
-def _thinned(points: Array) -> Array:
-    """The samples (n, 2), or where they are many one a cell of a grid, which keeps them even."""
-    extent = np.ptp(points, axis=0)
-    size = float(np.sqrt(np.prod(np.maximum(extent, extent.max() / MOST_SAMPLES)) / MOST_SAMPLES))
-    if len(points) <= MOST_SAMPLES or size == 0.0:
-        return points
-    cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
-    return points[np.unique(cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1], return_index=True)[1]]
-
-
-def _flat_samples(points: Array, origin: Array, axes: Array, sensor_origin: ArrayLike | None) -> PlaneSamples:
-    """The samples of the region near the plane, moved onto it along the normal or the beams."""
-    heights = (points - origin) @ axes[2]
-    sigma = MAD_TO_SIGMA * np.median(np.abs(heights))
-    extent = float(np.ptp(points, axis=0).max())
-    rounding = ROUNDING * float(np.finfo(float).eps * np.abs(points).max())
-    noise = max(INLIER_SIGMAS * float(sigma), rounding)
-    thickness = max(noise, REGION_THICKNESS * extent)
-    near = np.abs(heights) <= thickness
-    moved = points[near] - origin
-    if sensor_origin is not None:
-        sensor = np.asarray(sensor_origin, dtype=np.float64)
-        if sensor.shape != (3,) or not (np.abs(sensor) <= LARGEST_COORDINATE).all():
-            needed = f"3 coordinates of at most {LARGEST_COORDINATE:.1e}"
-            raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed {needed}")
-        beams = points[near] - sensor
-        beams /= np.maximum(np.linalg.norm(beams, axis=1, keepdims=True), np.finfo(float).tiny)
-        approach = beams @ axes[2]
-        steep = np.abs(approach) >= LEAST_APPROACH
-        moved -= np.where(steep, heights[near] / np.where(steep, approach, 1.0), 0.0)[:, None] * beams
-    return PlaneSamples(origin, axes, thickness, noise, moved @ axes[:2].T)
-
-
-def _sights(points: Array, sensor_origin: ArrayLike) -> Array:
-    """Where the beams of points (n, 3) pass a plane before the sensor, (n, 2): range noise leaves them in place."""
-    beams = points - np.asarray(sensor_origin, dtype=np.float64)
-    beams = beams[np.linalg.norm(beams, axis=1) > 0.0]
-    ahead = np.sum(beams / np.linalg.norm(beams, axis=1, keepdims=True), axis=0)
-    axes = axes_of(ahead / np.linalg.norm(ahead))
-    depth = np.maximum(beams @ axes[2], LEAST_APPROACH * np.linalg.norm(beams, axis=1))
-    sights: Array = beams @ axes[:2].T / depth[:, None]
-    return sights
-
-
 def bridging_radius(points: Array) -> float:
     """Radius of an alpha shape that holds 98 % of the points (n, 2) together, from the gaps of their spanning tree.
 
-    Scan lines far apart count as much as the spacing within a line: the tree has to cross from each to the next.
+    Scan lines far apart count as much as the spacing within a line: the tree has to cross from each to the next. Of
+    points on a line, (n, 1), it is the way from one to the next.
     """
-    edges = _delaunay_edges(points)
+    edges = _delaunay_edges(points) if points.shape[1] > 1 else _steps(points)
     lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
     tree = minimum_spanning_tree(graph).tocoo()
@@ -379,16 +285,3 @@ def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32
         if size[b] >= CONNECTED_SHARE * count:
             return float(lengths[edge])
     return float(lengths.max())
-
-
-def _checked_points(points: ArrayLike) -> Array:
-    given = row_array(points, "points", 3)
-    wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
-    if len(wrong):
-        raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
-    check_coordinates(given)
-    others = given[(given != given[0]).any(axis=1)] if len(given) else given
-    if len(others) < 2 or (others == others[0]).all():
-        raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
-    check_extent(given)
-    return given

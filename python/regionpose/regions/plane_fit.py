@@ -36,19 +36,20 @@ LEAST_NOISE_SHARE = 0.02
 """Least width over length of a line that is compared with the noise, for range noise that leaves it in its plane."""
 
 
-def robust_plane(points: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+def robust_plane(points: Array, sensor: Array | None = None) -> tuple[Array, Array, NDArray[np.intp]]:
     """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices.
 
     Least squares over the points within three standard deviations until they stay the same, from two starts: all
     points, and the plane through three of them with the least median distance (Rousseeuw 1984). That one is right with
     outliers, but may lie askew along a single scan line; the better fit is the one under which the points are likelier,
-    outliers being anywhere.
+    outliers being anywhere. Of points that a sensor at (3,) saw, distances along their beams count: the plane of the
+    beams themselves holds a scan line without any error, and no beam meets it.
     """
     everything = _refitted(points, *_least_squares_plane(points))
     majority = _refitted(points, *_least_median_plane(points))
     if _is_line_of(points[majority[2]], points[everything[2]], everything):
         return everything
-    return min(everything, majority, key=lambda fit: _code_length(points, *fit))
+    return min(everything, majority, key=lambda fit: _code_length(points, *fit, sensor=sensor))
 
 
 def _is_line_of(line: Array, points: Array, plane: tuple[Array, Array, NDArray[np.intp]]) -> bool:
@@ -81,10 +82,14 @@ def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, 
     return origin, axes, inliers
 
 
-def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp]) -> float:
+def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp], sensor: Array | None) -> float:
     """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
     extent = float(np.ptp(points, axis=0).max())
-    sigma = float(np.std((points[inliers] - origin) @ axes[2])) / extent
+    distances = (points[inliers] - origin) @ axes[2]
+    if sensor is not None:
+        beams = points[inliers] - sensor
+        distances *= np.linalg.norm(beams, axis=1) / np.maximum(np.abs(beams @ axes[2]), np.finfo(float).tiny)
+    sigma = float(np.std(distances)) / extent
     return len(inliers) * (0.5 + float(np.log(max(sigma, np.finfo(float).eps) * np.sqrt(2.0 * np.pi))))
 
 

@@ -15,7 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from regionpose.regions.outline import LEAST_APPROACH, PlaneSamples, bridging_radius
+from regionpose.regions.outline import bridging_radius
+from regionpose.regions.plane_samples import LEAST_APPROACH, PlaneSamples
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -82,9 +83,9 @@ def scan_samples(
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    passed, neighbors = _other_places(points, members, _Sight(plane, window, sensor))
+    passed, neighbors = other_places(points, members, Sight(plane, window, sensor))
     if extends and len(neighbors):
-        neighbors = neighbors[~_joined(inside, neighbors)]
+        neighbors = neighbors[~joined(inside, neighbors)]
     outside = np.concatenate([passed, neighbors])
     if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
         return None
@@ -92,7 +93,7 @@ def scan_samples(
     return samples if len(samples.outside) else None
 
 
-class _Sight(NamedTuple):
+class Sight(NamedTuple):
     """What may tell of a window of a plane: from the sensor, or of points on the plane alone where that isn't known."""
 
     plane: PlaneSamples
@@ -127,7 +128,7 @@ class _Sight(NamedTuple):
         return float(self.window[0][axis]), float(self.window[1][axis])
 
 
-def _other_places(points: Array, members: NDArray[np.intp], sight: _Sight) -> tuple[Array, Array]:
+def other_places(points: Array, members: NDArray[np.intp], sight: Sight) -> tuple[Array, Array]:
     """Places (n, 2) that the beams of points (k, 3) other than the members passed, and (m, 2) at which they ended."""
     is_member = np.zeros(len(points), dtype=np.bool_)
     is_member[members] = True
@@ -141,7 +142,7 @@ def _other_places(points: Array, members: NDArray[np.intp], sight: _Sight) -> tu
     return np.concatenate(passed), np.concatenate(ended)
 
 
-def _places(points: Array, sight: _Sight) -> tuple[Array, Array]:
+def _places(points: Array, sight: Sight) -> tuple[Array, Array]:
     """Places in the window that the beams of points (k, 3) passed, and at which they ended on the plane."""
     plane, window, sensor = sight
     if sensor is None:
@@ -165,22 +166,25 @@ def _within(flat: Array, window: tuple[Array, Array]) -> Array:
     return inside
 
 
-def _joined(inside: Array, neighbors: Array) -> Mask:
-    """Whether each of the neighbors (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps."""
-    reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
+def joined(inside: Array, neighbors: Array) -> Mask:
+    """Whether each of the neighbors (m, 2) is joined to the samples (n, 2) by steps no longer than their gaps.
+
+    The same of both on a line, (m, 1) and (n, 1).
+    """
+    reach = bridging_radius(some(inside, MOST_TRIANGULATED))
     near = cKDTree(inside).query(neighbors, distance_upper_bound=reach)[0] <= reach
     pairs = cKDTree(neighbors).query_pairs(reach, output_type="ndarray")
     count = len(neighbors)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     parts = connected_components(graph, directed=False)[1]
-    joined: Mask = np.isin(parts, np.unique(parts[near]))
-    return joined
+    is_joined: Mask = np.isin(parts, np.unique(parts[near]))
+    return is_joined
 
 
 def _surrounded(inside: Array, outside: Array, rings: list[Array]) -> bool:
     """Whether most of the outermost of the samples (n, 2) have one outside (m, 2) a gap away."""
     rim = inside[_on_rim(inside, np.ones(len(inside), dtype=np.bool_), rings)]
-    reach = bridging_radius(_some(inside, MOST_TRIANGULATED))
+    reach = bridging_radius(some(inside, MOST_TRIANGULATED))
     near = cKDTree(outside).query(rim, distance_upper_bound=reach)[0] <= reach
     return bool(np.mean(near) >= LEAST_SURROUNDED)
 
@@ -193,7 +197,7 @@ def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     at_edge = _beside_others(places[kept], is_inside[kept]) | _on_rim(places[kept], is_inside[kept], rings)
     edge = np.zeros(len(places), dtype=np.bool_)
     edge[kept[at_edge]] = True
-    chosen = [_some(np.flatnonzero(edge), EDGE_SAMPLES), _some(np.flatnonzero(~edge), OTHER_SAMPLES)]
+    chosen = [some(np.flatnonzero(edge), EDGE_SAMPLES), some(np.flatnonzero(~edge), OTHER_SAMPLES)]
     # In no order: every so many of them are then as even as all.
     order = np.random.default_rng(0).permutation(np.concatenate(chosen))
     return ScanSamples.of(places[order[is_inside[order]]], places[order[~is_inside[order]]])
@@ -218,7 +222,7 @@ def enclosed(inside: Array, outside: Array) -> Mask:
     return surrounded
 
 
-def _some(items: NDArray[Kind], most: int) -> NDArray[Kind]:
+def some(items: NDArray[Kind], most: int) -> NDArray[Kind]:
     """At most so many of the items, chosen without order."""
     if len(items) <= most:
         return items
@@ -247,7 +251,7 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
     # Whole cells, so that neighbors stay neighbors.
     used = np.unique(number[near])
     share = MOST_TRIANGULATED / len(near)
-    thinned: NDArray[np.intp] = near[np.isin(number[near], _some(used, int(share * len(used))))]
+    thinned: NDArray[np.intp] = near[np.isin(number[near], some(used, int(share * len(used))))]
     return thinned
 
 

@@ -147,7 +147,7 @@ class WorldRegion:
         ValueError
             As of `from_points`, for no place outside, and for one off the plane by more than a tenth of the extent.
         """
-        from regionpose.regions.outline import plane_samples
+        from regionpose.regions.plane_samples import plane_samples
         from regionpose.regions.scan_samples import enclosed
 
         beside = row_array(outside, "outside", 3)
@@ -176,6 +176,9 @@ class WorldRegion:
         plane say nothing. Where the returns on the plane don't surround the region, or nothing is known beside it, it
         is that of `from_points`. Points that are not finite are left out.
 
+        Members on a single scan line show a line of the region's plane alone. With `sensor_origin`, what the scan knows
+        along it counts: where the region begins and ends there. A pose needs other regions beside it.
+
         Parameters
         ----------
         points : (n, 3) array
@@ -192,19 +195,25 @@ class WorldRegion:
         ValueError
             For indices that are no members of the scan, and as of `from_points`.
         """
-        from regionpose.regions.outline import flat_outline, plane_samples
+        from regionpose.regions.outline import flat_outline
+        from regionpose.regions.plane_samples import plane_samples
+        from regionpose.regions.scan_line import line_samples
         from regionpose.regions.scan_samples import scan_samples
 
         cloud = row_array(points, "points", 3)
         check_coordinates(cloud)
         numbers = _member_array(members, len(cloud))
+        line = line_samples(cloud, numbers, sensor_origin, extends)
+        if line is not None:
+            core = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip]).core
+            return cls(core.with_line_samples(*line.plane.lifted(line.samples)))
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
-        region = cls._on_plane(plane.origin, plane.axes, rings)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
         if samples is None:
             return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
-        return cls(region.core.with_samples(*(plane.origin + flat @ plane.axes[:2] for flat in samples)))
+        core = cls._on_plane(plane.origin, plane.axes, rings).core
+        return cls(core.with_samples(*plane.lifted(samples)))
 
     @classmethod
     def _on_plane(cls, origin: Array, axes: Array, rings: list[Array]) -> WorldRegion:
@@ -262,13 +271,18 @@ class WorldRegion:
         return None if known is None else (known[0], np.concatenate(known[1:]))
 
     @property
+    def is_line(self) -> bool:
+        """Whether one scan line is all that is known of it: its plane is any through that line."""
+        return self.core.is_line
+
+    @property
     def rings(self) -> list[Array]:
-        """Boundary rings, (n, 3) each."""
+        """Boundary rings, (n, 3) each; of a line, a strip about it that faces the scanner."""
         return self.core.rings
 
     @property
     def normal(self) -> Array:
-        """Unit normal of the plane, (3,); its side is arbitrary."""
+        """Unit normal of the plane, (3,); its side is arbitrary. Of a line, that of the strip."""
         return np.asarray(self.core.axes[2])
 
     @property
@@ -285,6 +299,7 @@ class WorldRegion:
         """What it holds, in square meters and numbers."""
         samples = self.samples
         known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
+        known += ", is_line=True" if self.is_line else ""
         return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
 
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
@@ -292,14 +307,22 @@ class WorldRegion:
         if self.core.surface is not None:
             return _surface_region, (*self.core.surface, self.viewpoint)
         core = self.core
-        return _planar_region, (core.origin, core.axes[:2], core.outline, core.samples, self.viewpoint)
+        known = core.samples, core.is_line, self.viewpoint
+        return _planar_region, (core.origin, core.axes[:2], core.outline, *known)
 
 
 def _planar_region(
-    origin: Array, axes: Array, outline: list[Array], samples: tuple[Array, ...] | None, viewpoint: Array | None
+    origin: Array,
+    axes: Array,
+    outline: list[Array],
+    samples: tuple[Array, ...] | None,
+    is_line: bool,
+    viewpoint: Array | None,
 ) -> WorldRegion:
     core = _core.WorldRegion.from_outline(origin, axes, outline)
-    region = WorldRegion(core if samples is None else core.with_samples(*samples))
+    if samples is not None:
+        core = core.with_line_samples(*samples) if is_line else core.with_samples(*samples)
+    region = WorldRegion(core)
     return region if viewpoint is None else region.seen_from(viewpoint)
 
 

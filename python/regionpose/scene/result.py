@@ -283,7 +283,8 @@ def known_by(side: WorldSide) -> str:
     samples = side.region.samples
     if samples is None:
         return f"outline: {side.outline_because}"
-    return f"samples: {len(samples[0])} inside, {len(samples[1])} outside"
+    where = "samples on one scan line" if side.region.is_line else "samples"
+    return f"{where}: {len(samples[0])} inside, {len(samples[1])} outside"
 
 
 def plain(value: Any) -> Any:

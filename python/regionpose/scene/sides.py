@@ -157,12 +157,13 @@ def plane_sides(scene: Scene, scan: Scan, *, progress: Progress | None = None) -
 
 
 def _plane_side(points: Array, indices: Indices, scan: Scan) -> list[WorldSide]:
-    """The side of a plane's points; none where they are too few across to have an outline."""
+    """The side of a plane's points; none where they are too few across to have an outline, or on one scan line."""
     whole = WorldPoints.model_construct(points=[])
     try:
-        return [_remarked(lambda: _scanned(points, indices, whole, scan))]
+        side = _remarked(lambda: _scanned(points, indices, whole, scan))
     except ValueError:
         return []
+    return [] if side.region.is_line else [side]
 
 
 def _remarked(made: Callable[[], WorldSide]) -> WorldSide:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from regionpose.arrays import check_coordinates, row_array
 from regionpose.progress import Progress
-from regionpose.regions.outline import plane_samples
+from regionpose.regions.plane_samples import plane_samples
 from regionpose.segmentation.narrow_parts import without_narrow_parts
 from regionpose.segmentation.patch import ANGLE_DEG, Array, Indices, Patch, grown, nearest_points, start_patch
 

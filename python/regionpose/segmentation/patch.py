@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from regionpose.progress import Progress
-from regionpose.regions.outline import ROUNDING, bridging_radius
+from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_fit import robust_plane
+from regionpose.regions.plane_samples import ROUNDING
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -107,6 +107,26 @@ impl WorldRegion {
         py.detach(sampled).map(Self).map_err(value_error)
     }
 
+    /// The same of places on one line, which is all that is known of it then.
+    fn with_line_samples(
+        &self,
+        py: Python<'_>,
+        inside: &Bound<'_, PyAny>,
+        outside: &Bound<'_, PyAny>,
+        enclosed: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
+        let enclosed = points::<3>("enclosed", enclosed)?;
+        let sampled = || self.0.clone().with_line_samples(&inside, &outside)?.with_enclosed(&enclosed);
+        py.detach(sampled).map(Self).map_err(value_error)
+    }
+
+    /// Whether one line is all that is known of it.
+    #[getter]
+    fn is_line(&self) -> bool {
+        self.0.is_line()
+    }
+
     /// Places (n, 3) inside, (m, 3) outside of the region, and (k, 3) outside that it encloses, or None.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Option<SampleArrays<'py>>> {

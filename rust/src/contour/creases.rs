@@ -67,7 +67,7 @@ fn crease(
 
 /// The line in which two planes meet, if both regions reach it: a point and the direction.
 fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f64>, Vector3<f64>)> {
-    if first.surface().is_some() || second.surface().is_some() {
+    if [first, second].iter().any(|world| world.surface().is_some() || world.is_line()) {
         return None;
     }
     let [a, b] = [first, second].map(WorldRegion::frame);

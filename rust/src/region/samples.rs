@@ -70,6 +70,26 @@ impl Samples {
     }
 }
 
+/// Refuses samples that do not lie on one line, that of those inside.
+pub(super) fn check_line(inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<()> {
+    let middle = inside.iter().sum::<Vector3<f64>>() / inside.len().max(1) as f64;
+    let far = |points: &[Vector3<f64>]| points.iter().map(|x| x - middle).max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    // Of points on a line the one farthest from their middle shows it.
+    let way = far(inside).and_then(|way| way.try_normalize(0.0)).unwrap_or_else(Vector3::zeros);
+    let allowed = OFF_PLANE * extent(inside).max(extent(outside));
+    let off = |(index, x): (usize, &Vector3<f64>)| (index, (x - middle).cross(&way).norm());
+    for (item, points) in [("an inside sample", inside), ("an outside sample", outside)] {
+        if let Some((index, distance)) = points.iter().enumerate().map(off).find(|(_, distance)| *distance > allowed) {
+            return Err(Error::OutOfRange {
+                item,
+                found: format!("number {index} at {distance:.3e} off the line"),
+                needed: format!("at most {allowed:.3e}, a tenth of the samples' extent"),
+            });
+        }
+    }
+    Ok(())
+}
+
 fn check_near(frame: &PlaneFrame, item: &'static str, points: &[Vector3<f64>], allowed: f64) -> Result<()> {
     let heights = points.iter().map(|point| frame.height(point).abs());
     match heights.enumerate().find(|(_, height)| *height > allowed) {

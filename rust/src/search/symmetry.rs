@@ -70,8 +70,11 @@ fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
     middles.into_iter().flatten().map(drawing).collect()
 }
 
-/// The plane that all regions lie in, if they lie in one.
+/// The plane that all regions lie in, if they lie in one; none of lines, whose plane may be any.
 pub(crate) fn common_plane(problem: &Problem) -> Option<PlaneFrame> {
+    if problem.worlds().iter().any(WorldRegion::is_line) {
+        return None;
+    }
     let vertices = problem.worlds().iter().flat_map(|world| world.rings()).collect::<Vec<_>>().concat();
     let plane = PlaneFrame::fit(&vertices).ok()?;
     let farthest = vertices.iter().map(|x| (x - plane.origin).norm()).fold(0.0, f64::max);

@@ -175,6 +175,14 @@ pub enum Cause {
         /// Side of a square of the largest one's area.
         pixels: f64,
     },
+    /// Regions that one scan line crosses.
+    #[error("{count} of {regions} regions are known along one scan line only")]
+    Lines {
+        /// How many.
+        count: usize,
+        /// Of so many.
+        regions: usize,
+    },
     /// Several regions that are one plane.
     #[error("all regions lie in one plane")]
     Coplanar,

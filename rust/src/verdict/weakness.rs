@@ -43,6 +43,10 @@ fn causes(problem: &Problem, pose: &Pose) -> Vec<Cause> {
         angle.min(std::f64::consts::PI - angle)
     });
     causes.extend(tilt.filter(|&tilt| tilt < FRONTAL).map(|tilt| Cause::Frontal { degrees: tilt.to_degrees() }));
+    let count = problem.worlds().iter().filter(|world| world.is_line()).count();
+    if count > 0 {
+        causes.push(Cause::Lines { count, regions: problem.worlds().len() });
+    }
     let pixels = problem.regions().iter().map(|region| region.pixel_area().sqrt()).fold(0.0, f64::max);
     if pixels < TINY {
         causes.push(Cause::Tiny { pixels });

@@ -291,7 +291,8 @@ def world_sides(
 ) -> dict[int, WorldRegion]:
     """The world side of each region, by its number; a box (n, 3) may stand before them.
 
-    A region that a lidar hits by one scan line is left out while there are others; ValueError says why none is left.
+    A region that a lidar hits by one scan line has no outline, and one that it hits less no samples either: it is left
+    out while there are others. ValueError says why none is left.
     """
     regions = [disturbed_rings(rings, condition, rng) for rings in scene.regions]
     if condition.lidar_beams is None:
