@@ -49,7 +49,7 @@ def robust_plane(points: Array, sensor: Array | None = None) -> tuple[Array, Arr
     majority = _refitted(points, *_least_median_plane(points))
     if _is_line_of(points[majority[2]], points[everything[2]], everything):
         return everything
-    return min(everything, majority, key=lambda fit: _code_length(points, *fit, sensor=sensor))
+    return min(everything, majority, key=lambda fit: _code_length(points, sensor, *fit))
 
 
 def _is_line_of(line: Array, points: Array, plane: tuple[Array, Array, NDArray[np.intp]]) -> bool:
@@ -82,7 +82,7 @@ def _refitted(points: Array, origin: Array, axes: Array) -> tuple[Array, Array, 
     return origin, axes, inliers
 
 
-def _code_length(points: Array, origin: Array, axes: Array, inliers: NDArray[np.intp], sensor: Array | None) -> float:
+def _code_length(points: Array, sensor: Array | None, origin: Array, axes: Array, inliers: NDArray[np.intp]) -> float:
     """Negative log likelihood per extent: inliers normal about the plane, outliers even over the extent (no cost)."""
     extent = float(np.ptp(points, axis=0).max())
     distances = (points[inliers] - origin) @ axes[2]

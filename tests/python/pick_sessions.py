@@ -1,0 +1,33 @@
+"""Sessions of the demo's photo and cloud without regions, and where its regions are clicked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypedDict
+
+from regionpose.demo.scene import folder
+from regionpose.pick.session import Session
+
+
+class DemoFiles(TypedDict):
+    """What a session is made of."""
+
+    image: Path
+    camera: Path
+    cloud: Path
+
+
+DOOR = ([463.0, 498.0], [4.629, 5.132, 0.972])
+BOARD = ([159.0, 501.0], [2.676, 6.081, 0.842])
+CHALKBOARD = ([850.0, 769.0], [4.190, 2.048, -0.997])
+
+
+def demo_session(path: Path) -> Session:
+    """The session of a scene file that is not written yet, whose scanner stands at zero."""
+    return Session.create(path, sensor_origin=[0.0, 0.0, 0.0], **demo_files())
+
+
+def demo_files() -> DemoFiles:
+    """The photo, its camera and the cloud."""
+    files = folder()
+    return {"image": files / "image.jpg", "camera": files / "camera_info.yaml", "cloud": files / "cloud.ply"}
