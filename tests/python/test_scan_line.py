@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
+from regionpose import _core
 from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import draw_problem
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -138,6 +140,37 @@ def test_a_line_makes_a_pose_more_exact(seed: int) -> None:
         assert way @ np.linalg.solve(estimate.covariance, way) < 16.8
         deviations.append(np.sqrt(np.trace(estimate.covariance[:3, :3])))
     assert deviations[0] < 0.8 * deviations[1]
+
+
+def moved(world: rp.WorldRegion, motion: rp.Pose) -> rp.WorldRegion:
+    """The region of a line elsewhere."""
+    core = world.core
+    assert core.samples is not None
+    axes = [motion.rotation.apply(axis) for axis in core.axes[:2]]
+    strip = _core.WorldRegion.from_outline(motion.transform(core.origin), axes, core.outline)
+    return rp.WorldRegion(strip.with_line_samples(*(motion.transform(places) for places in core.samples)))
+
+
+def test_the_lines_of_many_frames_give_a_pose() -> None:
+    """Three lines hold a pose weakly, six well: what a scanner of a single line sees in six places."""
+    condition = Condition(planes=3, templates="asymmetric", lidar_beams=16, range_noise_m=0.01, scan="samples")
+    rig = rp.Pose(Rotation.from_rotvec([0.4, -0.2, 0.1]), np.array([0.1, -0.2, 0.05]))
+    frames = []
+    for seed in (20, 22, 28, 42, 98):
+        problem = draw_problem(perspective_setup(), condition, seed)
+        own = rp.Pose.from_parts(problem.scene.rotation, problem.scene.translation)
+        pairs = zip(problem.image_regions, problem.world_regions, strict=True)
+        lines = [(image, moved(world, rig.inverse() @ own)) for image, world in pairs if world.is_line]
+        images, worlds = zip(*lines, strict=True)
+        frames.append(rp.Frame(images, worlds))
+    together = rp.estimate_rig(problem.camera, frames)
+    way = together.estimate.pose.increment_to(rig)
+    assert way @ np.linalg.solve(together.estimate.covariance, way) < 16.8
+    assert np.linalg.norm(way[:3]) < np.radians(1.0)
+    assert not together.warnings
+    assert np.isnan([frame.residual_px for frame in together.frames]).all()
+    with pytest.raises(ValueError, match="refine_camera found regions known by one scan line alone"):
+        rp.estimate_rig(problem.camera, frames, refine_camera=("focal",))
 
 
 def test_lines_alone_leave_a_weak_pose_that_is_told() -> None:

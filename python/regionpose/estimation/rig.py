@@ -74,7 +74,8 @@ class FrameFit:
         Region by region.
     residual_px : float
         Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
-        deviation where that is less; infinite where an outline isn't wholly visible.
+        deviation where that is less; infinite where an outline isn't wholly visible, NaN where each region is known by
+        one scan line alone.
     """
 
     name: str
@@ -225,10 +226,12 @@ def estimate_rig(
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
     rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
+    if names and all(region.is_line for region in _sides(listed)[1]):
+        raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
     estimate = rig.joint(listed)
     refinement = None
-    if names:
-        contours = contours_of(camera, estimate.pose, *_sides(listed))
+    contours = _contours(camera, estimate.pose, listed) if names else None
+    if contours is not None:
         refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
         if refinement.outcome == "refined":
             rig = replace(rig, camera=refinement.camera)
@@ -370,7 +373,7 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     fits = []
     for frame, errors in zip(frames, np.split(estimate.region_overlap_errors, ends), strict=True):
         overlap_error = float(np.average(errors, weights=_solid_angles(camera, frame)))
-        residual = _residual_px(camera, estimate.pose, contours_of(camera, estimate.pose, *_sides([frame])))
+        residual = _residual_px(camera, estimate.pose, _contours(camera, estimate.pose, [frame]))
         fits.append(FrameFit(frame.name, overlap_error, errors, residual))
     return tuple(fits)
 
@@ -407,24 +410,33 @@ def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Seque
     what the covariance C of their pose moves the frame's outlines by. A frame, not a vertex, counts as one among the
     others: an error of its plane puts all of its outline off.
     """
-    own = contours_of(camera, without.pose, *_sides([frame]))
+    own = _contours(camera, without.pose, [frame])
     residual = _residual_px(camera, without.pose, own)
-    if not np.isfinite(without.covariance).all():
+    parts = [contours for one in others if (contours := _contours(camera, without.pose, [one])) is not None]
+    if own is None or not parts or not np.isfinite(without.covariance).all():
         return residual, float("inf")
-    parts = (distances_of(camera, without.pose, contours_of(camera, without.pose, *_sides([one]))) for one in others)
-    scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in parts]))
+    distances = [distances_of(camera, without.pose, part) for part in parts]
+    scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in distances]))
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
     moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
     return residual, float(np.hypot(scatter, np.sqrt(moved)))
 
 
-def _residual_px(camera: Camera, pose: Pose, contours: Contours) -> float:
-    """Size of the distances, pixels; infinite where an outline isn't wholly visible.
+def _contours(camera: Camera, pose: Pose, frames: Sequence[Frame]) -> Contours | None:
+    """The contours of all regions of which more than a scan line is known, beside their outlines; None without any."""
+    shaped = [pair for pair in zip(*_sides(frames), strict=True) if not pair[1].is_line]
+    return contours_of(camera, pose, *zip(*shaped, strict=True)) if shaped else None
+
+
+def _residual_px(camera: Camera, pose: Pose, contours: Contours | None) -> float:
+    """Size of the distances, pixels; infinite where an outline isn't wholly visible, NaN without outlines.
 
     The root mean square, or the robust standard deviation where that is less: a few edges put off as wholes make the
     median of their distances a poor guess, a part of the contour that is another object's does so to the square.
     """
+    if contours is None:
+        return float("nan")
     distances = distances_of(camera, pose, contours)
     if distances is None:
         return float("inf")
