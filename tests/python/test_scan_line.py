@@ -115,6 +115,16 @@ def test_it_survives_pickling_and_is_seen_from_anywhere() -> None:
         np.testing.assert_allclose(kept, given, atol=1e-12)
 
 
+def test_three_returns_are_a_line_and_those_of_one_beam_are_not() -> None:
+    points, members = one_line(0.4, noise=0.01)
+    kept = members[np.abs(points[members, 0] - CENTER[0]) < 0.03]
+    assert len(kept) == 3
+    assert rp.WorldRegion.from_scan(points, kept, sensor_origin=[0, 0, 0]).is_line
+    ray = np.outer([1.0, 2.0, 3.0, 4.0], CENTER)
+    with pytest.raises(ValueError, match="4 points are identical or on one line"):
+        rp.WorldRegion.from_scan(ray, np.arange(4), sensor_origin=[0, 0, 0])
+
+
 def test_without_the_scanner_or_what_is_outside_it_is_refused() -> None:
     points, members = one_line(0.4, noise=0.01)
     with pytest.raises(ValueError, match="62 points are identical or on one line"):

@@ -24,6 +24,9 @@ of a face stand out from it, and the image shows them as part of it."""
 LEAST_APPROACH = 0.1
 """Sine of the least angle between beam and plane at which samples move along the beam: a flatter one takes them far."""
 
+PARABOLA = 3
+"""Terms of a scan line over a patch: it is a conic, and the patch far smaller."""
+
 LINE_STEPS = 0.25
 """Root mean square distance from a parabola, in steps along it, below which samples are one scan line: two lines with a
 tenth of the samples on one of them, two steps apart, are 0.6."""
@@ -64,18 +67,20 @@ def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> 
 
 def seen_on_one_line(points: Array, sensor: Array) -> bool:
     """Whether points (n, 3) lie on one scan line of a sensor at (3,), wherever range noise puts them."""
-    return _on_one_line(_sights(points, sensor))
+    # Three may be the corners of a triangle, but for a sensor's steps.
+    return _on_one_line(_sights(points, sensor), min(PARABOLA, len(points) - 1))
 
 
-def _on_one_line(points: Array) -> bool:
+def _on_one_line(points: Array, terms: int = PARABOLA) -> bool:
     """Whether points (n, 2) lie on one scan line: a conic in the plane, and over a patch a parabola or less."""
     points = thinned(points)
-    freedom = len(points) - 3
-    if freedom < 1:
-        return False
+    freedom = len(points) - terms
     centered = points - points.mean(axis=0)
     along, across = (centered @ np.linalg.svd(centered, full_matrices=False)[2].T).T
-    parabola = np.vander(along / np.abs(along).max(), 3)
+    length = float(np.abs(along).max())
+    if not (freedom > 0 and length > 0.0):
+        return False
+    parabola = np.vander(along / length, terms)
     off = across - parabola @ np.linalg.lstsq(parabola, across, rcond=None)[0]
     step = float(np.median(np.asarray(cKDTree(points).query(points, 2)[0])[:, 1]))
     return bool(np.sqrt(np.sum(off**2) / freedom) < LINE_STEPS * step)

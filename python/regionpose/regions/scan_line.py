@@ -64,7 +64,7 @@ def line_samples(
     steps = np.diff(np.sort(inside[:, 0]))
     step = float(np.median(steps[steps > 0.0]))
     # Beams of other lines pass the region's plane at places that depend on how it is tilted.
-    beside = np.array([BESIDE * float(np.ptp(inside)), step])
+    beside = np.array([BESIDE * (float(np.ptp(inside)) + step), step])
     window = (plane.flat.min(axis=0) - beside, plane.flat.max(axis=0) + beside)
     passed, neighbors = (places[:, :1] for places in other_places(points, members, Sight(plane, window, sensor)))
     if extends and len(neighbors):
