@@ -12,7 +12,7 @@ from regionpose import _core
 from regionpose.evaluation.setups import perspective_setup
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import draw_problem
-from scipy.spatial.transform import Rotation
+from rig_frames import RIG
 
 Array = NDArray[np.float64]
 
@@ -164,17 +164,16 @@ def moved(world: rp.WorldRegion, motion: rp.Pose) -> rp.WorldRegion:
 def test_the_lines_of_many_frames_give_a_pose() -> None:
     """Three lines hold a pose weakly, six well: what a scanner of a single line sees in six places."""
     condition = Condition(planes=3, templates="asymmetric", lidar_beams=16, range_noise_m=0.01, scan="samples")
-    rig = rp.Pose(Rotation.from_rotvec([0.4, -0.2, 0.1]), np.array([0.1, -0.2, 0.05]))
     frames = []
     for seed in (20, 22, 28, 42, 98):
         problem = draw_problem(perspective_setup(), condition, seed)
         own = rp.Pose.from_parts(problem.scene.rotation, problem.scene.translation)
         pairs = zip(problem.image_regions, problem.world_regions, strict=True)
-        lines = [(image, moved(world, rig.inverse() @ own)) for image, world in pairs if world.is_line]
+        lines = [(image, moved(world, RIG.inverse() @ own)) for image, world in pairs if world.is_line]
         images, worlds = zip(*lines, strict=True)
         frames.append(rp.Frame(images, worlds))
     together = rp.estimate_rig(problem.camera, frames)
-    way = together.estimate.pose.increment_to(rig)
+    way = together.estimate.pose.increment_to(RIG)
     assert way @ np.linalg.solve(together.estimate.covariance, way) < 16.8
     assert np.linalg.norm(way[:3]) < np.radians(1.0)
     assert not together.warnings
