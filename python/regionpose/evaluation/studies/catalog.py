@@ -44,10 +44,10 @@ SCAN_CHANGES: tuple[Grid, ...] = tuple(
         {"camera": ("omnidirectional",)},
         {"cut": ("scanner", "box")},
         {"cut": ("scanner", "box"), "planes": (1,)},
-        {"lidar_beams": (512,)},
+        {"lidar_beams": (8, 512)},
     )
 )
-"""What else is wrong with a scan, each alone, and a dense one."""
+"""What else is wrong with a scan, each alone, and a very sparse and a dense one."""
 
 KNOWN = ("nothing", "up", "side", "near", "initial", "up and side")
 
