@@ -67,7 +67,7 @@ pub enum Start {
 /// What follows the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refinement {
-    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest.
+    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest, unless all regions have samples.
     #[default]
     Contour,
     /// Nothing.
@@ -144,7 +144,11 @@ impl Problem {
     pub fn search(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
-        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(options));
+        // Where samples decide of every region, outlines are starts: to lead these on gains nothing.
+        let is_sampled = self.sampled().len() == self.regions().len();
+        let refinement = if is_sampled { Refinement::Off } else { options.refinement };
+        let options = Options { refinement, ..*options };
+        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));
         Search { exhausted, problem: search.problem.integrated_as(self), ..search }
     }
 
