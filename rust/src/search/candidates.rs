@@ -67,7 +67,7 @@ pub enum Start {
 /// What follows the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refinement {
-    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest, unless all regions have samples.
+    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest, unless several regions all have samples.
     #[default]
     Contour,
     /// Nothing.
@@ -144,8 +144,9 @@ impl Problem {
     pub fn search(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
-        // Where samples decide of every region, outlines are starts: to lead these on gains nothing.
-        let is_sampled = self.sampled().len() == self.regions().len();
+        // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so
+        // much that its moments lead nowhere near.
+        let is_sampled = self.regions().len() > 1 && self.sampled().len() == self.regions().len();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
         let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));
