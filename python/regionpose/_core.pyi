@@ -192,11 +192,12 @@ class WorldRegion:
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region of which a viewpoint (3,) lies on the side that the camera sees."""
 
-    def with_samples(self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike) -> WorldRegion:
-        """The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses."""
-
-    def with_line_samples(self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike) -> WorldRegion:
-        """The same of places on one line, which is all that is known of it then."""
+    def with_samples(
+        self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike, *, is_line: bool = False
+    ) -> WorldRegion:
+        """The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses; `is_line`
+        where they lie on one line, which is all that is known of it then.
+        """
 
     @property
     def is_line(self) -> bool:

@@ -158,7 +158,7 @@ def moved(world: rp.WorldRegion, motion: rp.Pose) -> rp.WorldRegion:
     assert core.samples is not None
     axes = [motion.rotation.apply(axis) for axis in core.axes[:2]]
     strip = _core.WorldRegion.from_outline(motion.transform(core.origin), axes, core.outline)
-    return rp.WorldRegion(strip.with_line_samples(*(motion.transform(places) for places in core.samples)))
+    return rp.WorldRegion(strip.with_samples(*(motion.transform(places) for places in core.samples), is_line=True))
 
 
 def test_the_lines_of_many_frames_give_a_pose() -> None:
@@ -180,6 +180,16 @@ def test_the_lines_of_many_frames_give_a_pose() -> None:
     assert np.isnan([frame.residual_px for frame in together.frames]).all()
     with pytest.raises(ValueError, match="refine_camera found regions known by one scan line alone"):
         rp.estimate_rig(problem.camera, frames, refine_camera=("focal",))
+
+
+def test_a_line_has_no_shape_to_match() -> None:
+    condition = Condition(planes=3, templates="asymmetric", lidar_beams=16, range_noise_m=0.01, scan="samples")
+    problem = draw_problem(perspective_setup(), condition, 28)
+    images, worlds = problem.image_regions, problem.world_regions
+    lines = [number for number, world in enumerate(worlds) if world.is_line]
+    assert len(lines) == 1
+    matches = rp.match_regions(problem.camera, images, worlds)
+    assert lines[0] in matches.unmatched_world
 
 
 def test_lines_alone_leave_a_weak_pose_that_is_told() -> None:

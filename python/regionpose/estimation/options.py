@@ -33,7 +33,8 @@ class Solver:
         prior's initial pose alone if there is one.
     refine : {"contour", None}
         Lead the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11) or hidden
-        (section 14); None keeps the pose of the moments alone.
+        (section 14), unless several regions all have samples, which decide then (section 17); None keeps the pose of
+        the moments alone.
     driver : {"scipy", "native"} or None
         What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
         rigs; both reach the same minimum. Batches are always native.

@@ -206,7 +206,7 @@ class WorldRegion:
         line = line_samples(cloud, numbers, sensor_origin, extends)
         if line is not None:
             core = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip]).core
-            return cls(core.with_line_samples(*line.plane.lifted(line.samples)))
+            return cls(core.with_samples(*line.plane.lifted(line.samples), is_line=True))
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
@@ -321,7 +321,7 @@ def _planar_region(
 ) -> WorldRegion:
     core = _core.WorldRegion.from_outline(origin, axes, outline)
     if samples is not None:
-        core = core.with_line_samples(*samples) if is_line else core.with_samples(*samples)
+        core = core.with_samples(*samples, is_line=is_line)
     region = WorldRegion(core)
     return region if viewpoint is None else region.seen_from(viewpoint)
 

@@ -93,32 +93,25 @@ impl WorldRegion {
         self.0.clone().seen_from(viewpoint).map(Self).map_err(value_error)
     }
 
-    /// The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses.
+    /// The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses; `is_line` where they lie on one
+    /// line, which is all that is known of it then.
+    #[pyo3(signature = (inside, outside, enclosed, *, is_line=false))]
     fn with_samples(
         &self,
         py: Python<'_>,
         inside: &Bound<'_, PyAny>,
         outside: &Bound<'_, PyAny>,
         enclosed: &Bound<'_, PyAny>,
+        is_line: bool,
     ) -> PyResult<Self> {
         let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
         let enclosed = points::<3>("enclosed", enclosed)?;
-        let sampled = || self.0.clone().with_samples(&inside, &outside)?.with_enclosed(&enclosed);
-        py.detach(sampled).map(Self).map_err(value_error)
-    }
-
-    /// The same of places on one line, which is all that is known of it then.
-    fn with_line_samples(
-        &self,
-        py: Python<'_>,
-        inside: &Bound<'_, PyAny>,
-        outside: &Bound<'_, PyAny>,
-        enclosed: &Bound<'_, PyAny>,
-    ) -> PyResult<Self> {
-        let (inside, outside) = (points::<3>("inside", inside)?, points::<3>("outside", outside)?);
-        let enclosed = points::<3>("enclosed", enclosed)?;
-        let sampled = || self.0.clone().with_line_samples(&inside, &outside)?.with_enclosed(&enclosed);
-        py.detach(sampled).map(Self).map_err(value_error)
+        let region = self.0.clone();
+        let sampled = || match is_line {
+            true => region.with_line_samples(&inside, &outside),
+            false => region.with_samples(&inside, &outside),
+        };
+        py.detach(|| sampled()?.with_enclosed(&enclosed)).map(Self).map_err(value_error)
     }
 
     /// Whether one line is all that is known of it.

@@ -138,7 +138,8 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 /// off. All falls from wide to fine: first the blur, with contours that may be grown and stretches that may be off as far as
 /// they mostly are, then, with the likeliest blur, how far stretches are off with contours that are ever less grown, but for what
 /// follows on what is hardly likely; last, stretches that are farther off, where the farthest so far is the likeliest. A start that is
-/// behind the best by more than `hopeless`, in logarithms of the evidence, goes no farther, nor does one that comes to where one has `passed`, of these or of earlier ones, with the same setting.
+/// behind the best by more than `hopeless`, in logarithms of the evidence, goes no farther, nor does one that comes to where one has
+/// `passed`, of these or of earlier ones, with the same setting.
 pub fn posteriors(
     regions: &[SampledRegion],
     others: &impl Fn(&Pose) -> Gaussian,
