@@ -10,6 +10,7 @@ pub mod posterior;
 pub mod propagation;
 pub mod readings;
 pub mod ring;
+pub mod settings;
 pub mod signed_field;
 pub mod single;
 pub mod stretch;

@@ -6,25 +6,14 @@ use super::belief::Belief;
 use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
-use super::telling::{FINEST, SIGMA_POINTS, Samples, State};
+use super::settings::{BESIDE, GROWTHS, OFFS, Setting, blurs, shares};
+use super::telling::{SIGMA_POINTS, Samples, State};
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
-/// From blur to blur.
+/// From blur to blur, while some of the samples lead a start: a convention. Those with all samples are in `settings.rs`.
 const STEP: f64 = 0.5;
-
-/// Standard deviations of how far corners of contours are off, pixels, by halves: from a hand's error, and half the width of a lidar's
-/// beam beside a region of a few meters, to the quality of calibrations.
-const OFFS: [f64; 6] = [3.2, 1.6, 0.8, 0.4, 0.2, 0.1];
-
-/// The same where the widest of these is the likeliest, as of walls that a hand drew in a photo of a street, beside a scan of another
-/// time. Who begins with it takes bites of masks for such corners: of 240 problems with all errors at once 121 are solved within 1 deg
-/// for 132 (`regionpose evaluate trust --scenes 120 --only model=combined`).
-const FARTHER_OFF: f64 = 6.4;
-
-/// The same of how far contours are grown, by quarters: that is one number of a whole contour, which tells its scale no closer.
-const GROWTHS: [f64; 3] = [3.2, 0.8, 0.2];
 
 /// Logarithm of odds from which a setting that is farther on, or a linearization that reaches farther, tells nothing.
 const NOTHING: f64 = 10.0;
@@ -47,7 +36,7 @@ pub struct Posterior {
     pub covariance: Matrix6<f64>,
     /// The likeliest blur of single labels, pixels.
     pub blur: f64,
-    /// How far contours are likeliest grown, as a standard deviation, pixels.
+    /// How far contours are grown, as a standard deviation, pixels: the geometric mean over all settings.
     pub growth: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
@@ -96,10 +85,11 @@ impl Posterior {
     /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence, as these were not looked for as closely.
     pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
         let Some((best, rest)) = modes.split_first() else { return self };
-        // Odds beyond a number's range are as good as its largest.
-        let log_odds = |mode: &Self| (-0.5 * best.against(mode, regions)).min(f64::MAX.ln());
-        let odds = rest.iter().map(|mode| (log_odds(mode), mode.pose, mode.covariance));
-        let all: Vec<_> = std::iter::once((0.0, best.pose, best.covariance)).chain(odds).collect();
+        // Odds beyond a number's range are as good as a very large one.
+        let odds = rest.iter().map(|mode| (-0.5 * best.against(mode, regions)).exp().min(f64::MAX.sqrt()));
+        let odds: Vec<f64> = std::iter::once(1.0).chain(odds).collect();
+        let sum: f64 = odds.iter().sum();
+        let all: Vec<_> = odds.iter().zip(modes).map(|(odds, mode)| (odds / sum, mode.pose, mode.covariance)).collect();
         let (pose, covariance) = mixed(&best.pose, &all);
         Self { pose, covariance, ..self }
     }
@@ -137,7 +127,7 @@ pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start
 /// What all samples leave possible about starts that some of them led on, whatever the blur and whatever contours are
 /// off. All falls from wide to fine: first the blur, with contours that may be grown and stretches that may be off as far as
 /// they mostly are, then, with the likeliest blur, how far stretches are off with contours that are ever less grown, but for what
-/// follows on what is hardly likely; last, stretches that are farther off, where the farthest so far is the likeliest. A start that is
+/// follows on what is hardly likely; last, stretches that are twice and half as far off as the likeliest. A start that is
 /// behind the best by more than `hopeless`, in logarithms of the evidence, goes no farther, nor does one that comes to where one has
 /// `passed`, of these or of earlier ones, with the same setting.
 pub fn posteriors(
@@ -157,8 +147,10 @@ pub fn posteriors(
             go_on(&mut all, hopeless, passed, |one| one.likeliest_with(growth, off));
         }
     }
-    all.retain_mut(|one| one.go_back().is_some());
-    go_on(&mut all, hopeless, passed, |one| one.farther_off());
+    for factor in [BESIDE, 1.0 / BESIDE] {
+        all.retain_mut(|one| one.go_back().is_some());
+        go_on(&mut all, hopeless, passed, |one| one.beside_likeliest(factor));
+    }
     all.into_iter().filter_map(Going::ended).collect()
 }
 
@@ -173,11 +165,6 @@ impl Passed {
         self.0.extend(is_new.then_some((*state, setting)));
         is_new
     }
-}
-
-/// The blurs with all samples, falling.
-fn blurs() -> impl Iterator<Item = f64> {
-    std::iter::successors(Some(SHARP), |blur| Some(blur * STEP)).take_while(|blur| *blur >= FINEST)
 }
 
 /// Takes all starts to their next settings, those that have one, and leaves out those that are hopeless or came to where one has
@@ -202,39 +189,6 @@ fn go_on<F: Fn(&Pose) -> Gaussian>(
     let behind: Vec<bool> = all.iter().map(is_behind).collect();
     let mut behind = behind.into_iter();
     all.retain(|_| behind.next() == Some(false));
-}
-
-/// Blur of labels, and how far contours are grown and their corners are off at least (standard deviations),
-/// pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Setting {
-    pub(super) blur: f64,
-    pub(super) growth: f64,
-    pub(super) off: f64,
-}
-
-impl Setting {
-    /// How far corners are off: what blurs labels beyond the finest does not average out along a stretch.
-    pub(super) fn clean(&self) -> f64 {
-        (self.blur.powi(2) - FINEST.powi(2)).sqrt().max(self.off)
-    }
-
-    /// Whether another one means the same: one that its blur puts off farther does.
-    fn is_same(&self, other: &Self) -> bool {
-        self.blur == other.blur && self.growth == other.growth && self.clean() == other.clean()
-    }
-
-    /// How far labels are off in all, one by one: blurred, beside a stretch that is off and a contour that is grown.
-    pub(super) fn spread(&self) -> f64 {
-        self.blur.hypot(self.clean()).hypot(self.growth)
-    }
-
-    /// Logarithm of the prior, but for what is common to all: even in how far stretches are off (Gelman 2006), so that each of the
-    /// scales, which grow by a factor, stands for as much as it is large. Where samples lie too far apart to tell, contours are
-    /// rather off by pixels than exact.
-    fn log_prior(&self) -> f64 {
-        self.clean().ln()
-    }
 }
 
 /// A start on its way with all samples.
@@ -275,16 +229,21 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     /// being that far off was so much less likely that this tells nothing.
     fn likeliest_with(&self, growth: f64, off: f64) -> Option<Setting> {
         let setting = Setting { growth, off, ..self.best.as_ref()?.1 };
-        let is_new = self.found.iter().all(|(_, found)| !found.is_same(&setting));
         let wider = self.found.iter().rev().filter(|(_, found)| found.blur == setting.blur && found.off >= off);
         let (last, _) = wider.min_by(|(_, a), (_, b)| a.off.total_cmp(&b.off))?;
-        (is_new && self.most() - last.log_evidence <= NOTHING).then_some(setting)
+        (self.is_new(&setting) && self.most() - last.log_evidence <= NOTHING).then_some(setting)
     }
 
-    /// The likeliest setting with corners that are farther off, where it is one with the farthest so far.
-    fn farther_off(&self) -> Option<Setting> {
+    /// The likeliest setting with corners that are off by so many times as much, unless it has been there.
+    fn beside_likeliest(&self, factor: f64) -> Option<Setting> {
         let (_, likeliest, _) = self.best.as_ref()?;
-        (likeliest.off == OFFS[0]).then_some(Setting { off: FARTHER_OFF, ..*likeliest })
+        let setting = likeliest.times_off(factor);
+        self.is_new(&setting).then_some(setting)
+    }
+
+    /// Whether it has not been there.
+    fn is_new(&self, setting: &Setting) -> bool {
+        self.found.iter().all(|(_, found)| !found.is_same(setting))
     }
 
     /// The state with a setting; `None` where a direction is left free.
@@ -319,15 +278,23 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let wrong = self.samples.wrong(&last, setting);
         let is_other =
             |(state, other): &&(State, Setting)| state.is_settled && other.blur == setting.blur && *other != setting;
-        let rest = self.found.iter().filter(is_other);
-        let odds = rest.map(|(state, _)| (state.log_evidence, state)).chain([(likeliest.log_evidence, &last)]);
-        let states = odds.map(|(weight, state)| (weight, state.pose, state.belief.covariance));
+        let mut heard = vec![(likeliest.log_evidence, setting)];
+        let mut states = vec![last];
+        for (state, other) in self.found.iter().filter(is_other) {
+            heard.push((state.log_evidence, *other));
+            states.push(*state);
+        }
+        let shares = shares(&heard);
+        let growth =
+            shares.iter().zip(&heard).map(|(share, (_, setting))| share * setting.growth.ln()).sum::<f64>().exp();
+        let states = shares.into_iter().zip(states);
+        let states = states.map(|(share, state)| (share, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
         let (log_known, log_evidence) = (self.samples.log_known(&pose), last.log_evidence);
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let trust = self.samples.trust.clone();
-        Some(Posterior { pose, covariance, blur: setting.blur, growth: setting.growth, wrong, trust, compared })
+        Some(Posterior { pose, covariance, blur: setting.blur, growth, wrong, trust, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so
@@ -355,17 +322,12 @@ impl State {
     }
 }
 
-/// Mean and covariance of several distributions together, each with the logarithm of its weight, about a pose that is near to
-/// all.
+/// Mean and covariance of several distributions together, each with its share, about a pose that is near to all.
 fn mixed(about: &Pose, all: &[(f64, Pose, Matrix6<f64>)]) -> (Pose, Matrix6<f64>) {
-    // The largest weight may be out of a number's range.
-    let most = all.iter().map(|(weight, ..)| *weight).fold(f64::NEG_INFINITY, f64::max);
-    let sum: f64 = all.iter().map(|(weight, ..)| (weight - most).exp()).sum();
-    let ways: Vec<_> =
-        all.iter().map(|(weight, pose, _)| ((weight - most).exp() / sum, about.increment_to(pose))).collect();
-    let mean: Tangent = ways.iter().map(|(weight, way)| way * *weight).sum();
-    let spread = |(weight, way): &(f64, Tangent), covariance: &Matrix6<f64>| {
-        (covariance + (way - mean) * (way - mean).transpose()) * *weight
+    let ways: Vec<_> = all.iter().map(|(share, pose, _)| (*share, about.increment_to(pose))).collect();
+    let mean: Tangent = ways.iter().map(|(share, way)| way * *share).sum();
+    let spread = |(share, way): &(f64, Tangent), covariance: &Matrix6<f64>| {
+        (covariance + (way - mean) * (way - mean).transpose()) * *share
     };
     let covariance = ways.iter().zip(all).map(|(way, (.., covariance))| spread(way, covariance)).sum();
     (about.moved(&mean), covariance)

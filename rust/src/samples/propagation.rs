@@ -76,19 +76,18 @@ impl Trust {
     /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the
     /// contour is disturbed; of a margin with a normal distribution.
     pub fn label(&self, edge: Edge, mean: f64, variance: f64) -> Label {
+        let right = |blur: f64| cumulative(mean / (blur * blur + variance).sqrt());
+        let [(clean, blur), (disturbed, wide)] = self.parts(edge);
+        let on_side = right(blur);
         // Where stretches are of one kind or the other, there is no disturbed part.
-        let share = |(weight, blur): (f64, f64)| match weight > 0.0 {
-            true => weight * cumulative(mean / (blur * blur + variance).sqrt()),
-            false => 0.0,
-        };
-        let [clean, wide] = self.parts(edge).map(share);
-        let all = self.bounds(edge).0 + clean + wide;
+        let far = if disturbed > 0.0 { disturbed * right(wide) } else { 0.0 };
+        let all = self.bounds(edge).0 + clean * on_side + far;
         // Of a margin that is certain to be right a label that was drawn at random agrees by half.
         let beyond = match edge {
             Edge::HidesInside => 0.0,
-            _ => self.mislabeled * cumulative(-mean / (self.blur * self.blur + variance).sqrt()),
+            _ => self.mislabeled * (1.0 - on_side),
         };
-        Label { log_probability: all.ln(), mislabeled: beyond / all, disturbed: wide / all }
+        Label { log_probability: all.ln(), mislabeled: beyond / all, disturbed: far / all }
     }
 }
 

@@ -7,10 +7,10 @@ use nalgebra::{Matrix6, Vector6};
 use super::belief::Belief;
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
 use super::outline::{Outline, View};
-use super::posterior::Setting;
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
 use super::ring::Ring;
+use super::settings::Setting;
 use super::stretch::{Kind, Known, Stretch};
 use crate::contour::fit::size;
 use crate::effort;
@@ -24,8 +24,9 @@ pub(super) const FINEST: f64 = 0.0625;
 /// Largest share of wrong labels: no more than a coin would err.
 const MOST_WRONG: f64 = 0.5;
 
-/// A relinearization that moves by less than this many standard deviations is the last.
-const SETTLED: f64 = 0.01;
+/// A relinearization that moves by less than this many standard deviations is the last: a convention, as that of one state
+/// (`posterior.rs`).
+const SETTLED: f64 = 0.1;
 
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
