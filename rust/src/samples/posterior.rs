@@ -36,7 +36,7 @@ pub struct Posterior {
     pub covariance: Matrix6<f64>,
     /// The likeliest blur of single labels, pixels.
     pub blur: f64,
-    /// How far contours are grown, as a standard deviation, pixels: the geometric mean over all settings.
+    /// How far contours are likeliest grown, as a standard deviation, pixels.
     pub growth: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
@@ -284,17 +284,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
             heard.push((state.log_evidence, *other));
             states.push(*state);
         }
-        let shares = shares(&heard);
-        let growth =
-            shares.iter().zip(&heard).map(|(share, (_, setting))| share * setting.growth.ln()).sum::<f64>().exp();
-        let states = shares.into_iter().zip(states);
+        let states = shares(&heard).into_iter().zip(states);
         let states = states.map(|(share, state)| (share, state.pose, state.belief.covariance));
         let (pose, covariance) = mixed(&last.pose, &states.collect::<Vec<_>>());
         let (log_known, log_evidence) = (self.samples.log_known(&pose), last.log_evidence);
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let trust = self.samples.trust.clone();
-        Some(Posterior { pose, covariance, blur: setting.blur, growth, wrong, trust, compared })
+        Some(Posterior { pose, covariance, blur: setting.blur, growth: setting.growth, wrong, trust, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so

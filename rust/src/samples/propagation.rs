@@ -23,6 +23,10 @@ pub(super) const EDGES_OF_SWEEP: usize = PLACES * PLACES * KINDS / 8;
 /// last.
 const SETTLED: f64 = 0.05;
 
+/// How far off the logarithm of an evidence may be as it is approximate: twice as much as is seen (`few_labels_are_likelier_than_many`
+/// of `cargo test --test sampled`).
+const APPROXIMATE: f64 = 1.0;
+
 /// Where the last sweep still moves the mean by more than this many of them, there is no such distribution: a convention.
 const LOST: f64 = 0.5;
 
@@ -300,7 +304,7 @@ pub struct Propagated {
 /// What samples beside contours that are off, and other factors, leave possible; stretches keep their
 /// factors, from which the next call goes on. In the first sweep a `guard` stands in for the factors that stretches do not
 /// have yet: without it the first of them would meet a belief so wide that they contradict one another. `None` where a
-/// direction is left free.
+/// direction is left free, or no distribution is found.
 ///
 /// What contours are off meets in the increment alone, and stretches of one contour in that and its growth: each says
 /// something of these, a message, and without its own the product of all messages is what the others say.
@@ -337,6 +341,11 @@ pub fn propagated<S: AsRef<Site>>(
     let views = outlines.iter_mut().zip(&messages).map(|(outline, message)| outline.view(&(all - *message)));
     let views: Vec<View> = views.collect::<Option<_>>()?;
     let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
+    // No labels are likelier than certain ones: where factors have run away, the evidence may be any number.
+    let (_, of_certain) = others.belief()?;
+    if log_evidence > of_certain + APPROXIMATE {
+        return None;
+    }
     Some(Propagated { belief, views, log_evidence, is_settled: moved < LOST })
 }
 

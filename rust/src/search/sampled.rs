@@ -79,18 +79,18 @@ impl Problem {
             let further = further_poses(self, &single_region_poses(self, &mut Alone::default()));
             found.extend(self.posteriors_near(&further, &[], &others, &mut passed));
         }
-        let mut looked = None;
+        let mut looked: Option<(f64, Pose)> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
         // the way to theirs.
-        while let Some(best) =
-            likeliest_of(&found).filter(|best| looked.is_none_or(|last| apart(&last, best, SAME_PLACE)))
-        {
+        while let Some((log_evidence, best)) = likeliest_of(&found).filter(|(log_evidence, best)| {
+            looked.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
+        }) {
             let (regions, step) = (self.sampled(), leading_step(self.sampled()));
             let misfit = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
             let turned = turned_about(self, &best, misfit, HOPELESS);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
             found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
-            looked = Some(best);
+            looked = Some((log_evidence, best));
         }
         let found = answers(found);
         let Some(best) = found.first().cloned() else { return found };
@@ -153,10 +153,10 @@ fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
     axes.into_iter().flat_map(move |axis| [axis * BASIN, axis * -BASIN].map(turned))
 }
 
-/// The pose of the greatest evidence.
-fn likeliest_of(found: &[Posterior]) -> Option<Pose> {
+/// The greatest logarithm of the evidence, and its pose.
+fn likeliest_of(found: &[Posterior]) -> Option<(f64, Pose)> {
     let best = found.iter().max_by(|a, b| a.log_evidence().total_cmp(&b.log_evidence()))?;
-    Some(best.pose)
+    Some((best.log_evidence(), best.pose))
 }
 
 /// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.
