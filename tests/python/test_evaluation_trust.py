@@ -211,7 +211,7 @@ def test_a_condition_that_no_scene_can_meet_is_refused(fields: dict[str, Any], m
 
 
 def test_a_sparse_scan_of_a_single_region_comes_to_an_end() -> None:
-    """Few rows near the camera leave almost everything open: factors ran away there, to evidence of e to the 46 million."""
+    """Few rows near the camera leave almost everything open: factors ran away, to evidence of e to the 46 million."""
     problem = draw_mixed_problem(perspective_setup(), Condition(model="lidar"), 90)
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
     assert np.isfinite(estimate.pose.translation).all()
