@@ -50,7 +50,8 @@ fn a_place_is_passed_once() {
 
 /// Some labels of a region are likelier than these and others, however far their poses scatter: four rows of one region leave a
 /// pose wide open. Where every linearization over such a belief is heard, and a setting that fails ends its start, 16 of these 24 have
-/// less, by up to 150, and 2 nothing. Evidence is approximate: one may have less by as much as half.
+/// less, by up to 150, and 2 nothing. One has less by half: at the mean it has more by 9, but over the whole of the belief up to 10 may be
+/// lost (`NOTHING` of `posterior.rs`).
 #[test]
 fn few_labels_are_likelier_than_many() {
     let log_evidence = |scene: &Scene, world: WorldRegion| {
@@ -185,7 +186,7 @@ fn held(count: u64, shape: &[[f64; 2]], gap: f64, corners: f64) -> usize {
 fn the_ellipsoid_holds_poses_from_corners_that_a_hand_set() {
     let shape = [[-0.75, -0.5], [0.6, -0.7], [0.8, 0.35], [-0.5, 0.65]];
     let held = held(20, &shape, 0.07, 2.0);
-    assert!(held >= 17, "{held} of 20");
+    assert!(held >= 18, "{held} of 20");
 }
 
 /// Rows and columns of samples along the sides of rectangles. Of 40 seeds 31; of these 20, 16, and 6 where labels are blurred by 0.25 px at least.

@@ -23,8 +23,8 @@ pub(super) const EDGES_OF_SWEEP: usize = PLACES * PLACES * KINDS / 8;
 /// last.
 const SETTLED: f64 = 0.05;
 
-/// How far off the logarithm of an evidence may be as it is approximate: twice as much as is seen (`few_labels_are_likelier_than_many`
-/// of `cargo test --test sampled`).
+/// How far an evidence may be above that of certain labels, as a logarithm, since it is approximate: a convention. Where factors run away
+/// it is off by hundreds and more.
 const APPROXIMATE: f64 = 1.0;
 
 /// Where the last sweep still moves the mean by more than this many of them, there is no such distribution: a convention.
