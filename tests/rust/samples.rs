@@ -11,6 +11,7 @@ use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
 use regionpose::samples::ends::{Beside, heard};
+use regionpose::samples::kinds::Kind;
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::outline::Outline;
 use regionpose::samples::propagation::{Edge, Site, Trust, propagated, propagated_apart};
@@ -18,7 +19,7 @@ use regionpose::samples::readings::{Reading, Sight};
 use regionpose::samples::ring::Ring;
 use regionpose::samples::signed_field::SignedField;
 use regionpose::samples::single;
-use regionpose::samples::stretch::{Kind, Stretch};
+use regionpose::samples::stretch::Stretch;
 use support::jacobian::differences;
 use support::random::Random;
 use support::samples::{layout, sampled};
@@ -402,12 +403,18 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     };
     let sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
     let normals = [0.0, 2.5, 3.3, 0.4, 1.0].map(|angle: f64| Vector2::new(angle.cos(), angle.sin()));
-    let stretch = |k: usize| Stretch::new(k, normals[k], (6 * k..6 * k + 6).collect(), kinds.to_vec());
+    let lengths = [2.0, 9.0, 4.0, 5.0, 3.0, 6.0];
+    let stretch = |k: usize| Stretch::new(k, normals[k], lengths[k], (6 * k..6 * k + 6).collect(), kinds);
     let closed: Vec<Stretch> = (0..3).map(stretch).collect();
-    let open = vec![stretch(3), stretch(4), Stretch::new(5, Vector2::x(), Vec::new(), kinds.to_vec())];
+    let open = vec![stretch(3), stretch(4), Stretch::new(5, Vector2::x(), lengths[5], Vec::new(), kinds)];
     let mut outlines =
         [closed, open].map(|stretches| Outline { region: 0, growth, rings: vec![Ring { off: CORNER, stretches }] });
     let found = propagated(&prior(1.0), &Gaussian::default(), &sites, &mut outlines).unwrap();
+    // From the kind of one stretch, a row each, to that of another beside it, a column each.
+    let next = |(one, other): (usize, usize)| {
+        let same = (-0.5 * (lengths[one] + lengths[other]) / kinds[1].off).exp();
+        Matrix2::from_fn(|from, to| kinds[to].share * (1.0 - same) + if from == to { same } else { 0.0 })
+    };
     let offsets = grid(|d| density(d / kinds[1].off) / kinds[1].off, SPACING, OFFSETS);
     // A growth that is narrower than the spacing is none.
     let growths =
@@ -439,10 +446,11 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
                 corners.iter().map(|(c, weight)| weight * at(ended, before, c) * at(begun, after, c)).sum()
             })
         };
-        let shares = Matrix2::from_diagonal(&Vector2::from(kinds.map(|kind| kind.share)));
         let closed = |grown: i32| {
             let [a, b, c] = [(5, 0), (1, 2), (3, 4)].map(|(ended, begun)| meeting(grown, ended, begun));
-            (shares * b * shares * c * shares * a).trace()
+            let [of_a, of_b, of_c] = [(2, 0), (0, 1), (1, 2)].map(next);
+            let all = of_b.component_mul(&b) * of_c.component_mul(&c) * of_a.component_mul(&a);
+            all.trace() / (of_b * of_c * of_a).trace()
         };
         let open = |grown: i32| {
             let alone = |end: usize| {
@@ -453,7 +461,9 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
                     corners.iter().map(|(c, weight)| weight * at(c)).sum()
                 })
             };
-            alone(6).dot(&(shares * meeting(grown, 7, 8) * shares * alone(9)))
+            let ([between, on, back], [begun, ended]) = ([(3, 4), (4, 5), (5, 3)].map(next), [6, 9].map(alone));
+            let all = between.component_mul(&meeting(grown, 7, 8)) * Matrix2::from_diagonal(&ended) * on * back;
+            (Matrix2::from_diagonal(&begun) * all).trace() / (between * on * back).trace()
         };
         let over_growth =
             |of: &dyn Fn(i32) -> f64| -> f64 { growths.iter().map(|(grown, weight)| weight * of(*grown)).sum() };

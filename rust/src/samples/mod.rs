@@ -3,6 +3,7 @@
 
 pub mod belief;
 pub mod ends;
+pub mod kinds;
 pub mod labels;
 pub mod normal;
 pub mod outline;

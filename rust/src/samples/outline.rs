@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::{INCREMENT, WHOLE};
+use super::kinds::KINDS;
 use super::propagation::Site;
 use super::ring::Ring;
 use super::stretch::{KindView, Stretch};
@@ -25,7 +26,7 @@ pub struct Outline {
 #[derive(Debug, Clone)]
 pub struct View {
     /// Of each stretch with samples, for each kind that it may be.
-    pub stretches: Vec<Vec<KindView>>,
+    pub stretches: Vec<[KindView; KINDS]>,
     /// Logarithm of the probability of the labels.
     pub log_probability: f64,
 }

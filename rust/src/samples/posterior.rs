@@ -7,7 +7,7 @@ use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::settings::{BESIDE, GROWTHS, OFFS, Setting, blurs, shares};
-use super::telling::{SIGMA_POINTS, Samples, State};
+use super::telling::{SIGMA_POINTS, Samples, State, WORSE};
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -15,7 +15,7 @@ use crate::prior::Gaussian;
 /// From blur to blur, while some of the samples lead a start: a convention. Those with all samples are in `settings.rs`.
 const STEP: f64 = 0.5;
 
-/// Logarithm of odds from which a setting that is farther on, or a linearization that reaches farther, tells nothing.
+/// Logarithm of odds from which a setting that is farther on tells nothing.
 const NOTHING: f64 = 10.0;
 
 /// Squared distance of two states, in variances of both together, and difference of their logarithms of evidence, up to which they are
@@ -299,7 +299,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
     fn over_belief(&mut self, setting: Setting) -> Option<State> {
         let last = self.samples.settled(self.state, setting, LAST_ROUNDS, true)?;
         let log_evidence = last.log_evidence + setting.log_prior();
-        let is_found = last.is_settled && self.state.log_evidence - log_evidence <= NOTHING;
+        let is_found = last.is_settled && self.state.log_evidence - log_evidence <= WORSE;
         is_found.then_some(State { log_evidence, ..last })
     }
 }

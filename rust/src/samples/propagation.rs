@@ -5,10 +5,10 @@ use nalgebra::Vector6;
 
 use super::belief::Belief;
 use super::ends::PLACES;
+use super::kinds::KINDS;
 use super::normal::{cumulative, density};
 use super::outline::{Outline, View};
 use super::readings::Sight;
-use super::stretch::KINDS;
 use crate::effort;
 use crate::prior::Gaussian;
 

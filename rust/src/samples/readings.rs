@@ -117,6 +117,11 @@ impl SampledRegion {
         self.contour.normal(stretch)
     }
 
+    /// How long a stretch of its contour is, pixels.
+    pub(super) fn length(&self, stretch: usize) -> f64 {
+        self.contour.length(stretch) * self.pixels
+    }
+
     /// The numbers of the samples in the order in which they lie around the middle of those inside.
     pub(super) fn around(&self) -> &[usize] {
         self.around.get_or_init(|| {

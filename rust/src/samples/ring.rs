@@ -6,6 +6,7 @@ use nalgebra::{SMatrix, Vector2};
 
 use super::belief::{Belief, WHOLE};
 use super::ends::ENDS;
+use super::kinds::{KINDS, Kinds, log_probability};
 use super::stretch::{KindView, Stretch};
 use crate::prior::Gaussian;
 
@@ -39,9 +40,10 @@ impl Ring {
     pub(super) fn new(off: f64, all: impl Iterator<Item = Stretch>) -> Self {
         let mut stretches: Vec<Stretch> = Vec::new();
         for stretch in all {
-            // One without samples stands for all that follow on it, too.
-            if !(stretch.members.is_empty() && stretches.last().is_some_and(|last| last.members.is_empty())) {
-                stretches.push(stretch);
+            match stretches.last_mut() {
+                // One without samples stands for all that follow on it, too.
+                Some(last) if last.members.is_empty() && stretch.members.is_empty() => last.length += stretch.length,
+                _ => stretches.push(stretch),
             }
         }
         Self { off, stretches }
@@ -50,9 +52,9 @@ impl Ring {
     /// Moment matching of its stretches, one by one, where everything else leaves `others`: the factor of increment and growth
     /// that stands for it then; `None` where a direction is left free.
     pub(super) fn sweep(&mut self, others: &Gaussian<WHOLE>) -> Option<Gaussian<WHOLE>> {
-        let all = self.one_by_one(others, |stretch, seen| {
+        let all = self.one_by_one(others, |stretch, seen, kinds| {
             // One that cannot be heard now keeps what it said.
-            stretch.update(seen);
+            stretch.update(seen, kinds);
             Some(())
         })?;
         Some(all - *others)
@@ -60,15 +62,15 @@ impl Ring {
 
     /// What is believed of each stretch with samples where everything else leaves `others`, and the logarithm of what their factors
     /// are multiplied by to be the labels' probability.
-    pub(super) fn view(&mut self, others: &Gaussian<WHOLE>) -> Option<(Vec<Vec<KindView>>, f64)> {
+    pub(super) fn view(&mut self, others: &Gaussian<WHOLE>) -> Option<(Vec<[KindView; KINDS]>, f64)> {
         let (mut views, mut log_scale) = (Vec::with_capacity(self.stretches.len()), 0.0);
-        self.one_by_one(others, |stretch, seen| {
-            let (of_kinds, scale) = stretch.view(seen)?;
+        self.one_by_one(others, |stretch, seen, kinds| {
+            let (of_kinds, log_integral) = stretch.view(seen, kinds)?;
             views.push(of_kinds);
-            log_scale += scale;
+            log_scale -= log_integral;
             Some(())
         })?;
-        Some((views, log_scale))
+        Some((views, log_scale + log_probability(&self.stretches)))
     }
 
     /// The factor of increment and growth that stands for it.
@@ -82,16 +84,18 @@ impl Ring {
     fn one_by_one(
         &mut self,
         others: &Gaussian<WHOLE>,
-        mut visit: impl FnMut(&mut Stretch, &Belief<ENDS>) -> Option<()>,
+        mut visit: impl FnMut(&mut Stretch, &Belief<ENDS>, &[f64; KINDS]) -> Option<()>,
     ) -> Option<Gaussian<WHOLE>> {
         let behind = self.behind();
         let mut before = self.start(others);
+        let mut kinds = Kinds::new(&self.stretches);
         for (number, behind) in behind.iter().enumerate() {
             if !self.stretches[number].members.is_empty() {
                 let all = self.ended(number, &before) + behind.among().turned();
                 let seen = self.seen(number, &all)?;
-                visit(&mut self.stretches[number], &seen)?;
+                visit(&mut self.stretches[number], &seen, &kinds.others(number))?;
             }
+            kinds.pass(number, &self.stretches);
             before = self.passed(number, &before);
         }
         Some(before.marginal())

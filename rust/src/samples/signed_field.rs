@@ -27,6 +27,8 @@ pub struct SignedField {
     rings: Vec<Range<usize>>,
     /// Unit normal of each stretch, from its start to its end.
     normals: Vec<Vector2<f64>>,
+    /// How long each stretch is.
+    lengths: Vec<f64>,
 }
 
 /// Where a point lies from the boundary.
@@ -70,8 +72,8 @@ impl SignedField {
         let rings_of = numbers_of.scan(0, |last, count| Some(std::mem::replace(last, *last + count)..*last));
         let rings_of: Vec<Range<usize>> = rings_of.collect();
         let stretches: Vec<usize> = begins.into_iter().flatten().scan(0, numbered).map(|next| next - 1).collect();
-        let (places, normals) = (places(&edges, &stretches), normals(&edges, &stretches));
-        Self { field: EdgeField::new(rings), edges, stretches, places, rings: rings_of, normals }
+        let ((places, lengths), normals) = (places(&edges, &stretches), normals(&edges, &stretches));
+        Self { field: EdgeField::new(rings), edges, stretches, places, rings: rings_of, normals, lengths }
     }
 
     /// The numbers of the stretches of each ring, in its order.
@@ -82,6 +84,11 @@ impl SignedField {
     /// Unit normal of a stretch, from its start to its end.
     pub fn normal(&self, stretch: usize) -> Vector2<f64> {
         self.normals[stretch]
+    }
+
+    /// How long a stretch is.
+    pub fn length(&self, stretch: usize) -> f64 {
+        self.lengths[stretch]
     }
 
     /// Signed distance of a point, its gradient and where it is measured from.
@@ -163,8 +170,8 @@ fn seen_from(way: &Vector2<f64>, radius: f64) -> Option<[Vector2<f64>; 2]> {
     (distance > radius).then(|| [way * (reach / distance) - aside, way * (reach / distance) + aside])
 }
 
-/// Where on its stretch each edge starts, and how much of it it is.
-fn places(edges: &[Edge], stretches: &[usize]) -> Vec<[f64; 2]> {
+/// Where on its stretch each edge starts and how much of it it is, and how long each stretch is.
+fn places(edges: &[Edge], stretches: &[usize]) -> (Vec<[f64; 2]>, Vec<f64>) {
     let mut lengths = vec![0.0; stretches.last().map_or(0, |last| last + 1)];
     let mut starts = Vec::with_capacity(edges.len());
     for (edge, &stretch) in edges.iter().zip(stretches) {
@@ -173,7 +180,7 @@ fn places(edges: &[Edge], stretches: &[usize]) -> Vec<[f64; 2]> {
     }
     let all = |stretch: usize| f64::max(lengths[stretch], f64::MIN_POSITIVE);
     let place = |((edge, &stretch), start): ((&Edge, &usize), f64)| [start, edge.step.norm()].map(|x| x / all(stretch));
-    edges.iter().zip(stretches).zip(starts).map(place).collect()
+    (edges.iter().zip(stretches).zip(starts).map(place).collect(), lengths)
 }
 
 /// The unit normal of each stretch; of one that ends where it starts, any.

@@ -6,26 +6,15 @@ use nalgebra::{Matrix2, Matrix6, SMatrix, Vector2, Vector6};
 
 use super::belief::{Belief, INCREMENT, WHOLE};
 use super::ends::{Beside, ENDS, heard};
+use super::kinds::{KINDS, Kind};
 use super::propagation::{Label, Site};
 use crate::prior::Gaussian;
-
-/// What a stretch may be: clean or disturbed.
-pub const KINDS: usize = 2;
 
 /// How much less it counts, a sample, that both ends of a stretch move apart: of samples at one place along it, both move alike.
 const APART: f64 = 1e-6;
 
 /// Rotations of a symmetric matrix to its axes at most; two dimensions need one.
 const MOST_ROTATIONS: usize = 10;
-
-/// How far stretches of one kind are off from between their corners, and what share of all stretches they are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kind {
-    /// Share of the stretches.
-    pub share: f64,
-    /// Standard deviation of the offset of either end from its corner, pixels; 0 of what runs from corner to corner.
-    pub off: f64,
-}
 
 /// A stretch of a contour: the samples that lie beside it, and what kinds of stretch it may be.
 #[derive(Debug, Clone)]
@@ -34,10 +23,12 @@ pub struct Stretch {
     pub number: usize,
     /// Its unit normal on the contour's plane.
     pub normal: Vector2<f64>,
+    /// How long it is, pixels.
+    pub length: f64,
     /// Numbers of the samples beside it.
     pub members: Vec<usize>,
-    /// What it may be, one or two kinds.
-    pub kinds: Vec<Kind>,
+    /// What it may be.
+    pub kinds: [Kind; KINDS],
     /// What is known of it.
     pub known: Known,
     /// How increment and growth move its ends outwards of the region's edge.
@@ -51,6 +42,8 @@ pub struct Stretch {
 pub struct Known {
     /// Probability of each kind.
     pub odds: [f64; KINDS],
+    /// Logarithm of the probability of its labels for each kind.
+    pub(super) told: [f64; KINDS],
     /// The factor of the ends that stands for all labels, but for a multiple.
     pub(super) message: Gaussian<ENDS>,
     /// Where the ends lie for each kind.
@@ -72,10 +65,10 @@ pub struct KindView {
 
 impl Stretch {
     /// Samples beside a stretch of one of these kinds.
-    pub fn new(number: usize, normal: Vector2<f64>, members: Vec<usize>, kinds: Vec<Kind>) -> Self {
-        let odds = std::array::from_fn(|kind| kinds.get(kind).map_or(0.0, |kind| kind.share));
-        let known = Known { odds, message: Gaussian::default(), found: [None; KINDS] };
-        Self { number, normal, members, kinds, known, ends: SMatrix::zeros(), labels: Vec::new() }
+    pub fn new(number: usize, normal: Vector2<f64>, length: f64, members: Vec<usize>, kinds: [Kind; KINDS]) -> Self {
+        let odds = kinds.map(|kind| kind.share);
+        let known = Known { odds, told: [0.0; KINDS], message: Gaussian::default(), found: [None; KINDS] };
+        Self { number, normal, length, members, kinds, known, ends: SMatrix::zeros(), labels: Vec::new() }
     }
 
     /// Finds how increment and growth move its ends: as the slopes of the samples beside it do, those at corners left out, where
@@ -120,8 +113,8 @@ impl Stretch {
     }
 
     /// What is believed of each kind where everything else leaves `rest` of the ends.
-    fn views(&mut self, rest: &Belief<ENDS>) -> Option<Vec<KindView>> {
-        let mut views = Vec::with_capacity(self.kinds.len());
+    fn views(&mut self, rest: &Belief<ENDS>) -> Option<[KindView; KINDS]> {
+        let mut views = Vec::with_capacity(KINDS);
         for (kind, found) in self.kinds.iter().zip(&mut self.known.found) {
             let square = Matrix2::identity() * kind.off.powi(2);
             let before = Belief { covariance: rest.covariance + square, ..*rest };
@@ -140,24 +133,24 @@ impl Stretch {
             let clean = Belief { mean: rest.mean + moved, covariance };
             views.push(KindView { belief, clean, square, log_probability });
         }
-        Some(views)
+        views.try_into().ok()
     }
 
-    /// Logarithm of the probability of the labels, and the probability of each kind.
-    fn judged(&self, views: &[KindView]) -> (f64, [f64; KINDS]) {
-        let logs = self.kinds.iter().zip(views).map(|(kind, view)| kind.share.ln() + view.log_probability);
-        let logs: Vec<f64> = logs.collect();
-        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let all = most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln();
-        (all, std::array::from_fn(|kind| logs.get(kind).map_or(0.0, |log| (log - all).exp())))
+    /// Takes what its labels say of its kind, where all else says `others` of that.
+    fn judge(&mut self, views: &[KindView; KINDS], others: &[f64; KINDS]) {
+        let told: [f64; KINDS] = std::array::from_fn(|kind| views[kind].log_probability);
+        let most = told.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let odds: [f64; KINDS] = std::array::from_fn(|kind| others[kind] * (told[kind] - most).exp());
+        let all: f64 = odds.iter().sum();
+        (self.known.told, self.known.odds) = (told, odds.map(|odds| odds / all));
     }
 
     /// Moment matching: the factor that makes of what the others leave of its ends, seen there, the mean and, but where it is
     /// wider, the covariance of all kinds together.
-    pub(super) fn update(&mut self, seen: &Belief<ENDS>) -> Option<()> {
+    pub(super) fn update(&mut self, seen: &Belief<ENDS>, others: &[f64; KINDS]) -> Option<()> {
         let rest = self.rest(seen)?;
         let views = self.views(&rest)?;
-        self.known.odds = self.judged(&views).1;
+        self.judge(&views, others);
         let parts = || self.known.odds.iter().zip(&views);
         let mean: Vector2<f64> = parts().map(|(odds, view)| view.clean.mean * *odds).sum();
         let spread = |part: &Belief<ENDS>| part.covariance + (part.mean - mean) * (part.mean - mean).transpose();
@@ -167,18 +160,18 @@ impl Stretch {
         is_finite.then(|| self.known.message = message)
     }
 
-    /// What is believed of each kind where its ends are seen there, and the logarithm of what its factor is multiplied by so that
-    /// it integrates, with everything else, to the labels' probability.
-    pub(super) fn view(&mut self, seen: &Belief<ENDS>) -> Option<(Vec<KindView>, f64)> {
+    /// What is believed of each kind where its ends are seen there, and the logarithm of what its factor is divided by so that it
+    /// integrates to 1 with everything else.
+    pub(super) fn view(&mut self, seen: &Belief<ENDS>, others: &[f64; KINDS]) -> Option<([KindView; KINDS], f64)> {
         let rest = self.rest(seen)?;
         let views = self.views(&rest)?;
         let (_, log_integral) = (rest.factor()? + self.known.message).belief()?;
-        let log_scale = self.judged(&views).0 - log_integral;
-        Some((views, log_scale))
+        self.judge(&views, others);
+        Some((views, log_integral))
     }
 
     /// What its labels show under what is believed of each kind, with the probability that it is disturbed.
-    pub(super) fn shown(&self, views: &[KindView]) -> impl Iterator<Item = (f64, Label)> {
+    pub(super) fn shown(&self, views: &[KindView; KINDS]) -> impl Iterator<Item = (f64, Label)> {
         let of_kinds = move |beside: &Beside| {
             let of_kind = |sum, (odds, view): (&f64, &KindView)| sum + beside.label(&view.belief) * *odds;
             self.known.odds.iter().zip(views).fold(Label::default(), of_kind)

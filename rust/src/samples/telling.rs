@@ -5,13 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
+use super::kinds::{KINDS, Kind};
 use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
 use super::outline::{Outline, View};
 use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
 use super::readings::{Reading, SampledRegion};
 use super::ring::Ring;
 use super::settings::Setting;
-use super::stretch::{Kind, Known, Stretch};
+use super::stretch::{Known, Stretch};
 use crate::contour::fit::size;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
@@ -33,7 +34,7 @@ const RELAXED: f64 = 0.5;
 
 /// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six
 /// parameters lose 3 by chance. What is farther is approached by half, so many times.
-const WORSE: f64 = 6.0;
+pub(super) const WORSE: f64 = 6.0;
 const HALVINGS: usize = 4;
 
 /// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the
@@ -154,7 +155,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         self.telling.iter_mut().for_each(|telling| telling.site.trust = own[telling.region]);
         for outline in &mut self.outlines {
             let kinds = kinds(&self.trust[outline.region]);
-            outline.stretches_mut().for_each(|stretch| stretch.kinds.clone_from(&kinds));
+            outline.stretches_mut().for_each(|stretch| stretch.kinds = kinds);
         }
     }
 
@@ -240,14 +241,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
         let known: BTreeMap<_, _> = self.outlines.iter().flat_map(known).collect();
         let outline = |(region, mut stretches): (usize, BTreeMap<usize, Vec<usize>>)| {
-            let kinds = kinds(&self.trust[region]);
+            let (sampled, kinds) = (&self.regions[region], kinds(&self.trust[region]));
             let mut stretch = |number: usize| {
                 let beside = stretches.remove(&number).unwrap_or_default();
-                let mut stretch = Stretch::new(number, self.regions[region].normal(number), beside, kinds.clone());
+                let mut stretch = Stretch::new(number, sampled.normal(number), sampled.length(number), beside, kinds);
                 known.get(&(region, number)).into_iter().for_each(|&known| stretch.known = known);
                 stretch
             };
-            let rings = self.regions[region].rings().iter();
+            let rings = sampled.rings().iter();
             let rings = rings.map(|numbers| Ring::new(self.clean, numbers.clone().map(&mut stretch)));
             let rings = rings.filter(|ring| ring.stretches.iter().any(|stretch| !stretch.members.is_empty())).collect();
             Outline { region, growth: self.growth, rings }
@@ -459,8 +460,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
 }
 
 /// The kinds of a region's stretches: from corner to corner, or disturbed.
-fn kinds(trust: &Trust) -> Vec<Kind> {
-    vec![Kind { share: 1.0 - trust.disturbed, off: 0.0 }, Kind { share: trust.disturbed, off: trust.wide }]
+fn kinds(trust: &Trust) -> [Kind; KINDS] {
+    [Kind { share: 1.0 - trust.disturbed, off: 0.0 }, Kind { share: trust.disturbed, off: trust.wide }]
 }
 
 /// What is known of each stretch of a contour, by region and number.
