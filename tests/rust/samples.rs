@@ -403,7 +403,7 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     };
     let sites: Vec<Site> = labels.iter().enumerate().map(end).collect();
     let normals = [0.0, 2.5, 3.3, 0.4, 1.0].map(|angle: f64| Vector2::new(angle.cos(), angle.sin()));
-    let lengths = [2.0, 9.0, 4.0, 5.0, 3.0, 6.0];
+    let lengths = [2.0, 3.0, 4.0, 2.0, 3.0, 5.0];
     let stretch = |k: usize| Stretch::new(k, normals[k], lengths[k], (6 * k..6 * k + 6).collect(), kinds);
     let closed: Vec<Stretch> = (0..3).map(stretch).collect();
     let open = vec![stretch(3), stretch(4), Stretch::new(5, Vector2::x(), lengths[5], Vec::new(), kinds)];
@@ -500,6 +500,12 @@ fn between(table: &[f64], place: f64) -> f64 {
 #[test]
 fn stretches_that_are_off_are_those_of_sampling() {
     agree_with_sampling(1e-3, [0.0; 2], [0.0, 0.0, 4.0, 0.0, 0.0]);
+}
+
+/// Two neighbors are off, as the sides of a bite are: were each so by itself, the mean would be another.
+#[test]
+fn neighbors_that_are_off_are_those_of_sampling() {
+    agree_with_sampling(1e-3, [0.0; 2], [0.0, 4.0, 4.0, 0.0, 0.0]);
 }
 
 /// A contour that is grown by two blurs, and one that is not.

@@ -1,4 +1,4 @@
-//! What the stretches of a ring are, clean or disturbed: what comes over one mostly comes over its neighbors (`docs/math.md`, eq. 17.10).
+//! What the stretches of a ring are, clean or disturbed: what comes over one mostly comes over its neighbors (`docs/math.md`, eq. 17.12).
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -67,8 +67,8 @@ pub(super) fn log_probability(stretches: &[Stretch]) -> f64 {
 }
 
 /// From the kind of a stretch to that of the next one on the ring: clean and disturbed parts follow each other along it by
-/// chance, disturbed ones as long as they are far off. With half or three times that length ellipsoids hold about as many poses, and
-/// fewer where stretches are disturbed one by one (`regionpose evaluate lidar --only scan=samples --only noise=0.05`).
+/// chance, disturbed ones as long as they are far off: a convention. With half that length ellipsoids hold as many poses, with three times
+/// that some fewer (`regionpose evaluate lidar --only scan=samples --only noise=0.05`).
 fn next_to(stretches: &[Stretch], number: usize) -> Table {
     let (stretch, next) = (&stretches[number], &stretches[(number + 1) % stretches.len()]);
     let [_, disturbed] = next.kinds;
