@@ -1,4 +1,4 @@
-//! What the stretches of a ring are, clean or disturbed: what comes over one mostly comes over its neighbors (`docs/math.md`, eq. 17.12).
+//! What the stretches of a ring are, clean or disturbed: what comes over one mostly comes over its neighbors (`docs/math.md`, eq. 17.4).
 
 use nalgebra::{Matrix2, Vector2};
 
