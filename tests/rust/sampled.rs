@@ -50,7 +50,7 @@ fn a_place_is_passed_once() {
 
 /// Some labels of a region are likelier than these and others, however far their poses scatter: four rows of one region leave a
 /// pose wide open. Where every linearization over such a belief is heard, and a setting that fails ends its start, 16 of these 24 have
-/// less, by up to 150, and 2 nothing; where linearizations over the belief may lose 10, one has less by a half.
+/// less, by up to 150, and 2 nothing; where linearizations over the belief may lose 10, one has less by 1.
 #[test]
 fn few_labels_are_likelier_than_many() {
     let log_evidence = |scene: &Scene, world: WorldRegion| {
