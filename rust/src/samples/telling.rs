@@ -32,8 +32,8 @@ const SETTLED: f64 = 0.1;
 /// Share of a step that is gone where the last one came from ahead.
 const RELAXED: f64 = 0.5;
 
-/// How much less likely what is known may be at a mean than where it was looked for from, as a logarithm: six
-/// parameters lose 3 by chance. What is farther is approached by half, so many times.
+/// How much less likely what is known may be at a mean than where it was looked for from, or over the whole of a belief than at its
+/// mean, as a logarithm: twice the 3 that six parameters lose by chance. What is farther is approached by half, so many times.
 pub(super) const WORSE: f64 = 6.0;
 const HALVINGS: usize = 4;
 
