@@ -1,11 +1,15 @@
-//! World regions with samples, as a scan knows them.
+//! World regions with samples, as a scan knows them; and single samples.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Vector2, Vector3, Vector6};
 
 use super::random::Random;
 use super::scene::Layout;
 use regionpose::WorldRegion;
+use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
+use regionpose::prior::Gaussian;
+use regionpose::samples::propagation::{Edge, Site, Trust};
+use regionpose::samples::readings::Sight;
 
 /// Regions before the camera.
 pub fn layout(regions: usize) -> Layout {
@@ -30,4 +34,17 @@ fn sampled_region(random: &mut Random, world: &WorldRegion, gap: f64, shrunk: f6
     let rings = outline.rings().iter().map(|ring| ring.iter().map(|p| p * shrunk).collect()).collect();
     let start = WorldRegion::from_outline(frame.clone(), PlaneRings::new(rings).unwrap());
     start.with_samples(&lifted(inside), &lifted(outside)).unwrap()
+}
+
+/// Labels that are blurred by a pixel, of which some are beside a disturbed stretch or wrong.
+pub const CLEAN: Trust = Trust { blur: 1.0, wide: 8.0, disturbed: 0.1, mislabeled: 0.02 };
+
+/// A sample whose margin grows by `outwards` for each pixel that its contour or the start of its stretch is off.
+pub fn site(slope: Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Site {
+    Site::new(&Sight { margin, slope, outwards, along: 0.0, edge: Edge::Own, stretch: 0 }, trust)
+}
+
+/// A normal prior of this deviation in all directions.
+pub fn prior(deviation: f64) -> Gaussian {
+    Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(deviation))
 }
