@@ -23,6 +23,8 @@ type Table = Matrix2<f64>;
 pub(super) struct Kinds {
     /// From the kind of the first stretch to that of the next one to be visited.
     before: Table,
+    /// From the kind of each stretch to that of the next one.
+    next: Vec<Table>,
     /// From the kind of each stretch, on over all behind it, to that of the first.
     behind: Vec<Table>,
 }
@@ -30,15 +32,16 @@ pub(super) struct Kinds {
 impl Kinds {
     /// Before the first stretch.
     pub(super) fn new(stretches: &[Stretch]) -> Self {
+        let next: Vec<Table> = (0..stretches.len()).map(|number| next_to(stretches, number)).collect();
         let mut last = Table::identity();
-        let passed = |number| {
-            let behind = last * next_to(stretches, number);
+        let passed = |number: usize| {
+            let behind = last * next[number];
             last = scaled(behind * told(&stretches[number])).0;
             behind
         };
         let mut behind: Vec<Table> = (0..stretches.len()).rev().map(passed).collect();
         behind.reverse();
-        Self { before: Table::identity(), behind }
+        Self { before: Table::identity(), next, behind }
     }
 
     /// What all others say of the kind of the next stretch, which has this number.
@@ -49,7 +52,7 @@ impl Kinds {
 
     /// Goes past that stretch.
     pub(super) fn pass(&mut self, number: usize, stretches: &[Stretch]) {
-        self.before = scaled(next_to(stretches, number) * told(&stretches[number]) * self.before).0;
+        self.before = scaled(self.next[number] * told(&stretches[number]) * self.before).0;
     }
 }
 

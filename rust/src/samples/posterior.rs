@@ -34,10 +34,8 @@ pub struct Posterior {
     pub pose: Pose,
     /// Covariance of the left increment.
     pub covariance: Matrix6<f64>,
-    /// The likeliest blur of single labels, pixels.
-    pub blur: f64,
-    /// How far contours are likeliest grown, as a standard deviation, pixels.
-    pub growth: f64,
+    /// The likeliest blur of labels, and how far contours are likeliest grown and off.
+    pub setting: Setting,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
     /// How far the labels of each region are trusted.
@@ -151,6 +149,20 @@ pub fn posteriors(
         all.retain_mut(|one| one.go_back().is_some());
         go_on(&mut all, hopeless, passed, |one| one.beside_likeliest(factor));
     }
+    all.into_iter().filter_map(Going::ended).collect()
+}
+
+/// What all samples leave possible about the sigma points of an answer, with its likeliest setting; but for what is hopeless, and
+/// what has `passed`, as the answer itself.
+pub fn modes(
+    answer: &Posterior,
+    regions: &[SampledRegion],
+    others: &impl Fn(&Pose) -> Gaussian,
+    hopeless: f64,
+    passed: &mut Passed,
+) -> Vec<Posterior> {
+    let mut all: Vec<_> = answer.sigma_points().iter().map(|from| Going::new(regions, others, from)).collect();
+    go_on(&mut all, hopeless, passed, |_| Some(answer.setting));
     all.into_iter().filter_map(Going::ended).collect()
 }
 
@@ -291,7 +303,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let trust = self.samples.trust.clone();
-        Some(Posterior { pose, covariance, blur: setting.blur, growth: setting.growth, wrong, trust, compared })
+        Some(Posterior { pose, covariance, setting, wrong, trust, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so

@@ -13,7 +13,7 @@ use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
 use crate::samples::labels::{ALIKE, SHARP, leading_step, log_likelihood};
-use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
+use crate::samples::posterior::{Led, Passed, Posterior, led, modes, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -106,7 +106,7 @@ impl Problem {
         if effort::is_spent() || posterior.wrong.iter().all(|&wrong| wrong == 0.0) {
             return posterior;
         }
-        let mut modes = posteriors(self.sampled(), others, &posterior.sigma_points(), 2.0 * HOPELESS, passed);
+        let mut modes = modes(&posterior, self.sampled(), others, 2.0 * HOPELESS, passed);
         modes.push(posterior.clone());
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
         // What lies farther is another answer, if one at all.
@@ -185,7 +185,7 @@ fn answers(found: Vec<Posterior>) -> Vec<Posterior> {
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+    posterior.setting.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
 }
 
 /// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
