@@ -2,13 +2,13 @@
 
 mod support;
 
-use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
+use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
 use regionpose::region::PlaneFrame;
-use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
+use regionpose::samples::posterior::{Led, Passed, led, posteriors};
 use regionpose::samples::settings::{Setting, shares};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::contours::all_bitten;
@@ -19,16 +19,6 @@ use support::scene::{FOCAL, Scene, rectangle, regular, star};
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
     problem.estimate_with(&Options { prior, ..Options::default() }).unwrap()
-}
-
-/// A posterior about the true pose, and the problem that it is of.
-fn posterior(seed: u64) -> (Problem, Posterior) {
-    let mut random = Random::new(seed);
-    let scene = Scene::random(&mut random, layout(2));
-    let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
-    let start = led(problem.sampled(), &unknown, &problem.centered(&scene.pose)).unwrap();
-    let found = posteriors(problem.sampled(), &unknown, &[start], 50.0, &mut Passed::default()).remove(0);
-    (problem, found)
 }
 
 fn unknown(_: &Pose) -> Gaussian {
@@ -82,39 +72,6 @@ fn rows(world: &WorldRegion, count: usize) -> WorldRegion {
         |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().lifted(p)).collect::<Vec<_>>();
     let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone());
     start.with_samples(&kept(samples.inside()), &kept(samples.outside())).unwrap()
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(8))]
-
-    /// Sigma points scatter about a posterior as it does itself.
-    #[test]
-    fn sigma_points_have_the_covariance(seed in 0_u64..1000) {
-        let (_, found) = posterior(seed);
-        let ways: Vec<Tangent> = found.sigma_points().iter().map(|led| found.pose.increment_to(&led.pose)).collect();
-        let covariance = ways.iter().map(|way| way * way.transpose()).sum::<Matrix6<f64>>() / ways.len() as f64;
-        prop_assert!(ways.iter().sum::<Tangent>().norm() < 1e-9 && ways.len() == 12);
-        prop_assert!((covariance - found.covariance).norm() < 1e-6 * found.covariance.norm());
-    }
-
-    /// Two modes together: their mean and what both scatter, by the odds of (17.11); one and the same is itself.
-    #[test]
-    fn modes_are_mixed_by_their_odds(seed in 0_u64..1000) {
-        let (problem, found) = posterior(seed);
-        let regions = problem.sampled();
-        let same = found.clone().over_modes(&[found.clone(), found.clone()], regions);
-        prop_assert!((same.covariance - found.covariance).norm() < 1e-9 * found.covariance.norm());
-        let way = found.covariance.cholesky().unwrap().l().column(0) * 2.0;
-        let mut other = found.clone();
-        other.pose = found.pose.moved(&way);
-        let squared = found.squared_sigmas_to(&other);
-        prop_assert!((squared - 2.0).abs() < 1e-3, "two deviations, of which both together have the root of two: {squared}");
-        let share = 1.0 / (1.0 + (0.5 * found.against(&other, regions)).exp());
-        let both = found.clone().over_modes(&[found.clone(), other], regions);
-        let scattered = found.covariance + way * way.transpose() * (share * (1.0 - share));
-        prop_assert!((both.covariance - scattered).norm() < 1e-6 * scattered.norm());
-        prop_assert!((found.pose.increment_to(&both.pose) - way * share).norm() < 1e-6 * way.norm());
-    }
 }
 
 proptest! {

@@ -7,7 +7,7 @@ use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::settings::{BESIDE, GROWTHS, OFFS, Setting, blurs, shares};
-use super::telling::{SIGMA_POINTS, Samples, State, WORSE};
+use super::telling::{Samples, State, WORSE};
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
@@ -34,12 +34,12 @@ pub struct Posterior {
     pub pose: Pose,
     /// Covariance of the left increment.
     pub covariance: Matrix6<f64>,
-    /// The likeliest blur of labels, and how far contours are likeliest grown and off.
-    pub setting: Setting,
+    /// The likeliest blur of single labels, pixels.
+    pub blur: f64,
+    /// How far contours are likeliest grown, as a standard deviation, pixels.
+    pub growth: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
-    /// How far the labels of each region are trusted.
-    trust: Vec<Trust>,
     /// What is compared with others.
     compared: Compared,
 }
@@ -68,28 +68,6 @@ impl Posterior {
         let way = self.pose.increment_to(&other.pose);
         let root = (self.covariance + other.covariance).cholesky();
         root.map_or(f64::INFINITY, |root| way.dot(&root.solve(&way)))
-    }
-
-    /// Starts at its sigma points, with what is believed of it.
-    pub fn sigma_points(&self) -> Vec<Led> {
-        let Some(root) = self.covariance.cholesky().map(|root| root.unpack()) else { return Vec::new() };
-        let belief = Belief { mean: Tangent::zeros(), covariance: self.covariance };
-        let (trust, log_evidence) = (&self.trust, self.log_evidence());
-        let led = |way: Tangent| Led { pose: self.pose.moved(&way), log_evidence, belief, trust: trust.clone() };
-        (0..6).flat_map(|axis| [SIGMA_POINTS, -SIGMA_POINTS].map(|far| root.column(axis) * far)).map(led).collect()
-    }
-
-    /// The same answer where its modes, of which the first is the likeliest, leave it possible, by the odds against each
-    /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence, as these were not looked for as closely.
-    pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
-        let Some((best, rest)) = modes.split_first() else { return self };
-        // Odds beyond a number's range are as good as a very large one.
-        let odds = rest.iter().map(|mode| (-0.5 * best.against(mode, regions)).exp().min(f64::MAX.sqrt()));
-        let odds: Vec<f64> = std::iter::once(1.0).chain(odds).collect();
-        let sum: f64 = odds.iter().sum();
-        let all: Vec<_> = odds.iter().zip(modes).map(|(odds, mode)| (odds / sum, mode.pose, mode.covariance)).collect();
-        let (pose, covariance) = mixed(&best.pose, &all);
-        Self { pose, covariance, ..self }
     }
 }
 
@@ -149,20 +127,6 @@ pub fn posteriors(
         all.retain_mut(|one| one.go_back().is_some());
         go_on(&mut all, hopeless, passed, |one| one.beside_likeliest(factor));
     }
-    all.into_iter().filter_map(Going::ended).collect()
-}
-
-/// What all samples leave possible about the sigma points of an answer, with its likeliest setting; but for what is hopeless, and
-/// what has `passed`, as the answer itself.
-pub fn modes(
-    answer: &Posterior,
-    regions: &[SampledRegion],
-    others: &impl Fn(&Pose) -> Gaussian,
-    hopeless: f64,
-    passed: &mut Passed,
-) -> Vec<Posterior> {
-    let mut all: Vec<_> = answer.sigma_points().iter().map(|from| Going::new(regions, others, from)).collect();
-    go_on(&mut all, hopeless, passed, |_| Some(answer.setting));
     all.into_iter().filter_map(Going::ended).collect()
 }
 
@@ -302,8 +266,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let (log_known, log_evidence) = (self.samples.log_known(&pose), last.log_evidence);
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
-        let trust = self.samples.trust.clone();
-        Some(Posterior { pose, covariance, setting, wrong, trust, compared })
+        let Setting { blur, growth, .. } = setting;
+        Some(Posterior { pose, covariance, blur, growth, wrong, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so

@@ -39,7 +39,7 @@ const HALVINGS: usize = 4;
 
 /// Distance of sigma points from the mean in standard deviations, the root of the dimension: their covariance is the
 /// belief's.
-pub(super) const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
+const SIGMA_POINTS: f64 = 2.449_489_742_783_178;
 
 /// Longest step, rad and share of the distance.
 const LONGEST: f64 = 0.3;

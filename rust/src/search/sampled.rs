@@ -12,8 +12,8 @@ use crate::effort;
 use crate::geometry::pose::Pose;
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::{ALIKE, SHARP, leading_step, log_likelihood};
-use crate::samples::posterior::{Led, Passed, Posterior, led, modes, posteriors};
+use crate::samples::labels::{SHARP, leading_step, log_likelihood};
+use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -29,9 +29,6 @@ const SAME_PLACE: f64 = 0.02;
 
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
 const SAME_ANSWER: f64 = 9.0;
-
-/// The same of what an answer's own surroundings lead to: one standard deviation, of which a sum says no more than either.
-const SAME_MODE: f64 = 1.0;
 
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
 const ROUGH: f64 = 32.0;
@@ -92,27 +89,7 @@ impl Problem {
             found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
             looked = Some((log_evidence, best));
         }
-        let found = answers(found);
-        let Some(best) = found.first().cloned() else { return found };
-        let is_alike = |posterior: &Posterior| best.against(posterior, self.sampled()) <= ALIKE;
-        let mut around =
-            |posterior| if is_alike(&posterior) { self.with_modes(posterior, &others, &mut passed) } else { posterior };
-        found.into_iter().map(&mut around).collect()
-    }
-
-    /// A posterior with all that the samples lead to from its sigma points. Where they contradict a pose, which of them are wrong
-    /// and which stretches are off depends on where it was looked for from.
-    fn with_modes(&self, posterior: Posterior, others: &impl Fn(&Pose) -> Gaussian, passed: &mut Passed) -> Posterior {
-        if effort::is_spent() || posterior.wrong.iter().all(|&wrong| wrong == 0.0) {
-            return posterior;
-        }
-        let mut modes = modes(&posterior, self.sampled(), others, 2.0 * HOPELESS, passed);
-        modes.push(posterior.clone());
-        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_MODE;
-        // What lies farther is another answer, if one at all.
-        modes.retain(|mode| !apart(&posterior.pose, &mode.pose, BASIN));
-        let modes = likeliest(modes, |_, _| false, |mode| mode.log_evidence(), is_same);
-        posterior.over_modes(&modes, self.sampled())
+        answers(found)
     }
 
     /// The posteriors of the likeliest starts, but of those that some of the samples lead to a place that is found already.
@@ -185,7 +162,7 @@ fn answers(found: Vec<Posterior>) -> Vec<Posterior> {
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.setting.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+    posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
 }
 
 /// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).

@@ -100,8 +100,7 @@ impl Evidence {
             belong[region.index()] = !contradicts(wrong);
         }
         let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
-        let shown =
-            Shown::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.setting.growth };
+        let shown = Shown::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
         Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belong), shown }
     }
 

@@ -133,7 +133,7 @@ impl Search {
         let (best, _) = places.first()?;
         let evidence = best.evidence(&self.problem, places.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
-            (Some(posterior), _) => posterior.setting.blur,
+            (Some(posterior), _) => posterior.blur,
             (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
             (None, None) => best.fit.mixture.sigma,
         };
@@ -364,7 +364,7 @@ fn warnings(
         warnings.push(Warning::Ambiguous { others });
     }
     // Samples that leave a contour blurred do not agree on a place.
-    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.setting.blur >= LOOSE);
+    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.blur >= LOOSE);
     let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
     warnings.extend(region_warnings(best, alternatives, &sampled, trusted));
