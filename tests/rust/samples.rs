@@ -8,8 +8,10 @@ use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
 use regionpose::samples::ends::{Beside, heard};
 use regionpose::samples::normal::{cumulative, density};
-use regionpose::samples::propagation::{Edge, Site, Trust, propagated_apart};
+use regionpose::samples::propagation::{Site, propagated_apart};
+use regionpose::samples::readings::Edge;
 use regionpose::samples::single;
+use regionpose::samples::trust::Trust;
 use support::random::Random;
 use support::samples::{CLEAN, prior, site};
 

@@ -8,9 +8,11 @@ use regionpose::samples::belief::Belief;
 use regionpose::samples::kinds::Kind;
 use regionpose::samples::normal::density;
 use regionpose::samples::outline::Outline;
-use regionpose::samples::propagation::{Edge, Site, Trust, propagated};
+use regionpose::samples::propagation::{Site, propagated};
+use regionpose::samples::readings::Edge;
 use regionpose::samples::ring::Ring;
 use regionpose::samples::stretch::Stretch;
+use regionpose::samples::trust::Trust;
 use support::random::Random;
 use support::samples::{CLEAN, prior, site};
 

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, Vector2};
 
 use super::belief::Belief;
-use super::propagation::{Edge, Label, Trust};
+use super::readings::Edge;
 use super::single;
+use super::trust::{Label, Trust};
 use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Ends of a stretch.

@@ -16,3 +16,4 @@ pub mod signed_field;
 pub mod single;
 pub mod stretch;
 pub mod telling;
+pub mod trust;

@@ -4,10 +4,10 @@ use nalgebra::Matrix6;
 
 use super::belief::Belief;
 use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
-use super::propagation::Trust;
 use super::readings::SampledRegion;
 use super::settings::{BESIDE, GROWTHS, OFFS, Setting, blurs, shares};
 use super::telling::{Samples, State, WORSE};
+use super::trust::Trust;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;

@@ -8,7 +8,8 @@ use super::ends::PLACES;
 use super::kinds::KINDS;
 use super::normal::{cumulative, density};
 use super::outline::{Outline, View};
-use super::readings::Sight;
+use super::readings::{Edge, Sight};
+use super::trust::{Label, Trust};
 use crate::effort;
 use crate::prior::Gaussian;
 
@@ -29,108 +30,6 @@ const APPROXIMATE: f64 = 1.0;
 
 /// Where the last sweep still moves the mean by more than this many of them, there is no such distribution: a convention.
 const LOST: f64 = 0.5;
-
-/// Probability of a label, right or wrong, of which the contour tells nothing.
-pub const COIN: f64 = 0.5;
-
-/// How far the labels of a region's samples are to be trusted.
-///
-/// A label is right with the probability `mislabeled + (1 - 2 mislabeled) ((1 - disturbed) Phi(margin / blur) +
-/// disturbed Phi(margin / wide))`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trust {
-    /// Blur of the contour where it is clean, pixels.
-    pub blur: f64,
-    /// Blur where it is disturbed, pixels.
-    pub wide: f64,
-    /// Share of the contour that is disturbed.
-    pub disturbed: f64,
-    /// Share of labels that are wrong, however far from the contour.
-    pub mislabeled: f64,
-}
-
-/// Whether the edge that a sample is nearest to is the region's own. Beyond one that hides it, the region may go on:
-/// there a label is a coin's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Edge {
-    /// The region's own.
-    Own,
-    /// The border of the image or of something in front, of a sample inside the region.
-    HidesInside,
-    /// The same, of a sample outside of it.
-    HidesOutside,
-}
-
-impl Trust {
-    /// The probability of a label on its wrong side, and what it is more on its right one.
-    pub(super) fn bounds(&self, edge: Edge) -> (f64, f64) {
-        match edge {
-            Edge::Own => (self.mislabeled, 1.0 - 2.0 * self.mislabeled),
-            Edge::HidesInside => (COIN, COIN - self.mislabeled),
-            Edge::HidesOutside => (self.mislabeled, COIN - self.mislabeled),
-        }
-    }
-
-    /// Weights and blurs of the clean and the disturbed part.
-    fn parts(&self, edge: Edge) -> [(f64, f64); 2] {
-        let (_, labeled) = self.bounds(edge);
-        [(labeled * (1.0 - self.disturbed), self.blur), (labeled * self.disturbed, self.wide)]
-    }
-
-    /// Logarithm of the probability of a label, and the probabilities that it is wrong for its own sake or as the
-    /// contour is disturbed; of a margin with a normal distribution.
-    pub fn label(&self, edge: Edge, mean: f64, variance: f64) -> Label {
-        let right = |blur: f64| cumulative(mean / (blur * blur + variance).sqrt());
-        let [(clean, blur), (disturbed, wide)] = self.parts(edge);
-        let on_side = right(blur);
-        // Where stretches are of one kind or the other, there is no disturbed part.
-        let far = if disturbed > 0.0 { disturbed * right(wide) } else { 0.0 };
-        let all = self.bounds(edge).0 + clean * on_side + far;
-        // Of a margin that is certain to be right a label that was drawn at random agrees by half.
-        let beyond = match edge {
-            Edge::HidesInside => 0.0,
-            _ => self.mislabeled * (1.0 - on_side),
-        };
-        Label { log_probability: all.ln(), mislabeled: beyond / all, disturbed: far / all }
-    }
-}
-
-/// What a label shows.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Label {
-    /// Logarithm of its probability.
-    pub log_probability: f64,
-    /// Probability that it is wrong for its own sake.
-    pub mislabeled: f64,
-    /// Probability that the contour is disturbed where it lies.
-    pub disturbed: f64,
-}
-
-impl std::ops::Mul<f64> for Label {
-    type Output = Self;
-
-    /// What it shows as far as it is believed.
-    fn mul(self, share: f64) -> Self {
-        Self {
-            log_probability: share * self.log_probability,
-            mislabeled: share * self.mislabeled,
-            disturbed: share * self.disturbed,
-        }
-    }
-}
-
-impl std::ops::Add for Label {
-    type Output = Self;
-
-    /// What both show.
-    fn add(self, other: Self) -> Self {
-        Self {
-            log_probability: self.log_probability + other.log_probability,
-            mislabeled: self.mislabeled + other.mislabeled,
-            disturbed: self.disturbed + other.disturbed,
-        }
-    }
-}
 
 /// A sample: its margin on the right side of the contour is `margin + slope . x + outwards (g + (1 - along) d + along e)`
 /// pixels, linear in the left increment `x`, the growth `g` of its contour and the offsets `d` and `e` of the ends of the

@@ -6,7 +6,6 @@ use std::sync::OnceLock;
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::propagation::Edge;
 use super::propagation::{EDGES_OF_SWEEP, SWEEPS};
 use super::signed_field::SignedField;
 use crate::effort;
@@ -47,6 +46,18 @@ pub enum Reading {
     Seen(Sight),
     /// Behind the camera, where no region is seen: right for a sample outside.
     Behind(bool),
+}
+
+/// Whether the edge that a sample is nearest to is the region's own. Beyond one that hides it, the region may go on:
+/// there a label is a coin's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Edge {
+    /// The region's own.
+    Own,
+    /// The border of the image or of something in front, of a sample inside the region.
+    HidesInside,
+    /// The same, of a sample outside of it.
+    HidesOutside,
 }
 
 /// Where a sample is seen beside the contour.

@@ -7,7 +7,8 @@ use nalgebra::{Matrix2, Matrix6, SMatrix, Vector2, Vector6};
 use super::belief::{Belief, INCREMENT, WHOLE};
 use super::ends::{Beside, ENDS, heard};
 use super::kinds::{KINDS, Kind};
-use super::propagation::{Label, Site};
+use super::propagation::Site;
+use super::trust::Label;
 use crate::prior::Gaussian;
 
 /// How much less it counts, a sample, that both ends of a stretch move apart: of samples at one place along it, both move alike.

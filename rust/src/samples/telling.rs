@@ -6,13 +6,14 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::belief::Belief;
 use super::kinds::{KINDS, Kind};
-use super::labels::{DISTURBED, FAR_BLURS, FAR_OFF, MISLABELED, Shown, WEIGHT, leading_step, log_likelihood};
+use super::labels::{leading_step, log_likelihood};
 use super::outline::{Outline, View};
-use super::propagation::{Edge, Label, Propagated, Site, Trust, propagated, propagated_apart};
-use super::readings::{Reading, SampledRegion};
+use super::propagation::{Propagated, Site, propagated, propagated_apart};
+use super::readings::{Edge, Reading, SampledRegion};
 use super::ring::Ring;
 use super::settings::Setting;
 use super::stretch::{Known, Stretch};
+use super::trust::{FAR_BLURS, FAR_OFF, Label, Shown, Trust};
 use crate::contour::fit::size;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
@@ -21,9 +22,6 @@ use crate::prior::Gaussian;
 /// The finest blur of single labels, pixels: a quarter of what contours of binary masks scatter by, most of which neighbors share. With
 /// 0.25 px, the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test --test sampled`).
 pub(super) const FINEST: f64 = 0.0625;
-
-/// Largest share of wrong labels: no more than a coin would err.
-const MOST_WRONG: f64 = 0.5;
 
 /// A relinearization that moves by less than this many standard deviations is the last: a convention, as that of one state
 /// (`posterior.rs`).
@@ -343,12 +341,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
     fn learn_trust(&mut self, belief: &Belief, views: &[View]) {
         let shown = self.shown(belief, views);
-        let share =
-            |sum: f64, count: f64, expected: f64| ((sum + WEIGHT * expected) / (count + WEIGHT)).min(MOST_WRONG);
-        for (trust, shown) in self.trust.iter_mut().zip(shown) {
-            trust.mislabeled = share(shown.mislabeled, shown.all, MISLABELED);
-            trust.disturbed = share(shown.disturbed, shown.near, DISTURBED);
-        }
+        self.trust.iter_mut().zip(&shown).for_each(|(trust, shown)| *trust = trust.learned(shown));
     }
 
     /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at

@@ -3,7 +3,7 @@
 use super::estimate::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
 use crate::samples::posterior::Posterior;
-use crate::samples::propagation::COIN;
+use crate::samples::trust::COIN;
 use crate::search::candidates::LOOSE;
 
 /// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.

@@ -8,8 +8,9 @@ use regionpose::WorldRegion;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
-use regionpose::samples::propagation::{Edge, Site, Trust};
-use regionpose::samples::readings::Sight;
+use regionpose::samples::propagation::Site;
+use regionpose::samples::readings::{Edge, Sight};
+use regionpose::samples::trust::Trust;
 
 /// Regions before the camera.
 pub fn layout(regions: usize) -> Layout {
