@@ -8,7 +8,7 @@ use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::prior::Gaussian;
 use regionpose::region::PlaneFrame;
-use regionpose::samples::posterior::{Led, Passed, led, posteriors};
+use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::samples::settings::{Setting, shares};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 use support::contours::all_bitten;
@@ -19,6 +19,16 @@ use support::scene::{FOCAL, Scene, rectangle, regular, star};
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
     problem.estimate_with(&Options { prior, ..Options::default() }).unwrap()
+}
+
+/// A posterior about the true pose, and the problem that it is of.
+fn posterior(seed: u64) -> (Problem, Posterior) {
+    let mut random = Random::new(seed);
+    let scene = Scene::random(&mut random, layout(2));
+    let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
+    let start = led(problem.sampled(), &unknown, &problem.centered(&scene.pose)).unwrap();
+    let found = posteriors(problem.sampled(), &unknown, &[start], 50.0, &mut Passed::default()).remove(0);
+    (problem, found)
 }
 
 fn unknown(_: &Pose) -> Gaussian {
@@ -72,6 +82,29 @@ fn rows(world: &WorldRegion, count: usize) -> WorldRegion {
         |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().lifted(p)).collect::<Vec<_>>();
     let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone());
     start.with_samples(&kept(samples.inside()), &kept(samples.outside())).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+
+    /// Two modes together: their mean and what both scatter, by the odds of (17.11); one and the same is itself.
+    #[test]
+    fn modes_are_mixed_by_their_odds(seed in 0_u64..1000) {
+        let (problem, found) = posterior(seed);
+        let regions = problem.sampled();
+        let same = found.clone().over_modes(&[found.clone(), found.clone()], regions);
+        prop_assert!((same.covariance - found.covariance).norm() < 1e-9 * found.covariance.norm());
+        let way = found.covariance.cholesky().unwrap().l().column(0) * 2.0;
+        let mut other = found.clone();
+        other.pose = found.pose.moved(&way);
+        let squared = found.squared_sigmas_to(&other);
+        prop_assert!((squared - 2.0).abs() < 1e-3, "two deviations, of which both together have the root of two: {squared}");
+        let share = 1.0 / (1.0 + (0.5 * found.against(&other, regions)).exp());
+        let both = found.clone().over_modes(&[found.clone(), other], regions);
+        let scattered = found.covariance + way * way.transpose() * (share * (1.0 - share));
+        prop_assert!((both.covariance - scattered).norm() < 1e-6 * scattered.norm());
+        prop_assert!((found.pose.increment_to(&both.pose) - way * share).norm() < 1e-6 * way.norm());
+    }
 }
 
 proptest! {

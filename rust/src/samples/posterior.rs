@@ -69,6 +69,19 @@ impl Posterior {
         let root = (self.covariance + other.covariance).cholesky();
         root.map_or(f64::INFINITY, |root| way.dot(&root.solve(&way)))
     }
+
+    /// The same answer where its modes, of which the first is the likeliest, leave it possible, by the odds against each
+    /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence.
+    pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
+        let Some((best, rest)) = modes.split_first() else { return self };
+        // Odds beyond a number's range are as good as a very large one.
+        let odds = rest.iter().map(|mode| (-0.5 * best.against(mode, regions)).exp().min(f64::MAX.sqrt()));
+        let odds: Vec<f64> = std::iter::once(1.0).chain(odds).collect();
+        let sum: f64 = odds.iter().sum();
+        let all: Vec<_> = odds.iter().zip(modes).map(|(odds, mode)| (odds / sum, mode.pose, mode.covariance)).collect();
+        let (pose, covariance) = mixed(&best.pose, &all);
+        Self { pose, covariance, ..self }
+    }
 }
 
 /// A start led on by some of the samples, to a blur from which on all of them tell more.

@@ -30,6 +30,9 @@ const SAME_PLACE: f64 = 0.02;
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
 const SAME_ANSWER: f64 = 9.0;
 
+/// The same of modes of one answer: one standard deviation, of which both together say no more than either.
+const SAME_MODE: f64 = 1.0;
+
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
 const ROUGH: f64 = 32.0;
 
@@ -54,7 +57,7 @@ impl Problem {
                 posterior.with_known(-0.5 * penalty)
             }));
         }
-        answers(found)
+        self.answers(&modes(found))
     }
 
     /// What a prior counts against a posterior, in variances.
@@ -62,7 +65,7 @@ impl Problem {
         prior.penalty(&self.uncentered(&posterior.pose), &posterior.covariance)
     }
 
-    /// The posteriors with a prior, the likeliest first.
+    /// The modes with a prior, the likeliest first.
     fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let outlined = self.outlined();
         let creases = self.creases();
@@ -89,7 +92,7 @@ impl Problem {
             found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
             looked = Some((log_evidence, best));
         }
-        answers(found)
+        modes(found)
     }
 
     /// The posteriors of the likeliest starts, but of those that some of the samples lead to a place that is found already.
@@ -113,6 +116,18 @@ impl Problem {
         let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
         let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
         posteriors(regions, others, &likely, 2.0 * HOPELESS, passed)
+    }
+
+    /// Each answer once, the likeliest first, over all of its modes: where samples contradict a pose, which of them are wrong and which
+    /// stretches are off depends on where it was looked for from.
+    fn answers(&self, modes: &[Posterior]) -> Vec<Posterior> {
+        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
+        let over_modes = |answer: Posterior| {
+            let own: Vec<Posterior> = modes.iter().filter(|mode| is_same(&answer, mode)).cloned().collect();
+            answer.over_modes(&own, self.sampled())
+        };
+        let answers = likeliest(modes.to_vec(), |_, _| false, Posterior::log_evidence, is_same);
+        answers.into_iter().map(over_modes).collect()
     }
 
     /// The contours of the regions without samples.
@@ -154,10 +169,9 @@ fn likeliest<T>(
     kept
 }
 
-/// Each answer once, the likeliest first.
-fn answers(found: Vec<Posterior>) -> Vec<Posterior> {
-    let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
-    likeliest(found, |_, _| false, |posterior| posterior.log_evidence(), is_same)
+/// Each mode once, the likeliest first.
+fn modes(found: Vec<Posterior>) -> Vec<Posterior> {
+    likeliest(found, |_, _| false, Posterior::log_evidence, |a, b| a.squared_sigmas_to(b) < SAME_MODE)
 }
 
 /// Whether the samples of every region agree with a pose.
