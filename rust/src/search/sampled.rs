@@ -123,7 +123,9 @@ impl Problem {
     fn answers(&self, modes: &[Posterior]) -> Vec<Posterior> {
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
         let over_modes = |answer: Posterior| {
-            let own: Vec<Posterior> = modes.iter().filter(|mode| is_same(&answer, mode)).cloned().collect();
+            // Poses beyond each other's basins have no mean.
+            let is_own = |mode: &&Posterior| is_same(&answer, mode) && !apart(&answer.pose, &mode.pose, BASIN);
+            let own: Vec<Posterior> = modes.iter().filter(is_own).cloned().collect();
             answer.over_modes(&own, self.sampled())
         };
         let answers = likeliest(modes.to_vec(), |_, _| false, Posterior::log_evidence, is_same);
