@@ -8,9 +8,9 @@ pub(super) const COARSEST: f64 = 64.0;
 
 /// Shares of wrong labels and of disturbed contour before anything is known, and the number of samples that they stand
 /// for.
-pub(super) const MISLABELED: f64 = 0.01;
-pub(super) const DISTURBED: f64 = 0.03;
-pub(super) const WEIGHT: f64 = 30.0;
+const MISLABELED: f64 = 0.01;
+const DISTURBED: f64 = 0.03;
+const WEIGHT: f64 = 30.0;
 
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
 pub(super) const FAR_OFF: f64 = 0.1;
