@@ -194,8 +194,20 @@ impl Problem {
 
     /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
     pub fn noise_variance(&self, cost: f64) -> f64 {
+        (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
+    }
+
+    /// How much worse than another a whitened cost is, in variances, where at most so many `numbers` tell of the noise
+    /// (`docs/math.md`, eq. 10.3).
+    pub fn worse_by_moments(&self, cost: f64, other: f64, numbers: f64) -> f64 {
+        let numbers = self.degrees_of_freedom().min(numbers);
+        numbers * (self.noise_variance(cost) / self.noise_variance(other)).ln()
+    }
+
+    /// How many of the whitened equations a pose leaves.
+    fn degrees_of_freedom(&self) -> f64 {
         let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
-        (cost / count.saturating_sub(PARAMETERS).max(1) as f64).max(NOISE_FLOOR * NOISE_FLOOR)
+        count.saturating_sub(PARAMETERS).max(1) as f64
     }
 
     /// The regions that a pose sees from the side away from their viewpoint.

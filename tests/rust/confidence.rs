@@ -1,11 +1,21 @@
 //! The confidence: a probability, higher for better evidence, defined for the worst there can be.
 
+mod support;
+
+use std::iter;
+
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::Pose;
 use regionpose::contour::votes::Vote;
 use regionpose::verdict::confidence::{Evidence, Shown};
 use regionpose::verdict::shares::{shares, together};
+use regionpose::{Pose, Problem, Solution};
+use support::contours::clicked;
+use support::random::Random;
+use support::scene::{Layout, Scene, star};
+
+/// Regions that are marked and solved.
+const SCENES: usize = 400;
 
 const GOOD: Evidence = Evidence {
     rotation_sigma: 0.01,
@@ -128,4 +138,27 @@ fn shown() -> impl Strategy<Value = Shown> {
     });
     let samples = (0.0..0.5_f64, 0.0..0.5_f64, 0.2..3.2_f64);
     prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| Shown::Samples { unseen, wrong, growth })]
+}
+
+/// Of four marked corners a pose leaves two numbers, and what is left of another pose says the less of which is right.
+#[test]
+fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says_or_more() {
+    let mut random = Random::new(17);
+    let layout = || Layout { offset: 0.0, axis: Some(Vector3::z()), tilt: [0.02, 0.14], ..Layout::default() };
+    let (mut several, mut right, mut stated) = (0, 0, 0.0);
+    for _ in 0..SCENES {
+        let shape = vec![vec![star(&mut random, 4, 0.6)]];
+        let scene = Scene::of_shapes(&mut random, shape, layout());
+        let observed = clicked(&scene.observed[0], 0.5, &mut random);
+        let Some(estimate) = Problem::new(&[observed], &scene.worlds).unwrap().estimate() else { continue };
+        let answers = || iter::once(&estimate.best).chain(&estimate.alternatives);
+        let is_right = |answer: &&Solution| scene.pose.angle_to(&answer.pose).to_degrees() < 5.0;
+        if answers().count() > 1 && answers().any(|answer| is_right(&answer)) {
+            several += 1;
+            right += usize::from(is_right(&&estimate.best));
+            stated += estimate.best.share / answers().map(|answer| answer.share).sum::<f64>();
+        }
+    }
+    let (right, stated) = (right as f64 / several as f64, stated / several as f64);
+    assert!(right > stated - 0.1, "{right} of {several} right, {stated} stated");
 }

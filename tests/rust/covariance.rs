@@ -2,35 +2,24 @@
 
 mod support;
 
-use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use regionpose::contour::covariance::covariance;
 use regionpose::contour::fit::refined;
-use regionpose::{Integration, ObservedRegion, Pose, Problem, System};
-use support::contours::all_bitten;
+use regionpose::contour::numbers::telling;
+use regionpose::{Integration, Pose, Problem, System};
+use support::contours::{all_bitten, clicked};
 use support::random::Random;
-use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece, regular};
+use support::scene::{Layout, Ring, Scene, angle_piece, regular};
 
 /// 90 % of chi-squared with 6 degrees of freedom lie below.
 const CHI_SQUARED_90: f64 = 10.645;
-
-/// The region whose corners were marked off by an error of their own, `sigma` pixels along either axis.
-fn clicked(ring: &SpaceRing, sigma: f64, random: &mut Random) -> SpaceRing {
-    let off = |r: &Vector3<f64>, random: &mut Random| {
-        let error = Vector2::new(random.normal(), random.normal()) * (sigma / FOCAL);
-        (r.xy() / r.z + error).push(1.0).normalize()
-    };
-    ring.iter().map(|r| off(r, random)).collect()
-}
 
 /// The rest of the way to the truth, squared, in the covariance of a pose on contours of shapes whose corners are `sigma` pixels
 /// off.
 fn mahalanobis(random: &mut Random, shapes: Vec<Vec<Ring>>, sigma: f64) -> f64 {
     let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let scene = Scene::of_shapes(random, shapes, layout);
-    let disturbed = |region: &ObservedRegion, random: &mut Random| {
-        ObservedRegion::new(vec![clicked(&region.rings[0], sigma, random)], region.pixel_area)
-    };
-    let observed: Vec<_> = scene.observed.iter().map(|region| disturbed(region, random)).collect();
+    let observed: Vec<_> = scene.observed.iter().map(|region| clicked(region, sigma, random)).collect();
     let problem = Problem::new(&observed, &scene.worlds).unwrap();
     let truth = problem.centered(&scene.pose);
     let fit = refined(problem.contours(), &truth, 1).unwrap();
@@ -63,6 +52,20 @@ fn what_little_is_left_of_four_corners_is_not_taken_for_their_error() {
         let inside = (0..200).filter(|_| mahalanobis(&mut random, shape(), sigma) < CHI_SQUARED_90).count();
         assert!(inside > 170, "{inside} of 200 true poses inside, corners {sigma} pixels off");
     }
+}
+
+#[test]
+fn contours_tell_as_many_numbers_as_their_corners_and_what_lies_beside_sides() {
+    let numbers = |shapes: Vec<Vec<Ring>>| {
+        let scene = Scene::of_shapes(&mut Random::new(13), shapes, Layout::default());
+        telling(scene.problem(System::Plane, Integration::Boundary).contours(), 1)
+    };
+    // Two a corner, without six and with one for what is known beforehand.
+    for (shapes, needed) in [(vec![vec![regular(3, 0.6)]], 1.0), (vec![vec![regular(4, 0.6)]], 3.0)] {
+        assert_eq!(numbers(shapes), needed);
+    }
+    assert_eq!(numbers(vec![vec![angle_piece(1.0)], vec![regular(5, 0.6)]]), 17.0);
+    assert_eq!(numbers(vec![vec![regular(5, 0.8), regular(3, 0.4)]]), 11.0);
 }
 
 #[test]

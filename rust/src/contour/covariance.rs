@@ -1,12 +1,12 @@
 //! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.9 to 11.14).
 
-use std::iter;
 use std::ops::Range;
 
 use nalgebra::{Matrix2, Matrix6, Vector2};
 
 use super::correlation::correlation;
 use super::fit::ContourFit;
+use super::numbers::{BEFORE, telling, told};
 use super::readings::{Contour, Reading};
 use crate::equations::information::{Information, free, honest};
 use crate::equations::normal_equations::{in_lanes, outer_products, turned};
@@ -25,10 +25,8 @@ const ENDS: f64 = 2.0;
 /// Mean square of the distances along a side, of its ends' variance: the mean of `t^2 + (1 - t)^2`.
 const OF_ENDS: f64 = 2.0 / 3.0;
 
-/// Variance of a corner along either axis before any is seen: that of a place within a pixel; and how many numbers of a contour
-/// that counts as, a convention.
+/// Variance of a corner along either axis before any is seen: that of a place within a pixel.
 const WITHIN_PIXEL: f64 = 1.0 / 12.0;
-const BEFORE: f64 = 1.0;
 
 /// Degrees of freedom that an estimated variance costs: Student's distribution of `n` has the variance `n / (n - 2)`.
 const STUDENT: f64 = 2.0;
@@ -90,17 +88,16 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
         let single = factor * pulls[index] * pulls[index] + floor * square;
         [single, square * (row.reading.distance * row.reading.distance + floor)]
     });
-    let told = rows.told(&sides);
-    let left = (told - PARAMETERS as f64).max(0.0);
+    let telling = telling(rows.contours, rows.step);
     let variance = corners_variance(rows) * straightness(&rows.all, &rests, &sides);
     // Four corners fit many a pose closely: what is left of so few says little of how far off they are.
-    let variance = (left * variance + BEFORE * WITHIN_PIXEL) / (left + BEFORE);
+    let variance = ((telling - BEFORE) * variance + BEFORE * WITHIN_PIXEL) / telling;
     let scatter = single + corners_scatter(rows, &sides, variance);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
     let parameters = PARAMETERS as f64;
-    let measurements = (held / alike.max(1.0)).min(told).max(parameters + STUDENT + 1.0);
+    let measurements = (held / alike.max(1.0)).min(told(rows.contours, rows.step)).max(parameters + STUDENT + 1.0);
     scatter * (measurements / (measurements - parameters - STUDENT))
 }
 
@@ -134,19 +131,6 @@ impl<'a> Rows<'a> {
     /// How many pieces each of them stands for.
     fn times(&self) -> f64 {
         self.step as f64
-    }
-
-    /// How many numbers the contours are at most: where the corners are, and where each piece beside the sides is.
-    fn told(&self, sides: &[Side]) -> f64 {
-        let mut corners: Vec<(usize, usize)> =
-            sides.iter().flat_map(|side| side.corners.map(|corner| (side.region, corner))).collect();
-        corners.sort_unstable();
-        corners.dedup();
-        let starts = sides.iter().map(|side| side.pieces.start).chain([self.all.len()]);
-        let ends = iter::once(0).chain(sides.iter().map(|side| side.pieces.end));
-        // One piece between two sides lies about their corner.
-        let beside: usize = starts.zip(ends).map(|(start, end)| (start - end).saturating_sub(1)).sum();
-        ENDS * corners.len() as f64 + self.times() * beside as f64
     }
 
     /// Sums of the products of the derivatives by the camera's axes, for each of the weights that a piece is given.

@@ -188,14 +188,15 @@ impl ContourFit {
     }
 
     /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
-    /// likelihoods, or what is left of that where chance may have decided. Where regions belong to one of both poses alone, more
-    /// regions decide, not longer contours, and of as many on either side those that lie farther off at the other pose.
-    pub fn against(&self, other: &Self) -> f64 {
+    /// likelihoods, of no more pieces than there are `numbers` that tell of the noise, or what is left of that where chance may have
+    /// decided. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of as many on either
+    /// side those that lie farther off at the other pose.
+    pub fn against(&self, other: &Self, numbers: f64) -> f64 {
         let votes = self.votes(other);
         decided(&votes, [&self.distances(), &other.distances()], |counted| {
             let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
             let differences = densities(self).into_iter().zip(densities(other)).map(|(a, b)| a - b).collect::<Vec<_>>();
-            let share = self.independent() / self.readings.len().max(1) as f64;
+            let share = self.independent().min(numbers) / self.readings.len().max(1) as f64;
             let (differences, counts) = of_counted(&differences, &self.counts, counted);
             let sigmas = sigmas(&differences, &counts);
             (2.0 * share * differences.iter().sum::<f64>()).min(AMBIGUITY * sigmas * sigmas.abs())

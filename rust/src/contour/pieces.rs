@@ -1,5 +1,7 @@
 //! The parts of equal length that an observed contour is cut into (`docs/math.md`, eq. 11.1).
 
+use std::mem;
+
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::geometry::rings::PlaneRings;
@@ -90,6 +92,26 @@ fn cut_rings(
         until += cut.count.saturating_sub(until).div_ceil(step) * step;
         until -= cut.count;
     }
+}
+
+/// How many numbers every `step`-th piece of a region tells of its contour at most: where the corners are between which several of them
+/// lie on a straight run, and where each piece beside such sides is.
+pub fn numbers(pieces: &[Piece], step: usize) -> f64 {
+    // One piece between two sides lies about their corner.
+    let but_one = |count: usize| count.saturating_sub(1);
+    let (mut corners, mut beside, mut between) = (Vec::new(), 0, 0);
+    for run in pieces.chunk_by(|a, b| a.run.is_some() && a.run == b.run) {
+        match run[0].run.filter(|_| run.len() > 1) {
+            Some(ends) => {
+                corners.extend(ends);
+                beside += but_one(mem::take(&mut between));
+            }
+            None => between += run.len(),
+        }
+    }
+    corners.sort_unstable();
+    corners.dedup();
+    (2 * corners.len() + step * (beside + but_one(between))) as f64
 }
 
 /// Consecutive pairs of a closed ring.

@@ -128,6 +128,11 @@ impl Contour {
         self.pieces(step).len()
     }
 
+    /// How many numbers it is at most, from every `step`-th piece.
+    pub(super) fn numbers(&self, step: usize) -> f64 {
+        pieces::numbers(&self.pieces(step).copied().collect::<Vec<_>>(), step)
+    }
+
     /// Every `step`-th piece.
     fn pieces(&self, step: usize) -> impl ExactSizeIterator<Item = &Piece> {
         if step == self.few {

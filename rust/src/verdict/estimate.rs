@@ -13,6 +13,7 @@ use super::weakness::weak_geometry;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::members::contradicted;
+use crate::contour::numbers::telling;
 use crate::contour::votes::Vote;
 use crate::effort;
 use crate::equations::information::honest;
@@ -38,8 +39,9 @@ const NOT_SHOWN: f64 = 1.0;
 /// (`regionpose evaluate trust --scenes 556`).
 const TRUSTED: f64 = 0.95;
 
-/// Poses within this many variances of the best are equally good: what differs is where the contours' pieces lie.
-const TIE: f64 = 1.0;
+/// Poses within this many variances of the best are equally good, as turns of symmetric shapes are: what differs is where the contours'
+/// pieces lie (`cargo test --test symmetry`).
+const TIE: f64 = 0.6;
 
 /// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
@@ -201,8 +203,9 @@ impl Search {
 /// An initial pose without an uncertainty chooses the first among them.
 fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
     let Some(first) = places.first().cloned() else { return places };
+    let numbers = telling(problem.contours(), 1);
     let against = |place: &Place| {
-        let worse = first.outdoes(place, problem);
+        let worse = first.outdoes(place, problem, numbers);
         let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
         // The evidence of samples holds the prior already.
         let weighed = place.posterior.is_none() && prior.most() > 0.0;
@@ -281,16 +284,16 @@ impl Place {
     }
 
     /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
-    fn outdoes(&self, other: &Self, problem: &Problem) -> f64 {
+    fn outdoes(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
             return 0.0;
         }
         if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
             return own.against(posterior, problem.sampled()).max(0.0);
         }
-        let by_contours = self.fit.against(&other.fit);
+        let by_contours = self.fit.against(&other.fit, numbers);
         match (&self.minimum, &other.minimum) {
-            (Some(own), Some(minimum)) => by_contours.max((minimum.cost - own.cost) / problem.noise_variance(own.cost)),
+            (Some(own), Some(minimum)) => by_contours.max(problem.worse_by_moments(minimum.cost, own.cost, numbers)),
             _ => by_contours,
         }
     }

@@ -1,11 +1,12 @@
 //! What the contours of a problem show at a pose, and outlines with mistakes in them.
 
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 use regionpose::contour::readings::Reading;
 use regionpose::geometry::pose::Tangent;
 use regionpose::{ObservedRegion, Pose, Problem};
 
-use super::scene::{Scene, SpaceRing};
+use super::random::Random;
+use super::scene::{FOCAL, Scene, SpaceRing};
 
 /// The reading of every piece of all contours; `None` where a region is out of view.
 pub fn readings(problem: &Problem, pose: &Pose) -> Option<Vec<Reading>> {
@@ -70,4 +71,14 @@ pub fn one_turned(scene: &Scene, wrong: usize) -> Vec<ObservedRegion> {
     let rings = observed[wrong].rings.iter().map(|ring| ring.iter().map(|r| turn * r).collect()).collect();
     observed[wrong] = ObservedRegion::new(rings, observed[wrong].pixel_area);
     observed
+}
+
+/// The region whose corners were marked, each off by an error of its own, `sigma` pixels along either axis.
+pub fn clicked(region: &ObservedRegion, sigma: f64, random: &mut Random) -> ObservedRegion {
+    let off = |r: &Vector3<f64>, random: &mut Random| {
+        let error = Vector2::new(random.normal(), random.normal()) * (sigma / FOCAL);
+        (r.xy() / r.z + error).push(1.0).normalize()
+    };
+    let rings = region.rings.iter().map(|ring| ring.iter().map(|r| off(r, random)).collect()).collect();
+    ObservedRegion::new(rings, region.pixel_area)
 }
