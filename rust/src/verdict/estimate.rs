@@ -35,7 +35,7 @@ pub(super) const POOR_OVERLAP: f64 = 0.05;
 const NOT_SHOWN: f64 = 1.0;
 
 /// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning. Above 0.9,
-/// 3 of 10,008 poses are wrong without a warning, above 0.95 none is, and 90 right ones more have one
+/// 3 of 10,008 poses are wrong without a warning, above 0.95 none is, and 51 right ones more have one
 /// (`regionpose evaluate trust --scenes 556`).
 const TRUSTED: f64 = 0.95;
 
