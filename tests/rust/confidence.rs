@@ -15,7 +15,7 @@ use support::random::Random;
 use support::scene::{Layout, Scene, star};
 
 /// Regions that are marked and solved.
-const SCENES: usize = 400;
+const SCENES: usize = 900;
 
 const GOOD: Evidence = Evidence {
     rotation_sigma: 0.01,
@@ -142,7 +142,7 @@ fn shown() -> impl Strategy<Value = Shown> {
 
 /// Of four marked corners a pose leaves two numbers, and what is left of another pose says the less of which is right.
 #[test]
-fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says_or_more() {
+fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says() {
     let mut random = Random::new(17);
     let layout = || Layout { offset: 0.0, axis: Some(Vector3::z()), tilt: [0.02, 0.14], ..Layout::default() };
     let (mut several, mut right, mut stated) = (0, 0, 0.0);
@@ -160,5 +160,5 @@ fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says_or
         }
     }
     let (right, stated) = (right as f64 / several as f64, stated / several as f64);
-    assert!(right > stated - 0.1, "{right} of {several} right, {stated} stated");
+    assert!((right - stated).abs() < 0.1, "{right} of {several} right, {stated} stated");
 }

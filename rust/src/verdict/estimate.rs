@@ -202,7 +202,8 @@ impl Search {
 ///
 /// An initial pose without an uncertainty chooses the first among them.
 fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
-    let Some(first) = places.first().cloned() else { return places };
+    let [first, _, ..] = places.as_slice() else { return places };
+    let first = first.clone();
     let numbers = telling(problem.contours(), 1);
     let against = |place: &Place| {
         let worse = first.outdoes(place, problem, numbers);
