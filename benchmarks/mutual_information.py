@@ -28,7 +28,6 @@ from regionpose.evaluation.measures import rotation_error
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_of
 
@@ -125,17 +124,11 @@ def entropy(shares: Array) -> float:
     return -float(positive @ np.log(positive))
 
 
-def moved(pose: rp.Pose, increment: Array) -> rp.Pose:
-    """The pose after a left increment (6,) `[omega (rad), tau (m)]`."""
-    turn = Rotation.from_rotvec(increment[:3])
-    return rp.Pose(turn * pose.rotation, turn.as_matrix() @ pose.translation + increment[3:])
-
-
 def disturbed(pose: rp.Pose, degrees: float, meters: float, seed: int) -> rp.Pose:
     """The pose turned and shifted by so much in random directions."""
     directions = np.random.default_rng(seed).normal(size=(2, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return moved(pose, np.concatenate([np.radians(degrees) * directions[0], meters * directions[1]]))
+    return pose.moved(np.concatenate([np.radians(degrees) * directions[0], meters * directions[1]]))
 
 
 def measure(frame: Frame, feature: Feature) -> Callable[[rp.Pose], tuple[float, int]]:
@@ -163,7 +156,7 @@ def aligned(at: Callable[[rp.Pose], tuple[float, int]], start: rp.Pose) -> rp.Po
     least = LEAST_SHARE * at(start)[1]
 
     def loss(steps: Array) -> float:
-        value, count = at(moved(start, steps * STEP))
+        value, count = at(start.moved(steps * STEP))
         return -value if count >= least else 0.0
 
     simplex = np.vstack([np.zeros(6), np.eye(6)])
@@ -173,7 +166,7 @@ def aligned(at: Callable[[rp.Pose], tuple[float, int]], start: rp.Pose) -> rp.Po
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": STEP_PRECISION, "fatol": np.inf, "maxfev": EVALUATIONS},
     )
-    return moved(start, result.x * STEP)
+    return start.moved(result.x * STEP)
 
 
 def region_overlap(frame: Frame, pose: rp.Pose) -> float:

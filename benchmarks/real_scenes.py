@@ -28,7 +28,7 @@ import json
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -83,17 +83,17 @@ class RealScene:
 
     def estimate(self, way: str, prior: str) -> rp.PoseEstimate:
         """The pose of the frame, or of the frames as a rig."""
-        return self.estimate_and_dispersion(way, prior)[0]
+        return self.estimate_and_scatter(way, prior)[0]
 
-    def estimate_and_dispersion(self, way: str, prior: str) -> tuple[rp.PoseEstimate, float | None]:
-        """The same, and how many times farther apart frames are than their regions say; None of a single one."""
+    def estimate_and_scatter(self, way: str, prior: str) -> tuple[rp.PoseEstimate, rp.FrameScatter | None]:
+        """The same, and how far frames are off as wholes; None of a single one."""
         images, worlds, known = self.images, self.worlds[way], self.priors[prior]
         if not self.counts:
             return rp.estimate_pose(self.camera, images, worlds, prior=known), None
         ends = list(accumulate(self.counts, initial=0))
         frames = [(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
         rig = rp.estimate_rig(self.camera, frames, prior=known)
-        return replace(rig.estimate, warnings=rig.warnings), rig.dispersion
+        return replace(rig.estimate, warnings=rig.warnings), rig.scatter
 
 
 class Errors(NamedTuple):
@@ -117,7 +117,7 @@ class Row(NamedTuple):
     answers: int
     confidence: float
     codes: tuple[str, ...]
-    dispersion: float | None
+    scatter: rp.FrameScatter | None
 
 
 def camera_item(calibration: Plain) -> Plain:
@@ -280,20 +280,24 @@ def _sigmas(error: Array, covariance: Array) -> float:
 
 def row_of(scene: RealScene, way: str, prior: str) -> Row:
     """A scene's estimate and its errors."""
-    estimate, dispersion = scene.estimate_and_dispersion(way, prior)
+    estimate, scatter = scene.estimate_and_scatter(way, prior)
     answers: list[rp.PoseEstimate | rp.Alternative] = [estimate, *estimate.alternatives]
     errors = [errors_of(answer.pose, answer.covariance, scene.truth) for answer in answers]
     place = int(np.argmin([each.rotation for each in errors]))
     codes = tuple(dict.fromkeys(warning.code for warning in estimate.warnings))
     of_answers = errors[0], errors[place], place + 1, len(errors)
-    return Row(scene.kind, way, prior, *of_answers, estimate.confidence, codes, dispersion)
+    return Row(scene.kind, way, prior, *of_answers, estimate.confidence, codes, scatter)
 
 
 def line(name: str, row: Row) -> str:
     """A row as text."""
     nearest = "" if row.place == 1 else f"  answer {row.place} of {row.answers}: {written(row.nearest)}"
     trust = "trusted" if not row.codes else " ".join(row.codes)
-    apart = "" if row.dispersion is None else f"  dispersion {row.dispersion:.1f}"
+    apart = (
+        ""
+        if row.scatter is None
+        else "  frames {rotation_sigma_deg:.2f} deg {center_sigma_m:.3f} m".format(**asdict(row.scatter))
+    )
     return f"{name:28} {row.way:8} {row.prior:9} {written(row.first)}  {row.confidence:5.2f} {trust}{apart}{nearest}"
 
 

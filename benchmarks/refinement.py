@@ -30,7 +30,6 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness.posterior import moved
 from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import (
@@ -115,7 +114,7 @@ def drawn(seen: dict[str, rp.SceneFrame], truths: dict[str, rp.Pose]) -> Iterato
     """Poses drawn about the true one."""
     for name, frame in seen.items():
         for seed in range(DRAWS):
-            pose = moved(truths[name], DRAWN * np.random.default_rng(seed).normal(size=6))
+            pose = truths[name].moved(DRAWN * np.random.default_rng(seed).normal(size=6))
             yield Start(f"{name.split('/')[0]}, drawn", name, [frame], pose, np.diag(DRAWN**2), truths[name])
 
 

@@ -7,8 +7,9 @@ frame is from the joint one.
 
 `--synthetic N` instead draws N rigs of the evaluation's pinhole (four frames of one region) and fisheye camera (three
 frames of two) with binary masks, and refines the true camera and one whose focal length is 1 % and whose center 5 px
-off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions. In another run of
-each, one frame's world is moved by 3 cm: how many times that frame alone is named.
+off: verdicts, errors of the parameters in standard deviations, and errors of the pose at the regions; and the errors of
+the rig's pose beside those of all regions solved as one problem, with the share of true poses in the ellipsoid of 90 %.
+In another run of each, one frame's world is moved by 3 cm: how many times that frame alone is named.
 
     python -m benchmarks.rig [--data ../shared/data] [--ways known outline samples clicks]
     python -m benchmarks.rig --synthetic 20
@@ -28,10 +29,14 @@ import numpy as np
 import regionpose as rp
 from regionpose.cameras import Camera
 from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
+from scipy.stats import chi2
 
 from benchmarks.real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
 
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
+ELLIPSOID = float(chi2.ppf(0.9, 6))
+"""Squared distance within which 90 of 100 true poses are."""
+
 Part = Literal["focal", "center", "distortion"]
 REFINEMENTS: tuple[tuple[Part, ...], ...] = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
 
@@ -41,7 +46,7 @@ def print_frames(rig: rp.RigEstimate) -> None:
     for fit, one in zip(rig.frames, rig.influence, strict=True):
         print(
             f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
-            f" {one.sigmas:5.2f} sigma {one.rotation_deg:6.3f} deg {1e3 * one.shift_m:6.2f} mm,"
+            f" {one.rotation_deg:6.3f} deg {1e3 * one.shift_m:6.2f} mm,"
             f" contour {one.residual_px:5.2f} px (expected {one.expected_px:5.2f})"
         )
 
@@ -93,18 +98,27 @@ def deviations(refinement: rp.CameraRefinement, truth: Camera) -> list[float]:
     return list((refinement.found - true) / refinement.sigma)
 
 
+def of_truth(estimate: rp.PoseEstimate) -> tuple[float, float, bool]:
+    """Errors of rotation (deg) and of the camera's center (mm), and whether the true pose is in the ellipsoid."""
+    truth = rp.Pose.from_matrix(np.eye(4))
+    errors, away = errors_of(estimate.pose, estimate.covariance, truth), estimate.pose.increment_to(truth)
+    squared = float(away @ np.linalg.solve(estimate.covariance, away))
+    return errors.rotation, 1e3 * errors.center, squared < ELLIPSOID
+
+
 class Trial(NamedTuple):
     """One synthetic rig: verdicts on the right and the wrong camera; errors of the pose (mm), in the order of `ROWS`.
 
     `is_named`: whether a moved frame was named, alone. `sigmas`: errors of the parameters in standard deviations.
-    `apart`: the root mean square of the frames' distances from the others in these.
+    `poses`: of the rig, and of all regions as one problem, the errors of rotation (deg) and center (mm), and whether
+    the true pose is in the ellipsoid.
     """
 
     outcomes: tuple[str, str]
     errors: tuple[float, float, float, float]
     is_named: bool
     sigmas: list[float]
-    apart: float
+    poses: list[tuple[float, float, bool]]
 
 
 def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
@@ -115,6 +129,10 @@ def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
     runs = [rp.estimate_rig(given, frames, refine_camera=some) for given in (camera, wrong) for some in ((), parts)]
     spoiled = rp.estimate_rig(camera, [*frames[:-1], replace(synthetic_frame(scenes[-1], 0.03), name="moved")])
     outliers = [warning.message for warning in spoiled.warnings if warning.code == "outlier-frame"]
+    sides = [
+        [region for frame in frames for region in getattr(frame, side)] for side in ("image_regions", "world_regions")
+    ]
+    whole = rp.estimate_pose(camera, *sides, solver=rp.Solver(driver="native"))
     right_shift, right_refined, wrong_shift, wrong_refined = (shift_mm(run, frames) for run in runs)
     right, other = runs[1].refinement, runs[3].refinement
     assert right is not None and other is not None
@@ -123,7 +141,7 @@ def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
         errors=(right_shift, right_refined, wrong_shift, wrong_refined),
         is_named=len(outliers) == 1 and outliers[0].startswith("moved"),
         sigmas=[value for refinement in (right, other) for value in deviations(refinement, camera)],
-        apart=float(np.sqrt(np.mean([one.sigmas**2 for one in runs[0].influence]))),
+        poses=[of_truth(runs[0].estimate), of_truth(whole)],
     )
 
 
@@ -140,9 +158,13 @@ def report_synthetic(
     named = sum(trial.is_named for trial in trials)
     print(
         f"{name:12} right camera {right}, wrong camera {wrong}; parameters off by {np.sqrt(np.mean(sigmas**2)):.2f}"
-        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}; frames apart by"
-        f" {min(trial.apart for trial in trials):.2f} to {max(trial.apart for trial in trials):.2f} sigma"
+        f" sigma rms, {np.abs(sigmas).max():.1f} at most; moved frame named alone {named} of {count}"
     )
+    for row, values in zip(("rig", "one problem"), np.transpose([t.poses for t in trials], (1, 2, 0)), strict=True):
+        turn, shift = np.sqrt(np.mean(values[:2] ** 2, axis=1))
+        print(
+            f"  {row:15} {turn:.4f} deg {shift:.3f} mm rms, {100.0 * values[2].mean():.0f} % in the ellipsoid of 90 %"
+        )
     for row, values in zip(ROWS, np.transpose([trial.errors for trial in trials]), strict=True):
         print(f"  {row:15} {np.median(values):7.2f} mm median {np.max(values):7.2f} mm at most", flush=True)
 

@@ -18,6 +18,7 @@ from .estimation.answer import Crease as Crease
 from .estimation.answer import PoseError as PoseError
 from .estimation.answer import PoseEstimate as PoseEstimate
 from .estimation.batch import estimate_poses as estimate_poses
+from .estimation.frame_scatter import FrameScatter as FrameScatter
 from .estimation.intrinsics import CameraRefinement as CameraRefinement
 from .estimation.matching import RegionMatches as RegionMatches
 from .estimation.matching import match_regions as match_regions

@@ -337,8 +337,12 @@ class Estimate:
         """Share of the contour that is disturbed, a fraction; None where the pose is that of the moments."""
 
     @property
+    def probability(self) -> float:
+        """Probability that one of the answers is within 5 degrees of the true pose."""
+
+    @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (7,) of outlines or (6,) of samples (docs/math.md, eq. 15.2)."""
+        """What the confidence is computed from, (8,) of outlines or (6,) of samples (docs/math.md, eq. 15.3)."""
 
     @property
     def alternatives(self) -> list[Solution]:
@@ -379,6 +383,11 @@ class Prior:
 
     def penalty(self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> float:
         """What counts against a pose with this covariance (6, 6) of its left increment, in variances."""
+
+    def gaussian(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All that it says of the left increment x from a pose, `exp(vector . x - x . information x / 2)`: information
+        (6, 6) and vector (6,).
+        """
 
 @final
 class Problem:

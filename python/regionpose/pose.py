@@ -219,6 +219,14 @@ class Pose:
         turn = other.rotation * self.rotation.inv()
         return np.concatenate([turn.as_rotvec(), other.translation - turn.as_matrix() @ self.translation])
 
+    def moved(self, increment: ArrayLike) -> Pose:
+        """The pose after a left increment `[omega (rad), tau]` (6,): `exp(omega) P + tau`."""
+        from scipy.spatial.transform import Rotation
+
+        given = finite_array(increment, "increment", (6,))
+        turn = Rotation.from_rotvec(given[:3])
+        return Pose(turn * self.rotation, turn.as_matrix() @ self.translation + given[3:])
+
     def transform(self, points: ArrayLike) -> Array:
         """World points in camera coordinates, as `pose @ points`.
 

@@ -10,7 +10,7 @@ import regionpose as rp
 from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
 from regionpose.witness.evidence import Evidence
-from regionpose.witness.posterior import SPREADS_PX, Posterior, moved
+from regionpose.witness.posterior import SPREADS_PX, Posterior
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ COVARIANCE = np.diag(SIGMAS**2)
 
 def off(seed: int) -> rp.Pose:
     """A pose as wrong as the covariance says."""
-    return moved(POSE, np.random.default_rng(seed).normal(size=6) * SIGMAS)
+    return POSE.moved(np.random.default_rng(seed).normal(size=6) * SIGMAS)
 
 
 def frame(seed: int) -> rp.SceneFrame:
@@ -94,7 +94,7 @@ def test_a_wider_prior_leaves_what_the_edges_hold() -> None:
 def searched(seed: int, widened: float, known: Sequence[rp.Pose] = ()) -> tuple[float, float]:
     """About a pose as wrong as a wider prior says: the mass of the best maximum, and degrees from the true pose."""
     sigmas = widened * SIGMAS
-    start = moved(POSE, np.random.default_rng(seed).normal(size=6) * sigmas)
+    start = POSE.moved(np.random.default_rng(seed).normal(size=6) * sigmas)
     evidence = Evidence(frame(seed), start)
     share = evidence.share(SPREADS_PX[-1])
     evidence.move_to(start)
@@ -111,7 +111,7 @@ def test_a_wide_prior_is_searched() -> None:
 def test_steps_are_seen_from_where_they_lead_to(seed: int) -> None:
     # From degrees and decimeters beside the true pose other steps are seen, and these alone lead a degree or two past.
     sigmas = 3.0 * SIGMAS
-    start = moved(POSE, np.random.default_rng(seed).normal(size=6) * sigmas)
+    start = POSE.moved(np.random.default_rng(seed).normal(size=6) * sigmas)
     found = rp.refine_with_scene(start, np.diag(sigmas**2), [frame(seed)])
     mass, error = searched(seed, 3.0)
     assert found.refined and found.log_odds > mass + 9.0
@@ -137,8 +137,8 @@ def test_where_the_world_lies_does_not_matter() -> None:
     place = np.array([431_999.0, 5_400_000.0, 119.0])
     far = rp.Pose(POSE.rotation, POSE.translation - POSE.rotation.apply(place))
     step = POSE.increment_to(off(2))
-    here = rp.refine_with_scene(moved(POSE, step), COVARIANCE, [rp.SceneFrame(photo, points, CAMERA)])
-    there = rp.refine_with_scene(moved(far, step), COVARIANCE, [rp.SceneFrame(photo, points + place, CAMERA)])
+    here = rp.refine_with_scene(POSE.moved(step), COVARIANCE, [rp.SceneFrame(photo, points, CAMERA)])
+    there = rp.refine_with_scene(far.moved(step), COVARIANCE, [rp.SceneFrame(photo, points + place, CAMERA)])
     # Rounding moves points across the cells in which the nearest one counts.
     assert np.linalg.norm((there.pose.camera_center - place) - here.pose.camera_center) < 0.01
 
@@ -161,4 +161,4 @@ def test_a_covariance_that_is_none_is_named() -> None:
 
 def test_increments_lead_from_pose_to_pose() -> None:
     other = off(3)
-    np.testing.assert_allclose(moved(POSE, POSE.increment_to(other)).matrix, other.matrix, atol=1e-12)
+    np.testing.assert_allclose(POSE.moved(POSE.increment_to(other)).matrix, other.matrix, atol=1e-12)

@@ -66,12 +66,16 @@ def test_the_pose_of_a_rig_is_that_of_all_its_regions() -> None:
     camera, frames = fisheye_frames(0, 3)
     rig = rp.estimate_rig(camera, frames)
     joint = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
-    assert np.array_equal(rig.pose.matrix, joint.pose.matrix)
+    apart = joint.pose.increment_to(rig.pose)
+    assert apart @ np.linalg.solve(joint.covariance, apart) < 6.0
     areas = np.array(
         [sum(_core.spherical_moments(r.bearings(camera), 0).ravel()) for f in frames for r in f.image_regions]
     )
     by_frame = areas.reshape(3, 2).sum(axis=1)
-    assert np.average([fit.overlap_error for fit in rig.frames], weights=by_frame) == pytest.approx(joint.overlap_error)
+    assert np.average([fit.overlap_error for fit in rig.frames], weights=by_frame) == pytest.approx(
+        rig.estimate.overlap_error
+    )
+    assert rig.estimate.overlap_error == pytest.approx(joint.overlap_error, rel=0.2)
     assert rig.camera is camera and rig.refinement is None and codes(rig) == []
     assert [fit.name for fit in rig.frames] == ["frame 0", "frame 1", "frame 2"]
     assert all(0.05 < fit.residual_px < 0.3 for fit in rig.frames)
@@ -90,39 +94,58 @@ def test_the_pose_without_a_frame_is_that_of_the_others() -> None:
         joint.rotation.as_matrix(), joint.translation, pose.rotation.as_matrix(), pose.translation, np.zeros(3)
     )
     assert one.rotation_deg == pytest.approx(errors.rotation_deg)
-    own = rp.estimate_pose(
-        camera, *sides([frames[1]]), prior=rp.Prior(initial=rig.pose), solver=rp.Solver(driver="native")
-    )
-    increment = np.array([*(own.pose.rotation * pose.rotation.inv()).as_rotvec(), 0.0, 0.0, 0.0])
-    increment[3:] = own.pose.translation - Rotation.from_rotvec(increment[:3]).as_matrix() @ pose.translation
-    back = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
-    assert back[1] == pytest.approx(own.pose.translation)
-    both = np.linalg.inv(one.covariance + own.covariance)
-    assert one.sigmas == pytest.approx(np.sqrt(increment @ both @ increment / 6.0), rel=1e-6)
     assert 0.3 < one.residual_px / one.expected_px < 3.0
 
 
 def test_one_frame_has_no_influence() -> None:
     camera, frames = fisheye_frames(0, 1)
     rig = rp.estimate_rig(camera, frames)
-    assert rig.influence == () and rig.dispersion == 1.0
+    assert rig.influence == () and rig.scatter is None
+    alone = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
+    assert np.array_equal(rig.pose.matrix, alone.pose.matrix) and np.array_equal(rig.covariance, alone.covariance)
 
 
-def test_frames_that_scatter_beyond_their_noise_widen_the_covariance_by_as_much() -> None:
+def test_errors_of_whole_frames_are_allowed_for() -> None:
     """Frames 2 mm off in directions of their own, where masks hold them to a few tenths."""
     camera, frames = fisheye_frames(0, 4)
     ways = 2e-3 * np.array([[1.0, -1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, 1.0, -1.0], [1.0, 1.0, 0.5]])
     off = [moved(frame, way) for frame, way in zip(frames, ways, strict=True)]
     calm, rig = rp.estimate_rig(camera, frames), rp.estimate_rig(camera, off)
     joint = rp.estimate_pose(camera, *sides(off), solver=rp.Solver(driver="native"))
-    assert calm.dispersion < 1.5 and rig.dispersion > 3.0
-    assert rig.dispersion == pytest.approx(np.sqrt(np.mean([one.sigmas**2 for one in rig.influence])))
-    assert np.array_equal(rig.pose.matrix, joint.pose.matrix)
-    assert rig.covariance == pytest.approx(rig.dispersion**2 * joint.covariance)
+    assert calm.scatter is not None and rig.scatter is not None
+    assert calm.scatter.center_sigma_m < 3e-4 and 1e-3 < rig.scatter.center_sigma_m < 4e-3
     assert rig.estimate.confidence <= joint.confidence
-    error = rig.pose.increment_to(RIG)
-    narrow, wide = (np.sqrt(error @ np.linalg.solve(held, error) / 6.0) for held in (joint.covariance, rig.covariance))
-    assert wide < 1.5 < narrow
+    squared = [
+        pose.increment_to(RIG) @ np.linalg.solve(held, pose.increment_to(RIG)) / 6.0
+        for pose, held in ((joint.pose, joint.covariance), (rig.pose, rig.covariance))
+    ]
+    assert squared[1] < 1.5 < squared[0]
+
+
+@pytest.mark.parametrize("draw", [perspective_frames, fisheye_frames])
+@pytest.mark.parametrize("count", [3, 4])
+def test_true_poses_of_rigs_are_where_the_covariance_says(
+    draw: Callable[[int, int], tuple[Camera, list[rp.Frame]]], count: int
+) -> None:
+    """The squared distances of 16 rigs have the mean of six numbers, or less: what frames are off by is taken for a
+    little though there is nothing. The poses are no worse than those of all regions in one problem.
+    """
+    squared, errors = [], []
+    for seed in range(16):
+        camera, frames = draw(seed, count)
+        rig = rp.estimate_rig(camera, frames)
+        joint = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
+        away = rig.pose.increment_to(RIG)
+        squared.append(away @ np.linalg.solve(rig.covariance, away))
+        errors.append(
+            [
+                [np.linalg.norm(pose.increment_to(RIG)[:3]), np.linalg.norm(pose.increment_to(RIG)[3:])]
+                for pose in (rig.pose, joint.pose)
+            ]
+        )
+    assert 0.5 < np.mean(squared) < 9.0
+    own, all_at_once = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert (own < 1.1 * all_at_once).all()
 
 
 @pytest.mark.parametrize("wrong", [0, 3])
@@ -247,7 +270,23 @@ def test_a_disc_alone_leaves_a_direction_free_and_names_nobody() -> None:
     rig = rp.estimate_rig(camera, [*frames, rp.Frame([image], [world_of(RIG.inverse().transform(disc))], "disc")])
     assert codes(rig) == []
     assert rig.influence[0].expected_px > 10.0 * rig.influence[1].expected_px
-    assert np.isfinite(rig.influence[0].sigmas)
+    error = rig.pose.increment_to(RIG)
+    assert error @ np.linalg.solve(rig.covariance, error) < SIGMAS**2 * 6.0
+
+
+def test_a_frame_at_another_place_does_not_move_the_pose() -> None:
+    """Its regions are turned by 20 degrees about the camera: alone they put it there."""
+    camera, frames = fisheye_frames(0, 3)
+    turn = Rotation.from_rotvec([0.0, np.radians(20.0), 0.0])
+    center = RIG.inverse().translation
+    worlds = [
+        rp.WorldRegion.from_polygon([turn.apply(ring - center) + center for ring in region.rings])
+        for region in frames[2].world_regions
+    ]
+    rig = rp.estimate_rig(camera, [*frames[:2], replace(frames[2], world_regions=worlds)])
+    assert codes(rig) == ["outlier-frame"]
+    assert np.degrees((rig.pose.rotation * RIG.rotation.inv()).magnitude()) < 0.02
+    assert rig.scatter is not None and rig.scatter.rotation_sigma_deg < 0.01
 
 
 def test_a_vertex_on_the_rim_of_the_view_has_no_derivative() -> None:

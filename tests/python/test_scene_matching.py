@@ -124,8 +124,11 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     assert run.names == ("one: floor", "two: wall")
     result = scene_result(run)
     assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
-    apart = [frame["without_it"]["sigmas"] for frame in result["frames"]]
-    assert result["dispersion"] == pytest.approx(max(1.0, np.sqrt(np.mean(np.square(apart)))))
+    assert run.scatter is not None
+    assert result["frame_scatter"] == {
+        "rotation_sigma_deg": run.scatter.rotation_sigma_deg,
+        "center_sigma_m": run.scatter.center_sigma_m,
+    }
     assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
     assert result["image"] is None
     json.dumps(result, allow_nan=False)

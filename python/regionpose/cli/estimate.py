@@ -146,11 +146,10 @@ def _say_frames(result: dict[str, Any]) -> None:
     if result["frames"] is not None:
         typer.echo("frames: contours at the pose, and at the pose of the others, px")
         say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
-        if result["dispersion"] > 1.0:
-            typer.echo(
-                f"the frames' poses are {result['dispersion']:.1f} times farther apart than their regions say;"
-                " standard deviations by these are larger by as much"
-            )
+        scatter = result["frame_scatter"]
+        if scatter is not None:
+            turn, shift = scatter["rotation_sigma_deg"], 1e3 * scatter["center_sigma_m"]
+            typer.echo(f"a frame is off as a whole by {turn:.2g} deg and {shift:.2g} mm; the pose allows for that")
 
 
 def _frame_fit(frame: dict[str, Any]) -> str:

@@ -44,34 +44,34 @@ def moved_estimate(
     )
 
 
-def widened_estimate(
+def scattered_estimate(
     estimate: PoseEstimate,
-    factor: float,
+    pose: Pose,
+    covariance: Array,
     camera: Camera,
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
 ) -> PoseEstimate:
-    """The estimate with the covariances of all its answers multiplied by a factor of 1 or more, and what follows from
-    them: shares and confidences (docs/math.md, eq. 15.1), and whether the geometry is weak.
+    """The estimate of frames that scatter, with the pose and covariance (6, 6) that allow for it, and what follows from
+    them: shares and confidences (docs/math.md, eq. 15.1), and the covariances of other answers, larger by the same
+    factor on the mean.
     """
-    problem = core_problem(camera, image_regions, world_regions, Solver())
-    covariance = factor * estimate.covariance
     near = _core.nearness(covariance) / _core.nearness(estimate.covariance)
+    factor = max(1.0, float(np.trace(np.linalg.solve(estimate.covariance, covariance))) / len(covariance))
+    moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions)
     return replace(
-        estimate,
-        covariance=covariance,
-        confidence=near * estimate.confidence,
-        share=near * estimate.share,
+        moved,
+        confidence=min(1.0, near * estimate.confidence),
+        share=min(1.0, near * estimate.share),
         alternatives=tuple(
             replace(
                 other,
                 covariance=factor * other.covariance,
-                confidence=near * other.confidence,
-                share=near * other.share,
+                confidence=min(1.0, near * other.confidence),
+                share=min(1.0, near * other.share),
             )
             for other in estimate.alternatives
         ),
-        warnings=_with_geometry(estimate.warnings, problem, estimate.pose, covariance),
     )
 
 

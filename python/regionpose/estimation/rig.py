@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.contours import Contours, contours_of, distances_of, robust_sigma
+from regionpose.estimation.frame_scatter import Factor, FrameScatter, Scattered, scattered
 from regionpose.estimation.intrinsics import (
     CameraPart,
     CameraRefinement,
@@ -20,7 +20,7 @@ from regionpose.estimation.intrinsics import (
     parameter_names,
     refined_camera,
 )
-from regionpose.estimation.moved import widened_estimate
+from regionpose.estimation.moved import scattered_estimate
 from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
@@ -33,9 +33,6 @@ Array = NDArray[np.float64]
 
 OUTLIER_RATIO = 3.0
 """Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
-
-PARAMETERS = 6
-"""Of a pose."""
 
 ANOTHER_PLACE = np.radians(5.0)
 """Rotation from which on two poses are different places, as of `PoseEstimate.confidence`."""
@@ -96,10 +93,6 @@ class Influence:
         That of the others.
     covariance : (6, 6) array
         Of its left increment, rad and meters.
-    sigmas : float
-        How far the frame's own pose is from it, in standard deviations of both together (docs/math.md, eq. 12.6): 1 in
-        the root mean square where their covariances hold; 0 where either leaves a direction free, or the frame's own
-        answers are at other places.
     rotation_deg : float
         The angle between both, degrees.
     shift_m : float
@@ -114,7 +107,6 @@ class Influence:
     name: str
     pose: Pose
     covariance: Array
-    sigmas: float
     rotation_deg: float
     shift_m: float
     residual_px: float
@@ -133,13 +125,15 @@ class RigEstimate:
     Parameters
     ----------
     estimate : PoseEstimate
-        Of all regions together, frame after frame, its covariance larger by the square of the dispersion.
+        Of all regions together, frame after frame; pose and covariance allow for errors of whole frames.
     camera : Camera
         The given one, or the refined one.
     frames : tuple of FrameFit
         In the frames' order.
     influence : tuple of Influence
         In the frames' order; none where there is one frame only.
+    scatter : FrameScatter or None
+        How far a frame is off as a whole; None where fewer than two frames have a pose of their own.
     refinement : CameraRefinement or None
         Of the camera, None where it wasn't asked for.
     warnings : tuple of PoseWarning
@@ -151,13 +145,9 @@ class RigEstimate:
     camera: Camera
     frames: tuple[FrameFit, ...]
     influence: tuple[Influence, ...]
+    scatter: FrameScatter | None
     refinement: CameraRefinement | None
     warnings: tuple[PoseWarning, ...]
-
-    @property
-    def dispersion(self) -> float:
-        """How many times farther the frames' poses are apart than their regions say; 1 where they are not."""
-        return dispersion(self.influence)
 
     @property
     def pose(self) -> Pose:
@@ -191,8 +181,8 @@ def estimate_rig(
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
     Every frame is left out in turn and compared with the pose of the others. Errors of whole frames, as of the time
-    between photo and scan, are in no region's covariance: where frames' poses are farther apart than their covariances
-    say, the joint pose's is larger by as much. An error that is the same in all frames does not show.
+    between photo and scan, are in no region's covariance: how large they are is told by how far the frames' own poses
+    are apart, and the pose and its covariance allow for them. An error that is the same in all frames does not show.
 
     Parameters
     ----------
@@ -237,15 +227,17 @@ def estimate_rig(
             rig = replace(rig, camera=refinement.camera)
             near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
             estimate = near.joint(listed)
+    found = rig.scattered(listed, estimate)
+    if found is not None:
+        pose = estimate.pose.moved(found.increment)
+        estimate = scattered_estimate(estimate, pose, found.covariance, rig.camera, *_sides(listed))
     influence = rig.influence(listed, estimate.pose)
-    factor = dispersion(influence) ** 2
-    if factor > 1.0:
-        estimate = widened_estimate(estimate, factor, rig.camera, *_sides(listed))
     return RigEstimate(
         estimate=estimate,
         camera=rig.camera,
         frames=_frame_fits(rig.camera, listed, estimate),
         influence=influence,
+        scatter=None if found is None else found.scatter,
         refinement=refinement,
         warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
     )
@@ -267,22 +259,51 @@ class _Rig:
         """The pose of all the frames."""
         return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
 
+    def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
+        """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two
+        frames have a pose of their own there, or the joint one leaves a direction free.
+        """
+        distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
+        deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
+        own = [self._factor(frame, joint.pose, deviations) for frame in frames]
+        factors = [factor for factor in own if factor is not None]
+        if len(factors) < 2 or not np.isfinite(joint.covariance).all():
+            return None
+        known = Factor.about(deviations)
+        if any(_is_sampled(frame) for frame in frames):
+            # Outlines' poses know nothing of the prior but which of them it leaves.
+            prior = self.prior.core.gaussian(joint.pose.rotation_matrix, joint.pose.translation)
+            known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
+        return scattered(factors, known)
+
+    def _factor(self, frame: Frame, joint: Pose, deviations: Array) -> Factor | None:
+        """What a frame alone says of the pose about the joint one; None where no answer of its own is at that place, or
+        it leaves a direction free.
+        """
+        about = Prior(
+            initial=joint,
+            initial_rotation_sigma_deg=float(np.degrees(deviations[0])),
+            initial_center_sigma_m=float(deviations[-1]),
+        )
+        try:
+            alone = replace(self, prior=about).joint([frame])
+        except PoseError:
+            return None
+        answers = [(joint.increment_to(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
+        increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
+        if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
+            return None
+        return Factor.of_posterior(increment, covariance, deviations, held=_is_sampled(frame))
+
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
         if len(frames) < 2:
             return ()
-        near = self.started_at(joint)
-
-        @cache
-        def pose_of(*places: int) -> PoseEstimate:
-            # Of two frames, those but one are the other one, whose own pose is asked for, too.
-            return near.joint([frames[place] for place in places])
-
-        middle = np.mean([ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings], axis=0)
+        near, middle = self.started_at(joint), _middle(frames)
         found = []
         for index, frame in enumerate(frames):
-            rest = [place for place in range(len(frames)) if place != index]
-            without, others = pose_of(*rest), [frames[place] for place in rest]
+            others = [*frames[:index], *frames[index + 1 :]]
+            without = near.joint(others)
             residual, expected = _held_out(self.camera, without, frame, others)
             increment = without.pose.increment_to(joint)
             found.append(
@@ -290,7 +311,6 @@ class _Rig:
                     name=frame.name,
                     pose=without.pose,
                     covariance=without.covariance,
-                    sigmas=_sigmas(partial(pose_of, index), without),
                     rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
                     shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
                     residual_px=residual,
@@ -358,6 +378,17 @@ def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion
     return images, [region for frame in frames for region in frame.world_regions]
 
 
+def _middle(frames: Sequence[Frame]) -> Array:
+    """The middle (3,) of all regions."""
+    rings = [ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings]
+    return np.asarray(np.mean(rings, axis=0), dtype=np.float64)
+
+
+def _is_sampled(frame: Frame) -> bool:
+    """Whether a frame's pose is that of samples, which a prior moves."""
+    return any(region.samples is not None for region in frame.world_regions)
+
+
 def _solid_angles(camera: Camera, frame: Frame) -> Array:
     """Solid angles (k,) of a frame's image regions; ValueError where the camera sees no ray."""
     try:
@@ -376,31 +407,6 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
         residual = _residual_px(camera, estimate.pose, _contours(camera, estimate.pose, [frame]))
         fits.append(FrameFit(frame.name, overlap_error, errors, residual))
     return tuple(fits)
-
-
-def _sigmas(own: Callable[[], PoseEstimate], others: PoseEstimate) -> float:
-    """Distance of a frame's answer from the others' pose, in standard deviations of both together, the root of the mean
-    over the six directions; the least of its answers at that place, 0 where there is none or a direction is left free.
-    """
-    try:
-        alone = own()
-    except PoseError:
-        return 0.0
-    squares = []
-    for answer in (alone, *alone.alternatives):
-        increment = others.pose.increment_to(answer.pose)
-        covariance = answer.covariance + others.covariance
-        if np.linalg.norm(increment[:3]) < ANOTHER_PLACE and np.isfinite(covariance).all():
-            squares.append(increment @ np.linalg.pinv(covariance, hermitian=True) @ increment)
-    return float(np.sqrt(min(squares, default=0.0) / PARAMETERS))
-
-
-def dispersion(influence: Sequence[Influence]) -> float:
-    """How many times farther frames' poses are apart than their regions say: the root mean square of their distances
-    from the others, of those that are known; 1 at least.
-    """
-    known = [one.sigmas for one in influence if one.sigmas > 0.0]
-    return max(1.0, _root_mean_square(np.array(known))) if known else 1.0
 
 
 def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:

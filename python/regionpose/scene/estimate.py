@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.frame_scatter import FrameScatter
 from regionpose.estimation.prior import Prior
-from regionpose.estimation.rig import Frame, FrameFit, Influence, dispersion, estimate_rig
+from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
@@ -46,8 +47,8 @@ class SceneEstimate:
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
     their regions, frame after frame. `seconds` per stage. `witness`: what the rest of the scene said, None where it
-    wasn't asked. `fits`, `influence`: how each of several frames fits, and what the others say without
-    it.
+    wasn't asked. `fits`, `influence`, `scatter`: how each of several frames fits, what the others say
+    without it, and how far frames are off as wholes.
     """
 
     scene: Scene
@@ -57,6 +58,7 @@ class SceneEstimate:
     witness: SceneWitness | None = None
     fits: tuple[FrameFit, ...] = ()
     influence: tuple[Influence, ...] = ()
+    scatter: FrameScatter | None = None
 
     @property
     def sides(self) -> SceneSides:
@@ -74,11 +76,6 @@ class SceneEstimate:
         return _names(self.frames)
 
     @property
-    def dispersion(self) -> float:
-        """How many times farther the poses of several frames are apart than their regions say, as of `RigEstimate`."""
-        return dispersion(self.influence)
-
-    @property
     def views(self) -> tuple[SceneEstimate, ...]:
         """The run as each frame shows it: the same pose, with the frame's own regions."""
         errors = np.split(self.estimate.region_overlap_errors, np.cumsum([len(one.names) for one in self.frames])[:-1])
@@ -91,7 +88,9 @@ class SceneEstimate:
             self.estimate, region_overlap_errors=errors, overlap_error=self.fits[index].overlap_error, warnings=()
         )
         witness = self.witness and self.witness.of_frame(index)
-        return replace(self, frames=(self.frames[index],), estimate=estimate, witness=witness, fits=(), influence=())
+        return replace(
+            self, frames=(self.frames[index],), estimate=estimate, witness=witness, fits=(), influence=(), scatter=None
+        )
 
     @property
     def scanner(self) -> SensorOrigin | None:
@@ -214,7 +213,9 @@ def _run(
     given = [Frame(*_regions([sides]), name=sides.scene.name) for sides in frames]
     rig = estimate_rig(camera, given, prior=prior, solver=solver)
     estimate = _in_world(replace(rig.estimate, warnings=rig.warnings), frames)
-    return SceneEstimate(scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence)
+    return SceneEstimate(
+        scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence, scatter=rig.scatter
+    )
 
 
 def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:

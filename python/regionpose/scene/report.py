@@ -135,7 +135,6 @@ def _frame(frame: Mapping[str, Any]) -> list[str]:
         _fixed(other["expected_px"], 2),
         _fixed(other["turned_deg"], 3),
         _fixed(_scaled(other["moved_m"], 1000.0), 1),
-        _fixed(other["sigmas"], 1),
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
         "regions": [values for view in run.views for values in region_values(view)],
         "matching": matching_values(run),
         "frames": frame_values(run),
-        "dispersion": run.dispersion if run.fits else None,
+        "frame_scatter": None if run.scatter is None else asdict(run.scatter),
         "alternatives": [
             {
                 "camera_from_world": pose_values(other.pose),
@@ -238,7 +239,6 @@ def frame_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
                 "expected_px": other.expected_px,
                 "turned_deg": other.rotation_deg,
                 "moved_m": other.shift_m,
-                "sigmas": other.sigmas,
                 "disagrees": other.is_outlier,
             },
             "scene_agreement": agreement_values(view),

@@ -20,7 +20,7 @@ from regionpose.pose import Pose
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.odds import COMMON, DECISIVE
-from regionpose.witness.posterior import SPREADS_PX, Peak, Posterior, log_odds_of, moved, root_of
+from regionpose.witness.posterior import SPREADS_PX, Peak, Posterior, log_odds_of, root_of
 
 Array = NDArray[np.float64]
 Estimated = Callable[[Camera, Pose], PoseEstimate]
@@ -201,7 +201,7 @@ class _Curve:
 
     def _at(self, log_focal: float) -> tuple[Pose, Array, Array]:
         """The pose, its derivative (6,) and its covariance (6, 6)."""
-        pose = moved(self.pose, log_focal * (self.slope + log_focal * self.bend))
+        pose = self.pose.moved(log_focal * (self.slope + log_focal * self.bend))
         share, end = abs(log_focal) / REACH, float(np.copysign(REACH, log_focal))
         outer = self.covariances[end] if log_focal else 0.0
         return pose, self.slope + 2.0 * log_focal * self.bend, (1.0 - share) * self.covariances[0.0] + share * outer

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from regionpose import _core
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
 from regionpose.witness.evidence import Evidence
@@ -201,7 +200,7 @@ class _View(NamedTuple):
 
     def moved(self, increment: Array) -> _View:
         """After an increment of the pose (6,), and of both (7,)."""
-        return _View(moved(self.pose, increment[:6]), self.log_focal + float(increment[6:].sum()))
+        return _View(self.pose.moved(increment[:6]), self.log_focal + float(increment[6:].sum()))
 
 
 def _distinct(places: Sequence[Array] | Array, same: float) -> list[int]:
@@ -233,9 +232,3 @@ def root_of(covariance: ArrayLike) -> Array:
         return np.asarray(np.linalg.cholesky(0.5 * (given + given.T) + PRIOR_STEP**2 * np.eye(6)), dtype=np.float64)
     except np.linalg.LinAlgError as error:
         raise ValueError("covariance has negative eigenvalues; needed a covariance") from error
-
-
-def moved(pose: Pose, increment: Array) -> Pose:
-    """The pose after a left increment (6,): a rotation vector, rad, then a translation, meters."""
-    rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, increment)
-    return Pose.from_parts(rotation, translation)

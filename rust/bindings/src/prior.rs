@@ -1,11 +1,12 @@
 //! What is known of a pose beforehand.
 
 use nalgebra::Vector3;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::prior::{self, PoseSigma};
 
-use crate::arrays::{covariance, pose, scalar, vector};
+use crate::arrays::{covariance, matrix, pose, scalar, vector};
 
 const ROTATION_SIGMA: &str = "initial_rotation_sigma_deg";
 const CENTER_SIGMA: &str = "initial_center_sigma_m";
@@ -66,6 +67,18 @@ impl Prior {
         covariance: &Bound<'_, PyAny>,
     ) -> PyResult<f64> {
         Ok(self.0.penalty(&pose(rotation, translation)?, &self::covariance(covariance)?))
+    }
+
+    /// All that it says of the left increment x from a pose, exp(vector . x - x . information x / 2): information (6, 6) and
+    /// vector (6,).
+    fn gaussian<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let said = self.0.gaussian(&pose(rotation, translation)?);
+        Ok((matrix(py, said.information.iter().copied().collect(), [6, 6])?, PyArray1::from_slice(py, said.vector.as_slice())))
     }
 }
 
