@@ -265,9 +265,11 @@ class _Rig:
         """
         distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
         deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
-        own = [self._factor(frame, joint.pose, deviations) for frame in frames]
+        if len(frames) < 2 or not np.isfinite(joint.covariance).all():
+            return None
+        own = [self._factor(frame, joint, deviations) for frame in frames]
         factors = [factor for factor in own if factor is not None]
-        if len(factors) < 2 or not np.isfinite(joint.covariance).all():
+        if len(factors) < 2:
             return None
         known = Factor.about(deviations)
         if any(_is_sampled(frame) for frame in frames):
@@ -276,24 +278,41 @@ class _Rig:
             known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
         return scattered(factors, known)
 
-    def _factor(self, frame: Frame, joint: Pose, deviations: Array) -> Factor | None:
+    def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
         """What a frame alone says of the pose about the joint one; None where no answer of its own is at that place, or
         it leaves a direction free.
         """
+        sampled = _is_sampled(frame)
+        values, axes = np.linalg.eigh(joint.covariance / np.outer(deviations, deviations))
+        weakest = np.sqrt(values[-1]) * deviations * axes[:, -1]
+        # Where samples settle depends on where they begin, and by how much is a part of what they leave uncertain.
+        starts = (0.0, -1.0, 1.0) if sampled else (0.0,)
+        found = [self._own(frame, joint.pose, joint.pose.moved(times * weakest), deviations) for times in starts]
+        known = [answer for answer in found if answer is not None]
+        if not known:
+            return None
+        increments, covariances = (np.array(values) for values in zip(*known, strict=True))
+        increment = increments.mean(axis=0)
+        covariance = covariances.mean(axis=0) + np.cov(increments.T, bias=True)
+        return Factor.of_posterior(increment, covariance, deviations, held=sampled)
+
+    def _own(self, frame: Frame, joint: Pose, start: Pose, deviations: Array) -> tuple[Array, Array] | None:
+        """The increment from the joint pose to a frame's own from a start, and its covariance."""
         about = Prior(
-            initial=joint,
+            initial=start,
             initial_rotation_sigma_deg=float(np.degrees(deviations[0])),
             initial_center_sigma_m=float(deviations[-1]),
         )
+        near = replace(self, prior=about, solver=replace(self.solver, start="paper"))
         try:
-            alone = replace(self, prior=about).joint([frame])
+            alone = near.joint([frame])
         except PoseError:
             return None
         answers = [(joint.increment_to(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
         increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
         if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
             return None
-        return Factor.of_posterior(increment, covariance, deviations, held=_is_sampled(frame))
+        return increment, covariance
 
     def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
         """What the frames but each one say; nothing where there is one only."""
