@@ -19,6 +19,7 @@ const METERS: &str = "a positive number of meters";
 pub struct Prior(pub prior::Prior);
 
 type PoseArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
+type GaussianArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pymethods]
 impl Prior {
@@ -76,9 +77,12 @@ impl Prior {
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+    ) -> PyResult<GaussianArrays<'py>> {
         let said = self.0.gaussian(&pose(rotation, translation)?);
-        Ok((matrix(py, said.information.iter().copied().collect(), [6, 6])?, PyArray1::from_slice(py, said.vector.as_slice())))
+        Ok((
+            matrix(py, said.information.iter().copied().collect(), [6, 6])?,
+            PyArray1::from_slice(py, said.vector.as_slice()),
+        ))
     }
 }
 
