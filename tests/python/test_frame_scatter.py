@@ -87,6 +87,13 @@ def test_a_prior_that_counts_in_a_posterior_is_taken_out(seed: int) -> None:
     np.testing.assert_allclose(UNITS * found.vector, UNITS * said.vector, rtol=1e-6, atol=1e-6)
 
 
+def test_a_frame_that_is_held_without_error_has_a_finite_factor() -> None:
+    found = Factor.of_posterior(np.zeros(6), np.zeros((6, 6)), LOCAL, held=True)
+    assert np.isfinite(found.information).all()
+    pose = scattered([found, found], Factor.about(LOCAL))
+    assert np.isfinite(pose.covariance).all() and np.sqrt(np.diag(pose.covariance) / LOCAL**2).max() < 1e-6
+
+
 def test_a_posterior_wider_than_its_prior_says_nothing_there() -> None:
     covariance = np.diag(np.concatenate([UNITS[:5] ** 2, [4.0]]))
     found = Factor.of_posterior(np.full(6, 1e-3), covariance, LOCAL, held=True)

@@ -274,6 +274,23 @@ def test_a_disc_alone_leaves_a_direction_free_and_names_nobody() -> None:
     assert error @ np.linalg.solve(rig.covariance, error) < SIGMAS**2 * 6.0
 
 
+def test_polygons_without_error_have_a_pose_and_a_covariance() -> None:
+    camera, frames = perspective_frames(0, 3)
+    exact = [
+        replace(
+            frame,
+            image_regions=[
+                rp.ImageRegion.from_polygon([camera.project(RIG.transform(ring)) for ring in region.rings])
+                for region in frame.world_regions
+            ],
+        )
+        for frame in frames
+    ]
+    rig = rp.estimate_rig(camera, exact)
+    assert np.abs(rig.pose.increment_to(RIG)).max() < 1e-6
+    assert np.isfinite(rig.covariance).all() and rig.scatter is not None
+
+
 def test_a_frame_at_another_place_does_not_move_the_pose() -> None:
     """Its regions are turned by 20 degrees about the camera: alone they put it there."""
     camera, frames = fisheye_frames(0, 3)

@@ -57,7 +57,9 @@ def scattered_estimate(
     factor on the mean.
     """
     near = _core.nearness(covariance) / _core.nearness(estimate.covariance)
-    factor = max(1.0, float(np.trace(np.linalg.solve(estimate.covariance, covariance))) / len(covariance))
+    factor = max(
+        1.0, float(np.trace(np.linalg.pinv(estimate.covariance, hermitian=True) @ covariance)) / len(covariance)
+    )
     moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions)
     return replace(
         moved,
