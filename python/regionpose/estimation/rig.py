@@ -34,6 +34,10 @@ Array = NDArray[np.float64]
 OUTLIER_RATIO = 3.0
 """Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
 
+MOST_LOST = 3.0
+"""Times the joint pose's deviations, in any direction, beyond which frames by themselves don't add up to it, as where
+each shows a scan line alone: 10 of five such frames, 1.9 at most of natural ones, whose own poses are near normal."""
+
 ANOTHER_PLACE = np.radians(5.0)
 """Rotation from which on two poses are different places, as of `PoseEstimate.confidence`."""
 
@@ -133,7 +137,8 @@ class RigEstimate:
     influence : tuple of Influence
         In the frames' order; none where there is one frame only.
     scatter : FrameScatter or None
-        How far a frame is off as a whole; None where fewer than two frames have a pose of their own.
+        How far a frame is off as a whole; None where fewer than two frames have a pose of their
+        own, or these do not add up to the joint one.
     refinement : CameraRefinement or None
         Of the camera, None where it wasn't asked for.
     warnings : tuple of PoseWarning
@@ -261,7 +266,8 @@ class _Rig:
 
     def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
         """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two
-        frames have a pose of their own there, or the joint one leaves a direction free.
+        frames have a pose of their own there, what these hold does not add up to the joint one, or that one leaves a
+        direction free.
         """
         distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
         deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
@@ -276,7 +282,9 @@ class _Rig:
             # Outlines' poses know nothing of the prior but which of them it leaves.
             prior = self.prior.core.gaussian(joint.pose.rotation_matrix, joint.pose.translation)
             known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
-        return scattered(factors, known)
+        together = np.linalg.inv(known.information + sum(factor.information for factor in factors))
+        wider = np.linalg.eigvals(np.linalg.pinv(joint.covariance, hermitian=True) @ together).real.max()
+        return None if wider > MOST_LOST**2 else scattered(factors, known)
 
     def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
         """What a frame alone says of the pose about the joint one; None where no answer of its own is at that place, or
