@@ -1,8 +1,8 @@
 """The weights of the confidence: a logistic regression on the synthetic problems of `trust` and `mistakes`.
 
 Draws problems of every noise model, mistake and camera, and scans with wrong labels, solves them, and fits the
-probability that the pose, or one that fits alike, is within 5 deg of the truth to what the fit shows (docs/math.md,
-section 15), of poses from outlines and of those from samples apart. Prints the weights for
+probability that the first answer is within 5 deg of the truth to what its fit shows (docs/math.md, section 15), of
+poses from outlines and of those from samples apart. Prints the weights for
 rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
 ones than those of any table: they begin at a million.
 
@@ -31,7 +31,7 @@ from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.trust import WRONG_DEG
 from rich.progress import track
 from scipy.optimize import minimize
-from scipy.special import erf, expit
+from scipy.special import expit
 
 Array = NDArray[np.float64]
 
@@ -89,10 +89,13 @@ def kinds() -> list[Kind]:
 
 @dataclass(frozen=True)
 class Solved:
-    """What a fit showed, what it was taken for, and whether the pose or an alternative was within the limit."""
+    """What a fit showed, what it was taken for, and whether the first answer was within the limit; ``most`` is the
+    confidence of a fit that shows the place beyond doubt: what the noise and the other answers leave.
+    """
 
     kind: str
     evidence: tuple[float, ...]
+    most: float
     stated: float
     found: bool
 
@@ -109,10 +112,10 @@ def solved(chosen: tuple[Kind, int]) -> Solved | None:
     estimate = core.estimate()
     if estimate is None:
         return None
-    answers = [estimate.best, *estimate.alternatives]
-    errors = [rotation_error(answer.rotation, problem.scene.rotation) for answer in answers]
-    stated = sum(answer.share for answer in answers)
-    return Solved(kind.name, tuple(estimate.evidence.tolist()), float(stated), min(errors) < WRONG_DEG)
+    first = estimate.best
+    most = _core.nearness(first.covariance) * first.confidence / estimate.probability
+    found = rotation_error(first.rotation, problem.scene.rotation) < WRONG_DEG
+    return Solved(kind.name, tuple(estimate.evidence.tolist()), most, first.confidence, found)
 
 
 def outcomes(scenes: int, workers: int) -> list[Solved]:
@@ -123,21 +126,16 @@ def outcomes(scenes: int, workers: int) -> list[Solved]:
         return [outcome for outcome in found if outcome is not None]
 
 
-def near(features: Array) -> Array:
-    """(n,) probabilities that the noise leaves the rotation within the limit, from the logarithm of its deviation."""
-    return np.asarray(erf(WRONG_DEG / np.sqrt(2.0) / np.exp(features[:, 1])), dtype=np.float64)
+def stated(most: Array, features: Array, weights: Array) -> Array:
+    """(n,) confidences by the weights (docs/math.md, eq. 15.1)."""
+    return np.asarray(most * expit(features @ weights), dtype=np.float64)
 
 
-def stated(features: Array, weights: Array) -> Array:
-    """(n,) probabilities by the weights (docs/math.md, eq. 15.1)."""
-    return np.asarray(near(features) * expit(features @ weights), dtype=np.float64)
-
-
-def fitted(features: Array, found: Array) -> Array:
+def fitted(most: Array, features: Array, found: Array) -> Array:
     """The likeliest weights."""
 
     def cost(weights: Array) -> float:
-        loss = len(found) * log_loss(stated(features, weights), found)
+        loss = len(found) * log_loss(stated(most, features, weights), found)
         return float(loss + RIDGE * weights[1:] @ weights[1:])
 
     return np.asarray(minimize(cost, np.zeros(features.shape[1])).x, dtype=np.float64)
@@ -149,23 +147,24 @@ def log_loss(probability: Array, found: Array) -> float:
     return float(-np.mean(found * np.log(kept) + (1.0 - found) * np.log(1.0 - kept)))
 
 
-def left_out(kinds: list[str], features: Array, found: Array) -> Array:
-    """(n,) probabilities of each kind by the weights of all others."""
+def left_out(kinds: list[str], most: Array, features: Array, found: Array) -> Array:
+    """(n,) confidences of each kind by the weights of all others."""
     names = np.array(kinds)
-    probability = np.zeros(len(names))
+    confidence = np.zeros(len(names))
     for name in dict.fromkeys(kinds):
         own = names == name
-        probability[own] = stated(features[own], fitted(features[~own], found[~own]))
-        print(f"  {name:24} {100.0 * probability[own].mean():5.1f} % stated, {100.0 * found[own].mean():5.1f} % found")
-    return probability
+        weights = fitted(most[~own], features[~own], found[~own])
+        confidence[own] = stated(most[own], features[own], weights)
+        print(f"  {name:24} {100.0 * confidence[own].mean():5.1f} % stated, {100.0 * found[own].mean():5.1f} % found")
+    return confidence
 
 
-def print_bins(probability: Array, found: Array) -> None:
+def print_bins(confidence: Array, found: Array) -> None:
     """Stated and found shares, bin by bin."""
     for least, most in itertools.pairwise(BINS):
-        own = (probability > least) & (probability <= most)
+        own = (confidence > least) & (confidence <= most)
         if own.any():
-            means = 100.0 * probability[own].mean(), 100.0 * found[own].mean()
+            means = 100.0 * confidence[own].mean(), 100.0 * found[own].mean()
             counted = f"{least:.2f} to {most:.2f}: {own.sum():5} poses"
             print(f"  {counted}, {means[0]:5.1f} % stated, {means[1]:5.1f} % found")
 
@@ -182,16 +181,18 @@ def main() -> None:
         own = [row for row in rows if len(row.evidence) == len(names)]
         features = np.array([row.evidence for row in own])
         found = np.array([float(row.found) for row in own])
-        now = np.array([row.stated for row in own])
+        now, most = np.array([row.stated for row in own]), np.array([row.most for row in own])
         if options.keep is not None:
             kinds = np.array([row.kind for row in own])
             file = options.keep.with_stem(f"{options.keep.stem}-{source}")
-            np.savez(file, kinds=kinds, features=features, stated=now, found=found)
+            np.savez(file, kinds=kinds, most=most, features=features, stated=now, found=found)
         print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found; each kind by weights of all others:")
-        others = left_out([row.kind for row in own], features, found)
-        for name, weight in zip(names, fitted(features, found), strict=True):
+        others = left_out([row.kind for row in own], most, features, found)
+        for name, weight in zip(names, fitted(most, features, found), strict=True):
             print(f"{weight:8.4f}  {name}")
-        print(f"log loss, each kind left out: {log_loss(others, found):.4f}; by the weights that are built in:")
+        print(f"log loss, each kind left out: {log_loss(others, found):.4f}; bins of these:")
+        print_bins(others, found)
+        print("bins by the weights that are built in:")
         print_bins(now, found)
 
 

@@ -337,8 +337,12 @@ class Estimate:
         """Share of the contour that is disturbed, a fraction; None where the pose is that of the moments."""
 
     @property
+    def probability(self) -> float:
+        """Probability that one of the answers is within 5 degrees of the true pose (P of docs/math.md, eq. 15.1)."""
+
+    @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (8,) of outlines or (6,) of samples (docs/math.md, eq. 15.2)."""
+        """What the confidence is computed from, (8,) of outlines or (6,) of samples (docs/math.md, eq. 15.3)."""
 
     @property
     def alternatives(self) -> list[Solution]:

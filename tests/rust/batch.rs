@@ -1,10 +1,8 @@
 //! Batches: in order, and the same to the last bit for any number of threads.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Scene};
 use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
-use support::random::Random;
-use support::scene::{Layout, Scene};
 
 fn scenes() -> Vec<Scene> {
     let mut random = Random::new(41);

@@ -1,7 +1,9 @@
 //! Regions that the border of the image cuts: what two outlines share, cut predictions and their derivatives, poses.
 
-mod support;
-
+use crate::support::contours::distances;
+use crate::support::jacobian::assert_jacobian;
+use crate::support::random::Random;
+use crate::support::scene::{FOCAL, Ring, SpaceRing, pierced_star, placed, rectangle, rendered, seen_plane, star};
 use nalgebra::{DVector, Vector2, Vector3};
 use regionpose::equations::system::Weighting;
 use regionpose::geometry::clipping::{Window, intersection};
@@ -11,10 +13,6 @@ use regionpose::geometry::rings::PlaneRings;
 use regionpose::moments::plane::planar_moments;
 use regionpose::verdict::coverage::region_overlap;
 use regionpose::{Error, Integration, ObservedRegion, Options, Pose, Problem, Refinement, System, WorldRegion};
-use support::contours::distances;
-use support::jacobian::assert_jacobian;
-use support::random::Random;
-use support::scene::{FOCAL, Ring, SpaceRing, pierced_star, placed, rectangle, rendered, seen_plane, star};
 
 /// Sums over the same outlines in another order differ by rounding.
 const ROUNDING: f64 = 1e-12;

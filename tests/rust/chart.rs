@@ -1,17 +1,15 @@
 //! A region's own view: the same for every rotation of the camera, unit area, as wide as a half space nearly is.
 
-mod support;
-
 use std::f64::consts::TAU;
 
+use crate::support::random::Random;
+use crate::support::scene::{SpaceRing, pierced_star, placed, seen_plane};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::Error;
 use regionpose::moments::plane::planar_moments;
 use regionpose::view::bearing_rings::BearingRings;
 use regionpose::view::chart::{Chart, MIN_COSINE};
-use support::random::Random;
-use support::scene::{SpaceRing, pierced_star, placed, seen_plane};
 
 /// Error allowed of chart coordinates, which are of size one.
 const ROUNDING: f64 = 1e-12;

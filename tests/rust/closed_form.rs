@@ -1,7 +1,9 @@
 //! Starts without iteration: the closed form on views that are affine exactly, and the paper's start.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{
+    Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,
+};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::equations::least_squares::{Stopping, minimize};
@@ -10,10 +12,6 @@ use regionpose::geometry::rings::PlaneRings;
 use regionpose::search::closed_form::{closed_form, conjugate, facing};
 use regionpose::view::chart::Chart;
 use regionpose::{Integration, Options, Pose, Prior, Start, System, WorldRegion};
-use support::random::Random;
-use support::scene::{
-    Layout, Ring, Scene, SpaceRing, angle_piece, errors, placed, rectangle, regular, seen_plane, star,
-};
 
 /// Error of the closed form on an affine view, rad and share of the distance: the turn comes from a parabola through
 /// samples 5 degrees apart (measured: median 3e-4, worst 8e-4).

@@ -1,45 +1,46 @@
 //! The confidence: a probability, higher for better evidence, defined for the worst there can be.
 
-mod support;
-
 use std::iter;
 
+use crate::support::contours::clicked;
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Scene, star};
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use regionpose::contour::votes::Vote;
 use regionpose::verdict::confidence::{Evidence, Shown};
 use regionpose::verdict::shares::{shares, together};
 use regionpose::{Pose, Problem, Solution};
-use support::contours::clicked;
-use support::random::Random;
-use support::scene::{Layout, Scene, star};
 
 /// Regions that are marked and solved.
 const SCENES: usize = 900;
 
 const GOOD: Evidence = Evidence {
-    rotation_sigma: 0.01,
+    rotation_sigmas: [0.004, 0.006, 0.01],
     regions: 3,
     shown: Shown::Outlines { ambiguous: false, whole: true, scatter: 0.25, contradicted: 0, overlap_error: 0.01 },
 };
 
 const BAD: Evidence = Evidence {
-    rotation_sigma: 8.0,
+    rotation_sigmas: [1.0, 8.0, 2.0],
     regions: 1,
     shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 10.0, contradicted: 0, overlap_error: 0.4 },
 };
 
 /// A few clean pieces of another shape.
 const UNLIKE: Evidence = Evidence {
-    rotation_sigma: 0.3,
+    rotation_sigmas: [0.3, 0.1, 0.1],
     regions: 1,
     shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 0.25, contradicted: 0, overlap_error: 0.9 },
 };
 
 const SAMPLED: Evidence = Evidence { shown: Shown::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
 
-const HALF_SEEN: Evidence =
-    Evidence { rotation_sigma: 3.0, regions: 1, shown: Shown::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 } };
+const HALF_SEEN: Evidence = Evidence {
+    rotation_sigmas: [3.0, 1.0, 0.5],
+    regions: 1,
+    shown: Shown::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 },
+};
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
@@ -53,7 +54,7 @@ fn good_evidence_is_trusted_and_bad_is_not() {
 #[test]
 fn a_direction_that_is_free_has_a_finite_confidence() {
     for (sigma, good) in [f64::INFINITY, f64::NAN].into_iter().flat_map(|sigma| [(sigma, GOOD), (sigma, SAMPLED)]) {
-        let evidence = Evidence { rotation_sigma: sigma, ..good };
+        let evidence = Evidence { rotation_sigmas: [sigma; 3], ..good };
         assert!(evidence.features().iter().all(|feature| feature.is_finite()));
         assert!((0.0..0.1).contains(&evidence.probability()), "{}", evidence.probability());
     }
@@ -62,7 +63,7 @@ fn a_direction_that_is_free_has_a_finite_confidence() {
 /// Whatever the regions say of the place, a deviation of ten degrees leaves two poses in five within five.
 #[test]
 fn the_noise_alone_bounds_it() {
-    let probability = Evidence { rotation_sigma: 10.0, ..GOOD }.probability();
+    let probability = Evidence { rotation_sigmas: [0.1, 0.1, 10.0], ..GOOD }.probability();
     assert!((0.2..0.383).contains(&probability), "{probability}");
 }
 
@@ -95,10 +96,10 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
 proptest! {
     #[test]
     fn it_is_a_probability_that_falls_with_the_uncertainty(
-        rotation_sigma in 1e-4..50.0_f64, factor in 1.0..20.0_f64, regions in 1..9_usize, shown in shown(),
+        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], factor in 1.0..20.0_f64, regions in 1..9_usize, shown in shown(),
     ) {
-        let evidence = Evidence { rotation_sigma, regions, shown };
-        let wider = Evidence { rotation_sigma: rotation_sigma * factor, ..evidence };
+        let evidence = Evidence { rotation_sigmas, regions, shown };
+        let wider = Evidence { rotation_sigmas: rotation_sigmas.map(|sigma| sigma * factor), ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());
     }
@@ -106,7 +107,7 @@ proptest! {
     /// Other answers, scatter, parts elsewhere, wrong labels, contours that are grown and parts that the scanner did not see make it less.
     #[test]
     fn it_falls_with_what_speaks_against_the_pose(
-        rotation_sigma in 1e-4..50.0_f64, regions in 1..9_usize, shown in shown(), more in 0.0..0.5_f64,
+        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], regions in 1..9_usize, shown in shown(), more in 0.0..0.5_f64,
     ) {
         let worse = match shown {
             Shown::Outlines { scatter, contradicted, overlap_error, .. } => Shown::Outlines {
@@ -120,7 +121,7 @@ proptest! {
                 Shown::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
             }
         };
-        let evidence = Evidence { rotation_sigma, regions, shown };
+        let evidence = Evidence { rotation_sigmas, regions, shown };
         let other = Evidence { shown: worse, ..evidence };
         prop_assert!(other.probability() <= evidence.probability());
     }

@@ -1,7 +1,9 @@
 //! Poses on observed contours: readings and their derivatives, bites out of regions, and what stays as it was.
 
-mod support;
-
+use crate::support::contours::{all_bitten, distances, one_turned, readings, rows};
+use crate::support::jacobian::differences;
+use crate::support::random::Random;
+use crate::support::scene::{FOCAL, Layout, Scene, SpaceRing};
 use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
 use regionpose::contour::fit::{ContourFit, refined};
@@ -9,10 +11,6 @@ use regionpose::contour::readings::Reading;
 use regionpose::equations::normal_equations::NormalEquations;
 use regionpose::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, Problem, Refinement, Warning};
-use support::contours::{all_bitten, distances, one_turned, readings, rows};
-use support::jacobian::differences;
-use support::random::Random;
-use support::scene::{FOCAL, Layout, Scene, SpaceRing};
 
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;

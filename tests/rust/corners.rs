@@ -1,15 +1,13 @@
 //! Corners of outlines, poses from three of them, and regions of which a part is hidden.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::simplified::simplified;
 use regionpose::search::corners::{corner_poses, is_plausible, projected_area, triangle_poses};
 use regionpose::view::chart::Chart;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem};
-use support::random::Random;
-use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 
 /// Chart units per pixel of the scenes' cameras.
 fn pixel(scene: &Scene) -> f64 {

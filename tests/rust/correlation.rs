@@ -1,9 +1,7 @@
 //! How neighbors on a contour vary together, and that regions do not.
 
-mod support;
-
+use crate::support::random::Random;
 use regionpose::contour::correlation::{correlation, sigmas};
-use support::random::Random;
 
 #[test]
 fn neighbors_that_take_turns_sum_to_less_and_alike_ones_to_more() {

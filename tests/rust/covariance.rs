@@ -1,15 +1,13 @@
 //! What a contour's noise says of its pose: the covariance where parts are off together.
 
-mod support;
-
+use crate::support::contours::{all_bitten, clicked};
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Ring, Scene, angle_piece, regular};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use regionpose::contour::covariance::covariance;
 use regionpose::contour::fit::refined;
 use regionpose::contour::numbers::telling;
 use regionpose::{Integration, Pose, Problem, System};
-use support::contours::{all_bitten, clicked};
-use support::random::Random;
-use support::scene::{Layout, Ring, Scene, angle_piece, regular};
 
 /// 90 % of chi-squared with 6 degrees of freedom lie below.
 const CHI_SQUARED_90: f64 = 10.645;

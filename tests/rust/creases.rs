@@ -1,13 +1,11 @@
 //! Edges that two regions share: found where their planes meet, exact at the true pose, with exact derivatives.
 
-mod support;
-
+use crate::support::jacobian::assert_jacobian;
+use crate::support::random::Random;
+use crate::support::scene::{Scene, SpaceRing, rendered};
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
 use regionpose::contour::creases::Crease;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem, Solution, WorldRegion};
-use support::jacobian::assert_jacobian;
-use support::random::Random;
-use support::scene::{Scene, SpaceRing, rendered};
 
 /// Two faces of a box that meet in the world's y axis, `gap` before it.
 fn faces(gap: f64) -> [SpaceRing; 2] {

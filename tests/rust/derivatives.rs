@@ -1,7 +1,8 @@
 //! Every derivative by the pose, against central differences of the values it belongs to.
 
-mod support;
-
+use crate::support::jacobian::{assert_jacobian, jacobian_error};
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Ring, Scene, pierced_star, placed, rendered, seen_plane, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
@@ -14,9 +15,6 @@ use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
 use regionpose::region::PlaneFrame;
 use regionpose::{Integration, Pose, Problem, System, WorldRegion};
-use support::jacobian::{assert_jacobian, jacobian_error};
-use support::random::Random;
-use support::scene::{Layout, Ring, Scene, pierced_star, placed, rendered, seen_plane, star};
 
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;

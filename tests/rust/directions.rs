@@ -1,13 +1,11 @@
 //! Poses from directions: exact where the camera stands at the place, off by the parallax where it stands near it.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Ring, Scene, angle_piece, placed, rendered, seen_plane};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use regionpose::contour::fit::refined;
 use regionpose::search::directions::direction_poses;
 use regionpose::{Integration, Pose, Prior, Problem, System, WorldRegion};
-use support::random::Random;
-use support::scene::{Layout, Ring, Scene, angle_piece, placed, rendered, seen_plane};
 
 /// Every piece of the contours.
 const ALL: usize = 1;

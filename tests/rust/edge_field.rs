@@ -1,11 +1,9 @@
 //! The nearest edge of rings, against all edges one after the other.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{Ring, pierced_star, rectangle, regular, star};
 use nalgebra::Vector2;
 use regionpose::geometry::edge_field::EdgeField;
-use support::random::Random;
-use support::scene::{Ring, pierced_star, rectangle, regular, star};
 
 /// The nearest edge is found to rounding, as a share of the coordinates.
 const ROUNDING: f64 = 1e-12;

@@ -1,10 +1,10 @@
 //! Whole poses: exact images are recovered, symmetric ones with all their poses, noise gives the covariance it should, and
 //! no input makes a panic.
 
-mod support;
-
 use std::f64::consts::PI;
 
+use crate::support::random::Random;
+use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::equations::least_squares::{Stopping, Termination, minimize};
@@ -14,8 +14,6 @@ use regionpose::region::Pixels;
 use regionpose::{
     Error, Estimate, Integration, ObservedRegion, Options, Pose, Prior, Problem, Start, System, Warning, WorldRegion,
 };
-use support::random::Random;
-use support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 
 /// Error allowed of poses from exact images: rad, and a share of the distance.
 const EXACT: f64 = 1e-9;

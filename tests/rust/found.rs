@@ -1,12 +1,12 @@
 //! What random inputs found: each is refused, bounded, or has a finite answer that says what is wrong.
 
-mod support;
-
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use regionpose::effort;
 use regionpose::equations::system::Weighting;
@@ -19,8 +19,6 @@ use regionpose::search::candidates::Options;
 use regionpose::verdict::estimate::overlap_errors;
 use regionpose::view::chart::Chart;
 use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
-use support::random::Random;
-use support::scene::{Layout, Scene, rectangle, regular, star};
 
 /// A refusal comes before the work: far sooner than any mesh of so many triangles.
 const AT_ONCE: Duration = Duration::from_millis(100);

@@ -1,14 +1,12 @@
 //! Regions of which something hides a part: its edges are no evidence, and the rest gives the pose.
 
-mod support;
-
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use crate::support::random::Random;
+use crate::support::scene::{FOCAL, Layout, Ring, Scene, angle_piece, placed, rectangle, seen_plane};
 use nalgebra::{Rotation2, Vector2, Vector3};
 use regionpose::geometry::clipping::intersection;
 use regionpose::{Error, Estimate, Integration, ObservedRegion, Pose, Problem, System, Warning, WorldRegion};
-use support::random::Random;
-use support::scene::{FOCAL, Layout, Ring, Scene, angle_piece, placed, rectangle, seen_plane};
 
 /// Rotation error (rad) of a pose from exact contours, whose pieces round the corners.
 const ROUNDED: f64 = 1e-3;

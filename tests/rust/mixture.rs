@@ -1,11 +1,9 @@
 //! The mixture of clean and disturbed distances: recovered from samples, a density, and the odds that follow from it.
 
-mod support;
-
+use crate::support::random::Random;
 use proptest::prelude::*;
 use regionpose::contour::mixture::{Distances, Mixture};
 use regionpose::contour::readings::Reading;
-use support::random::Random;
 
 /// Least scale of the mixtures, pixels.
 const FINEST: f64 = 0.25;

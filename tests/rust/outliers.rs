@@ -1,15 +1,13 @@
 //! The odds of each region: those that belong to a pose speak for it, one that lies elsewhere does not; and which of regions that
 //! contradict one another are right.
 
-mod support;
-
+use crate::support::contours::{all_bitten, one_turned};
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Scene};
 use nalgebra::{Rotation3, Vector3, Vector6};
 use regionpose::contour::fit::ContourFit;
 use regionpose::contour::members::{least_evidence, log_odds};
 use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
-use support::contours::{all_bitten, one_turned};
-use support::random::Random;
-use support::scene::{Layout, Scene};
 
 fn scene(seed: u64, regions: usize) -> Scene {
     let layout = Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };

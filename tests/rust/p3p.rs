@@ -1,12 +1,10 @@
 //! Poses from three points: random views, the four solutions of a symmetric one, and what never depends on the frames.
 
-mod support;
-
+use crate::support::random::Random;
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use regionpose::Pose;
 use regionpose::search::p3p::three_point_poses;
-use support::random::Random;
 
 /// Error of the true pose among the solutions, rad and share of the distance.
 const EXACT: f64 = 1e-9;

@@ -1,15 +1,13 @@
 //! Laws of rigid poses and of their increments.
 
-mod support;
-
 use std::f64::consts::PI;
 
+use crate::support::jacobian::assert_jacobian;
+use crate::support::random::Random;
 use nalgebra::{DVector, Dyn, Matrix3, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::{Tangent, cross_matrix, increment_derivative};
 use regionpose::{Error, Pose};
-use support::jacobian::assert_jacobian;
-use support::random::Random;
 
 /// Error allowed of a few products of rotations and vectors of size 10.
 const ROUNDING: f64 = 1e-13;

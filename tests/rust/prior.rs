@@ -1,16 +1,14 @@
 //! What is known beforehand settles what the regions leave open, never more, and each warning is raised where it should be
 //! and nowhere else.
 
-mod support;
-
+use crate::support::jacobian::{assert_jacobian, differences};
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use regionpose::equations::least_squares::{Minimum, Termination};
 use regionpose::geometry::pose::{Tangent, increment_derivative};
 use regionpose::verdict::warning::Cause;
 use regionpose::{Estimate, Integration, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
-use support::jacobian::{assert_jacobian, differences};
-use support::random::Random;
-use support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 
 /// Error allowed of the poses of a symmetric shape: rad, and a share of the distance.
 const SYMMETRIC: f64 = 1e-8;

@@ -1,13 +1,11 @@
 //! World regions: what is accepted and brought into which form, and what is refused with which words.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use regionpose::region::PlaneFrame;
 use regionpose::{Error, ObservedRegion, Pose, WorldRegion};
-use support::random::Random;
-use support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 
 /// Error allowed of coordinates of size 10 that were brought into a plane and back.
 const ROUNDING: f64 = 1e-13;

@@ -1,7 +1,9 @@
 //! What samples inside and outside of regions change of an estimate.
 
-mod support;
-
+use crate::support::contours::all_bitten;
+use crate::support::random::Random;
+use crate::support::samples::{layout, sampled};
+use crate::support::scene::{FOCAL, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
@@ -11,10 +13,6 @@ use regionpose::region::PlaneFrame;
 use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::samples::settings::{Setting, shares};
 use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
-use support::contours::all_bitten;
-use support::random::Random;
-use support::samples::{layout, sampled};
-use support::scene::{FOCAL, Scene, rectangle, regular, star};
 
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();

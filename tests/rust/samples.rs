@@ -1,7 +1,7 @@
 //! What labels tell of a pose and of the ends of a stretch, against quadrature, sampling and an even grid.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use proptest::prelude::*;
 use regionpose::prior::Gaussian;
@@ -12,8 +12,6 @@ use regionpose::samples::propagation::{Site, propagated_apart};
 use regionpose::samples::readings::Edge;
 use regionpose::samples::single;
 use regionpose::samples::trust::Trust;
-use support::random::Random;
-use support::samples::{CLEAN, prior, site};
 
 /// The belief and the evidence of samples by themselves with such a prior.
 fn left_possible(deviation: f64, sites: &mut [Site]) -> (Belief, f64) {

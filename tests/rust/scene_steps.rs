@@ -1,13 +1,11 @@
 //! Steps of depth and shade of points, and the strength of edges under them.
 
-mod support;
-
+use crate::support::random::Random;
 use nalgebra::{Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::blur::blurred;
 use regionpose::witness::steps::{Seen, Step};
-use support::random::Random;
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;

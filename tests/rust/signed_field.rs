@@ -1,7 +1,9 @@
 //! Signed distances from a contour and the stretches of it, exact, and the derivatives of margins by the pose.
 
-mod support;
-
+use crate::support::jacobian::differences;
+use crate::support::random::Random;
+use crate::support::samples::{layout, sampled};
+use crate::support::scene::{Scene, rectangle, regular, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2};
 use proptest::prelude::*;
 use regionpose::Problem;
@@ -9,10 +11,6 @@ use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::samples::readings::Reading;
 use regionpose::samples::signed_field::SignedField;
-use support::jacobian::differences;
-use support::random::Random;
-use support::samples::{layout, sampled};
-use support::scene::{Scene, rectangle, regular, star};
 
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;

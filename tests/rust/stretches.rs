@@ -1,7 +1,7 @@
 //! Contours that are grown, and stretches and corners that are off, against sampling.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
@@ -13,8 +13,6 @@ use regionpose::samples::readings::Edge;
 use regionpose::samples::ring::Ring;
 use regionpose::samples::stretch::Stretch;
 use regionpose::samples::trust::Trust;
-use support::random::Random;
-use support::samples::{CLEAN, prior, site};
 
 /// Spacing of the offsets that are integrated over, and their number to either side.
 const SPACING: f64 = 0.2;

@@ -1,12 +1,10 @@
 //! Symmetric regions with disturbed parts: every turn that looks the same is an answer, and shapes without symmetry have one.
 
-mod support;
-
+use crate::support::random::Random;
+use crate::support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
 use nalgebra::{Rotation3, Unit, Vector3};
 use regionpose::search::symmetry::turned_poses;
 use regionpose::{Estimate, Integration, Pose, System, WorldRegion};
-use support::random::Random;
-use support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
 
 /// A turn is found to a quarter of a degree and refined later.
 const FOUND: f64 = 0.006;

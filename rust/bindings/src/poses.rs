@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::geometry::pose::Pose;
-use regionpose::verdict::{confidence, shares};
+use regionpose::verdict::{self, shares};
 
 use crate::arrays::{covariance, finite_points, numbers, pose, rotation, tangent, translation};
 
@@ -16,7 +16,7 @@ pub type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArr
 /// one.
 #[pyfunction]
 pub fn nearness(covariance: &Bound<'_, PyAny>) -> PyResult<f64> {
-    Ok(confidence::nearness(&self::covariance(covariance)?))
+    Ok(verdict::nearness::nearness(&self::covariance(covariance)?))
 }
 
 /// Probabilities (n,) that the true pose is within 5 degrees of each answer, of rotations (n, 4) as x, y, z, w and the probabilities

@@ -232,7 +232,13 @@ impl Estimate {
         self.0.best.minimum.is_none().then_some(1.0 - clean)
     }
 
-    /// What the confidence is computed from, (8,) of outlines or (6,) of samples (`docs/math.md`, eq. 15.2).
+    /// Probability that one of the answers is within 5 degrees of the true pose ($P$ of `docs/math.md`, eq. 15.1).
+    #[getter]
+    fn probability(&self) -> f64 {
+        self.0.evidence.probability()
+    }
+
+    /// What the confidence is computed from, (8,) of outlines or (6,) of samples (`docs/math.md`, eq. 15.3).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.evidence.features())

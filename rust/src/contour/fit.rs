@@ -28,7 +28,7 @@ const FAR_OFF: f64 = 0.25;
 const FIRST_SCALE: f64 = 2.2;
 
 /// Gauss-Newton steps from one reading of the nearest edges to the next at most: from 10 degrees off one step leads back less often
-/// than two (`cargo test --test directions`), and a third takes a tenth more time. And such rounds at the finest scale: a convention.
+/// than two (`cargo test directions::`), and a third takes a tenth more time. And such rounds at the finest scale: a convention.
 const STEPS: usize = 2;
 const LAST_ROUNDS: usize = 8;
 
@@ -61,7 +61,7 @@ pub const MOSTLY: f64 = 0.5;
 ///
 /// As many count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
 /// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by
-/// more than one (`cargo test --test symmetry`).
+/// more than one (`cargo test symmetry::`).
 pub const AMBIGUITY: f64 = 25.0;
 
 /// A pose and what the contours show there.

@@ -14,7 +14,7 @@ use crate::lanes::{NullaryFnOnce, vectorized};
 pub const ENDS: usize = 2;
 
 /// Places along each axis at which labels are asked, and how far these reach, in standard deviations of what is found there. With 30
-/// places ellipsoids hold as many poses (`cargo test --test sampled`).
+/// places ellipsoids hold as many poses (`cargo test sampled::`).
 pub(super) const PLACES: usize = 16;
 const FARTHEST: f64 = 4.0;
 const SPACING: f64 = 2.0 * FARTHEST / PLACES as f64;

@@ -20,7 +20,7 @@ pub(super) const GROWTHS: [f64; 3] = OFFS;
 pub const BESIDE: f64 = 2.0;
 
 /// Places between one setting and the next at which it is asked what lies between: mean squares are exact to 0.2 %
-/// (`cargo test --test sampled`).
+/// (`cargo test sampled::`).
 const PLACES: u32 = 16;
 
 /// The blurs with all samples, falling.

@@ -20,7 +20,7 @@ use crate::geometry::pose::{Pose, Tangent};
 use crate::prior::Gaussian;
 
 /// The finest blur of single labels, pixels: a quarter of what contours of binary masks scatter by, most of which neighbors share. With
-/// 0.25 px, the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test --test sampled`).
+/// 0.25 px, the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test sampled::`).
 pub(super) const FINEST: f64 = 0.0625;
 
 /// A relinearization that moves by less than this many standard deviations is the last: a convention, as that of one state

@@ -18,7 +18,7 @@ use crate::problem::Problem;
 use crate::region::WorldRegion;
 
 /// Standard deviation of a turn, rad (10 degrees), above which directions leave it free: those of a single region, or
-/// of regions close to one another. A refinement reaches the pose from nearer (`cargo test --test directions`).
+/// of regions close to one another. A refinement reaches the pose from nearer (`cargo test directions::`).
 const FREE: f64 = std::f64::consts::PI / 18.0;
 
 /// The same direction along the camera's axes and in the world, and how much it weighs, per squared radian.

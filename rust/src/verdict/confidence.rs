@@ -2,32 +2,25 @@
 
 use nalgebra::Matrix6;
 
+use super::nearness::{bounded, rotation_sigmas, within_limit};
 use super::outliers::contradicts;
-use super::weakness::weakest;
 use crate::contour::fit::ContourFit;
 use crate::contour::members::{contradicted, log_odds};
-use crate::samples::normal::cumulative;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
 
 /// Weights of [`Evidence::features`] of a pose from outlines, of a logistic regression on the synthetic problems of
-/// `benchmarks/confidence.py --scenes 160`, solved by a build that compared poses by all pieces of their contours.
-const OUTLINES: [f64; 8] = [1.035, -0.766, 1.955, -0.916, 0.619, -0.757, 1.122, -4.503];
+/// `benchmarks/confidence.py --scenes 160`.
+const OUTLINES: [f64; 8] = [2.316, -0.668, 2.650, -3.037, 0.476, -2.012, 1.158, -10.479];
 
 /// The same of a pose from samples.
-const SAMPLES: [f64; 6] = [1.683, -0.492, 2.527, -2.556, -6.467, -0.672];
-
-/// Bounds of the rotation's deviation, degrees, beyond which no problem was.
-const ROTATION: (f64, f64) = (1e-3, 1e2);
-
-/// Rotation, degrees, within which a pose is right: a convention.
-pub(super) const RIGHT: f64 = 5.0;
+const SAMPLES: [f64; 6] = [2.440, -0.770, 3.565, -3.808, -16.903, -1.019];
 
 /// What a fit shows of the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
-    /// Largest standard deviation of the rotation about any axis, degrees.
-    pub rotation_sigma: f64,
+    /// Standard deviations of the rotation about its principal axes, degrees.
+    pub rotation_sigmas: [f64; 3],
     /// Number of regions that belong to the pose.
     pub regions: usize,
     /// The rest, which is other things of outlines than of samples.
@@ -83,7 +76,7 @@ impl Evidence {
             contradicted: count(&contradicted(fit)),
             overlap_error: own.reduce(f64::max).map_or(1.0, |largest| largest.min(1.0)),
         };
-        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belong), shown }
+        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), shown }
     }
 
     /// The evidence of samples, and of the contours of regions that have none, as `fit` at the pose; `unseen` of each region with
@@ -101,12 +94,13 @@ impl Evidence {
         }
         let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
         let shown = Shown::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
-        Self { rotation_sigma: rotation_sigma(covariance), regions: count(&belong), shown }
+        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), shown }
     }
 
-    /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.2).
+    /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.3).
     pub fn features(&self) -> Vec<f64> {
-        let common = [1.0, bounded(self.rotation_sigma).ln(), indicator(self.regions > 1)];
+        let weakest = self.rotation_sigmas.map(bounded).into_iter().fold(0.0, f64::max);
+        let common = [1.0, weakest.ln(), indicator(self.regions > 1)];
         let own = match self.shown {
             Shown::Outlines { ambiguous, whole, scatter, contradicted, overlap_error } => {
                 vec![indicator(ambiguous), indicator(whole), scatter.ln(), contradicted as f64, overlap_error]
@@ -124,28 +118,8 @@ impl Evidence {
             Shown::Samples { .. } => &SAMPLES,
         };
         let odds: f64 = self.features().iter().zip(weights).map(|(feature, weight)| feature * weight).sum();
-        within(self.rotation_sigma) / (1.0 + (-odds).exp())
+        within_limit(self.rotation_sigmas) / (1.0 + (-odds).exp())
     }
-}
-
-/// Probability that a pose at the right place, of this covariance, is within 5 degrees of the true one.
-pub fn nearness(covariance: &Matrix6<f64>) -> f64 {
-    within(rotation_sigma(covariance))
-}
-
-fn within(rotation_sigma: f64) -> f64 {
-    2.0 * cumulative(RIGHT / bounded(rotation_sigma)) - 1.0
-}
-
-/// Largest standard deviation of the rotation about any axis, degrees.
-fn rotation_sigma(covariance: &Matrix6<f64>) -> f64 {
-    weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned()).0.to_degrees()
-}
-
-fn bounded(rotation_sigma: f64) -> f64 {
-    let (least, most) = ROTATION;
-    // The comparison's order makes a deviation that is not known the largest.
-    rotation_sigma.min(most).max(least)
 }
 
 /// Which regions belong to a pose by their contours.

@@ -40,7 +40,7 @@ const NOT_SHOWN: f64 = 1.0;
 const TRUSTED: f64 = 0.95;
 
 /// Poses within this many variances of the best are equally good, as turns of symmetric shapes are: what differs is where the contours'
-/// pieces lie (`cargo test --test symmetry`).
+/// pieces lie (`cargo test symmetry::`).
 const TIE: f64 = 0.6;
 
 /// A pose and how well its projected regions cover the observed ones.

@@ -1,6 +1,6 @@
 //! What each of several answers has of the probability that one of them is right (`docs/math.md`, section 15).
 
-use super::confidence::RIGHT;
+use super::nearness::RIGHT;
 use crate::contour::votes::Vote;
 use crate::geometry::pose::Pose;
 

@@ -1,6 +1,6 @@
 //! Directions in which the regions hold a pose only weakly, and what makes them so.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix3, Matrix6, SymmetricEigen, U3, Vector3};
 
 use crate::geometry::pose::Pose;
 use crate::problem::Problem;
@@ -56,10 +56,13 @@ fn causes(problem: &Problem, pose: &Pose) -> Vec<Cause> {
 
 /// Largest standard deviation and its direction; infinite, and no direction, where the covariance is not known.
 pub(crate) fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
-    let finite = covariance.iter().all(|value| value.is_finite());
-    let Some(eigen) = finite.then(|| covariance.try_symmetric_eigen(f64::EPSILON, 1000)).flatten() else {
-        return (f64::INFINITY, Vector3::zeros());
-    };
+    let Some(eigen) = principal(covariance) else { return (f64::INFINITY, Vector3::zeros()) };
     let largest = eigen.eigenvalues.imax();
     (eigen.eigenvalues[largest].max(0.0).sqrt(), eigen.eigenvectors.column(largest).into_owned())
+}
+
+/// Variances along the principal axes, and these; `None` where the covariance is not known.
+pub(crate) fn principal(covariance: &Matrix3<f64>) -> Option<SymmetricEigen<f64, U3>> {
+    let finite = covariance.iter().all(|value| value.is_finite());
+    finite.then(|| covariance.try_symmetric_eigen(f64::EPSILON, 1000)).flatten()
 }

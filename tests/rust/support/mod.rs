@@ -1,7 +1,5 @@
 //! What the tests of poses share: seeded randomness, scenes with a renderer that knows nothing of the crate's integrals,
 //! and the one checker of derivatives.
-#![allow(dead_code, reason = "every test binary uses its own part")]
-
 pub mod contours;
 pub mod jacobian;
 pub mod random;

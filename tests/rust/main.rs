@@ -1,0 +1,44 @@
+//! The tests of the crate through its public interface, in one binary: it is compiled and linked once, and its tests run side by side.
+
+mod support;
+
+#[cfg(feature = "batch")]
+mod batch;
+mod border;
+mod chart;
+mod closed_form;
+mod confidence;
+mod contour;
+mod corners;
+mod correlation;
+mod covariance;
+mod creases;
+#[cfg(feature = "mesh")]
+mod derivatives;
+mod directions;
+mod edge_field;
+#[cfg(feature = "mesh")]
+mod estimate;
+#[cfg(feature = "mesh")]
+mod found;
+mod hidden;
+mod mask;
+#[cfg(feature = "mesh")]
+mod mesh;
+mod mixture;
+mod moments;
+mod nearness;
+mod outliers;
+mod overlap;
+mod p3p;
+mod pieces;
+mod pose;
+mod prior;
+mod region;
+mod rings;
+mod sampled;
+mod samples;
+mod scene_steps;
+mod signed_field;
+mod stretches;
+mod symmetry;
