@@ -69,7 +69,7 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.witness
 	$(BIN)/python -m benchmarks.chessboards
 	$(BIN)/python -m benchmarks.refinement
-	cargo bench --quiet
+	cargo bench --quiet --package regionpose-benches
 
 $(STAMP): $(SOURCES)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -13,7 +13,7 @@ MATH = ROOT / "docs" / "math.md"
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("**/*.md"))]
 EXAMPLES = ROOT / "examples" / "python"
 GALLERY_PAGE = re.compile(r"gallery/(?:images/sphx_glr_)?(\d\d_\w+?)(?:_\d{3}\.png|\.rst)$")
-CODE_FOLDERS = ("rust", "python", "tests", "benches", "benchmarks", "examples")
+CODE_FOLDERS = ("rust", "python", "tests", "benchmarks", "examples")
 
 NUMBER = r"\d+(?:\.\d+)?"
 MENTION = re.compile(r"docs/math\.md`?,")

@@ -12,7 +12,7 @@ pub mod triangulation;
 use nalgebra::Vector2;
 
 /// Most triangles a mesh may be asked for: about a second of work, also of needles, whose predicates are exact ones
-/// (`cargo bench --bench mesh`).
+/// (`cargo bench -p regionpose-benches --bench mesh`).
 pub const MOST_TRIANGLES: usize = 100_000;
 
 /// What a triangle of a mesh counts as, in edges that are looked at (`effort`): a Delaunay triangulation finds and flips some

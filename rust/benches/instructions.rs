@@ -2,7 +2,7 @@
 //! of 100 vertices each, 4 to 6 m away.
 //!
 //! ```sh
-//! cargo bench --bench instructions --no-run --config 'profile.bench.debug=true' --config 'profile.bench.strip="none"'
+//! cargo bench -p regionpose-benches --bench instructions --no-run --config 'profile.bench.debug=true' --config 'profile.bench.strip="none"'
 //! valgrind --tool=callgrind --callgrind-out-file=out target/release/deps/instructions-*
 //! callgrind_annotate --inclusive=yes out | grep instructions::
 //! ```
