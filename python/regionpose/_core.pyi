@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "TRUSTED",
     "Estimate",
     "Minimum",
     "ObservedRegion",
@@ -40,6 +41,9 @@ __all__ = [
     "work_done",
 ]
 __version__: Final[str]
+
+TRUSTED: Final[float]
+"""Confidence above which a pose is trusted."""
 
 def planar_moments(rings: Iterable[ArrayLike], order: int) -> NDArray[np.float64]:
     """Moments of a planar region, (order + 1, order + 1): `[i, j]` is the integral of `x^i y^j`, 0 above the order."""

@@ -253,9 +253,9 @@ def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) 
             problem.camera, problem.image_regions, problem.world_regions, solver=Solver(driver="native")
         )
         stated = estimate.share + sum(other.share for other in estimate.alternatives)
-        assert stated > 0.95 or estimate.warnings, f"seed {seed}: {stated}"
+        assert stated > 0.97 or estimate.warnings, f"seed {seed}: {stated}"
         found.append(stated)
-    assert max(found) > 0.95
+    assert max(found) > 0.97
 
 
 # Coverage

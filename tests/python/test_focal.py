@@ -36,8 +36,7 @@ def judged(camera: rp.Camera, seed: int, photo: int | None = None) -> tuple[rp.P
     return estimate, witness.refinement.focal
 
 
-@pytest.mark.parametrize("factor", [0.78, 0.85, 0.93, 1.15, 1.25])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "factor"), [(0, 0.78), (1, 0.85), (2, 0.93), (0, 1.15), (1, 1.25)])
 def test_wrong_focal_lengths_are_told_with_the_right_ones(factor: float, seed: int) -> None:
     estimate, focal = judged(CAMERA.zoomed(factor), seed)
     assert focal.log_odds < -np.log(9.0) and focal.factor * factor == pytest.approx(1.0, abs=0.03)
@@ -46,7 +45,7 @@ def test_wrong_focal_lengths_are_told_with_the_right_ones(factor: float, seed: i
     assert estimate.confidence < 0.2
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_right_focal_lengths_are_left_alone(seed: int) -> None:
     estimate, focal = judged(CAMERA, seed)
     assert focal.log_odds > np.log(9.0)

@@ -22,9 +22,6 @@ from regionpose.witness.visibility import Occlusion
 
 Array = NDArray[np.float64]
 
-SURE = 0.95
-"""Confidence from which on a pose is trusted, and one of several answers is the answer: the regions' own bound."""
-
 OF_OTHERS = {"ambiguous", "ambiguous-region"}
 """Warnings of other answers."""
 
@@ -201,7 +198,7 @@ def _warnings(estimate: PoseEstimate, witness: SceneWitness, lead: float) -> tup
     """The warnings of an estimate, its confidence being that after the rest of the scene was heard; `lead`: the
     logarithm of the odds of its pose to the best of the others.
     """
-    sure = estimate.confidence >= SURE
+    sure = estimate.confidence > _core.TRUSTED
     settled = OF_CONFIDENCE if sure else OF_OTHERS if lead >= DECISIVE else set()
     kept = [warning for warning in estimate.warnings if warning.code not in settled]
     focal = None if witness.refinement is None else witness.refinement.focal

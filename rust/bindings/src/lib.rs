@@ -42,6 +42,9 @@ mod _core {
     use crate::witness::{blurred, edge_agreement, edge_evidence, scene_steps};
 
     #[pymodule_export]
+    const TRUSTED: f64 = regionpose::verdict::estimate::TRUSTED;
+
+    #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }

@@ -1,12 +1,10 @@
 //! How likely the noise leaves a pose near the true one (`docs/math.md`, eq. 15.2).
 
-use std::f64::consts::SQRT_2;
-
 use nalgebra::Matrix6;
 
 use super::weakness::principal;
 use crate::moments::quadrature::{Node, gauss_legendre};
-use crate::samples::normal::density;
+use crate::samples::normal::{cumulative, density};
 
 /// Rotation, degrees, within which a pose is right: a convention.
 pub(super) const RIGHT: f64 = 5.0;
@@ -49,7 +47,7 @@ pub(super) fn bounded(sigma: f64) -> f64 {
 fn within(radius: f64, sigmas: &[f64]) -> f64 {
     let [sigma, others @ ..] = sigmas else { return 1.0 };
     if others.is_empty() {
-        return libm::erf(radius / (SQRT_2 * sigma));
+        return 2.0 * cumulative(radius / sigma) - 1.0;
     }
     // By the angle whose sine is the share of the radius: what is left of it is smooth up to its end.
     let most = (FAR * sigma / radius).min(1.0).asin();
