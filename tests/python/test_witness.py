@@ -200,10 +200,10 @@ def test_a_choice_that_leaves_doubt_is_no_longer_ambiguous() -> None:
 
 
 def test_answers_near_one_another_share_what_is_said_of_the_place() -> None:
-    given = estimate([0.5, 0.47], "ambiguous")
+    given = estimate([0.5, 0.48], "ambiguous")
     near = replace(given.alternatives[0], pose=turned(2.0))
     after, _ = heard(replace(given, alternatives=(near,)), [0.06, 0.06])
-    assert after.confidence == after.alternatives[0].confidence == pytest.approx(0.97)
+    assert after.confidence == after.alternatives[0].confidence == pytest.approx(0.98)
     assert after.share == pytest.approx(0.5) and after.warnings == ()
 
 
