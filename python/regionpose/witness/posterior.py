@@ -167,8 +167,9 @@ class Posterior:
             costs, slopes = self._costs(at[None], spread_px)
             return float(costs[0]), slopes[0]
 
-        limits = {"gtol": FLAT, "ftol": LEVEL, "maxls": TRIES}
-        return np.asarray(minimize(cost, units, jac=True, method="L-BFGS-B", options=limits).x)
+        return np.asarray(
+            minimize(cost, units, jac=True, method="L-BFGS-B", options={"gtol": FLAT, "ftol": LEVEL, "maxls": TRIES}).x
+        )
 
     def _curvature(self) -> Array:
         """The curvature (d, d) of the negative log density at the pose of increments, in the prior's units."""
