@@ -53,8 +53,8 @@ an eighth too small by half its deviation, and by steps of several of them as no
 FLAT, LEVEL, TRIES = 0.05, 1e-6, 10
 """A maximum is reached at this slope of the log density, a deviation of the prior's, which at the least curvature is
 0.006 below it; or where a step gains less than this share, or so many tries along a line find none that gains enough.
-Values between pixels have kinks, at which slopes do not vanish: searches along a line without such an end (BFGS) gain
-less than 0.001 more in half of all cases, and take twice the time (the scenes of `test_focal.py`)."""
+Values between pixels have kinks, at which slopes do not vanish. The last two are conventions: without such ends refined
+poses are no nearer to the true ones (`python -m benchmarks.refinement`)."""
 
 
 class Peak(NamedTuple):

@@ -24,8 +24,8 @@ pub fn nearness(covariance: &Matrix6<f64>) -> f64 {
 }
 
 /// Probability that a rotation of these deviations about its principal axes, degrees, is within 5 degrees.
-pub(super) fn within_limit(mut sigmas: [f64; 3]) -> f64 {
-    sigmas = sigmas.map(bounded);
+pub(super) fn within_limit(sigmas: [f64; 3]) -> f64 {
+    let mut sigmas = sigmas.map(bounded);
     sigmas.sort_by(f64::total_cmp);
     within(RIGHT, &sigmas).min(1.0)
 }
