@@ -14,6 +14,7 @@ __all__ = [
     "Prior",
     "Problem",
     "Search",
+    "SeenSteps",
     "Solution",
     "WorldRegion",
     "__version__",
@@ -21,7 +22,6 @@ __all__ = [
     "blurred",
     "contour_pieces",
     "edge_agreement",
-    "edge_evidence",
     "estimate_batch",
     "even_mesh",
     "mask_contours",
@@ -97,17 +97,6 @@ def edge_agreement(
     vectors.
     """
 
-def edge_evidence(
-    values: NDArray[np.float32],
-    pixels: ArrayLike,
-    moved: ArrayLike,
-    directions: NDArray[np.int64],
-    increments: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sums (t,) of what pictures hold under depth steps, at increments of the pose (t, 6), or (t, 7) with the logarithm
-    of the focal lengths, and their derivatives.
-    """
-
 def blurred(picture: NDArray[np.float32], weights: ArrayLike) -> NDArray[np.float32]:
     """A picture (h, w) spread down its columns and along its rows, mirrored beyond its sides.
 
@@ -157,6 +146,20 @@ def estimate_batch(
 
 def work_done() -> int:
     """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
+
+@final
+class SeenSteps:
+    """Steps as they are seen, put together for many sums over them."""
+
+    def __new__(cls, pixels: ArrayLike, moved: NDArray[np.float64], directions: NDArray[np.int64]) -> SeenSteps:
+        """From `pixels` (n, 2), `moved` (n, 2 d): derivatives of x, then y, and the picture of each (n,)."""
+
+    def evidence(
+        self, values: NDArray[np.float32], increments: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums (t,) of what pictures hold under the steps, at increments of the pose (t, 6), or (t, 7) with the
+        logarithm of the focal lengths, and their derivatives.
+        """
 
 @final
 class ObservedRegion:

@@ -5,6 +5,7 @@ use nalgebra::{Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2, Vector3, Vector6
 use proptest::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::blur::blurred;
+use regionpose::witness::evidence::SeenSteps;
 use regionpose::witness::steps::{Seen, Step};
 
 /// Between neighbors of the grid, about, rad.
@@ -198,14 +199,14 @@ fn derivatives_are_those_of_differences<const D: usize>() {
     let (values, steps) = waves::<D>();
     let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
     let at = SVector::<f64, D>::from_fn(|k, _| 0.11 * k as f64 - 0.2);
-    let (_, slope) = pictures.sums(&steps, &[at])[0];
+    let (_, slope) = pictures.sums(&SeenSteps::new(&steps), &[at])[0];
     // Between pixels the value is linear in each coordinate: steps that small cross a pixel's border but rarely.
     let h = 1e-7;
     for axis in 0..D {
         let ends = [h, -h].map(|h| {
             let mut near = at;
             near[axis] += h;
-            pictures.sums(&steps, &[near])[0].0
+            pictures.sums(&SeenSteps::new(&steps), &[near])[0].0
         });
         let difference = (ends[0] - ends[1]) / (2.0 * h);
         assert!((difference - slope[axis]).abs() < 1e-5 * slope.amax(), "{axis}: {difference} {}", slope[axis]);
@@ -216,12 +217,13 @@ fn derivatives_are_those_of_differences<const D: usize>() {
 fn sums_at_many_increments_are_those_at_each() {
     let (values, steps) = waves();
     let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
-    // Some of which move steps outside; one more than fill groups of four.
+    // Some of which move steps outside.
     let increments: Vec<_> =
         (0..9).map(|k| Vector6::from_fn(|axis, _| 0.3 * f64::from(k) - 0.1 * axis as f64)).collect();
-    let alone: Vec<_> = increments.iter().map(|increment| pictures.sums(&steps, &[*increment])[0]).collect();
-    assert_eq!(pictures.sums(&steps, &increments), alone);
-    assert!(pictures.sums(&steps, &[]).is_empty());
+    let alone: Vec<_> =
+        increments.iter().map(|increment| pictures.sums(&SeenSteps::new(&steps), &[*increment])[0]).collect();
+    assert_eq!(pictures.sums(&SeenSteps::new(&steps), &increments), alone);
+    assert!(pictures.sums(&SeenSteps::new(&steps), &[]).is_empty());
 }
 
 #[test]
@@ -239,11 +241,13 @@ fn sums_are_those_of_the_pixels_and_of_nothing_outside() {
     let pictures = EdgeStrength::new(&values, 4, 5).expect("two pictures");
     let moved = Matrix2x6::from_fn(|row, column| if row == column { 1.0 } else { 0.0 });
     let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
-    let sum = |steps: &[SeenStep<6>], x: f64| pictures.sums(steps, &[Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)])[0].0;
+    let sum = |steps: &[SeenStep<6>], x: f64| {
+        pictures.sums(&SeenSteps::new(steps), &[Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)])[0].0
+    };
     assert_eq!(sum(&[step(1.0, 1.0, 0), step(1.0, 1.0, 1)], 0.0), 6.0 + 26.0);
     assert_eq!(sum(&[step(1.0, 1.5, 0)], 0.25), 6.25 + 2.5);
     let outside = [step(-0.1, 1.0, 0), step(4.0, 1.0, 0), step(1.0, 3.0, 1), step(1.0, 1.0, 2), step(f64::NAN, 0.0, 0)];
-    assert_eq!(pictures.sums(&outside, &[Vector6::zeros()]), [(0.0, Vector6::zeros())]);
+    assert_eq!(pictures.sums(&SeenSteps::new(&outside), &[Vector6::zeros()]), [(0.0, Vector6::zeros())]);
 }
 
 #[test]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from regionpose import _core
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
@@ -257,7 +257,7 @@ class ContourProblem:
 
 def _is_noise(shift: Array, covariance: Array) -> bool:
     """Whether a change of the parameters is one that their noise makes."""
-    return bool(shift @ np.linalg.solve(covariance, shift) < chi2.ppf(CONFIRMED_PROBABILITY, len(shift)))
+    return bool(shift @ np.linalg.solve(covariance, shift) < chdtri(len(shift), 1.0 - CONFIRMED_PROBABILITY))
 
 
 def _inverse_normal(jacobian: Array) -> Array:

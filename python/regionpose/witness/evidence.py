@@ -77,6 +77,7 @@ class Evidence:
         if isinstance(camera, MatrixCamera) and self._with_focal:
             by_focal = np.nan_to_num(places - self._photo.places(np.array([[camera.cx, camera.cy]])))
             self.moved = np.hstack([moved[:, :6], by_focal[:, :1], moved[:, 6:], by_focal[:, 1:]])
+        self._seen: dict[int, _core.SeenSteps] = {}
 
     @property
     def count(self) -> int:
@@ -87,10 +88,16 @@ class Evidence:
         """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
         of steps as if they were independent; of every so manyth of them alone, as if it stood for so many.
         """
-        pictures, chosen = self._spreads.log_ratios(spread_px), slice(None, None, every)
-        pixels, moved, directions = self.pixels[chosen], self.moved[chosen], self._directions[chosen]
-        values, slopes = _core.edge_evidence(pictures, pixels, moved, directions, increments)
+        values, slopes = self._every(every).evidence(self._spreads.log_ratios(spread_px), increments)
         return every * values, every * slopes
+
+    def _every(self, so_manyth: int) -> _core.SeenSteps:
+        """Every so manyth step as it is seen."""
+        if so_manyth not in self._seen:
+            chosen = slice(None, None, so_manyth)
+            moved, directions = self.moved[chosen], self._directions[chosen]
+            self._seen[so_manyth] = _core.SeenSteps(self.pixels[chosen], moved, directions)
+        return self._seen[so_manyth]
 
     def square_moves(self) -> Array:
         """The matrix (d, d) of the mean square, in pixels, by which increments move the steps that the photo shows."""

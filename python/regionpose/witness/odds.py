@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import logsumexp
-from scipy.stats import norm, t
+from scipy.special import logsumexp, ndtri
 
 Array = NDArray[np.float64]
 
@@ -37,15 +36,20 @@ def log_odds(lead: float, deviation: float) -> float:
     # Below those of turned poses it says no more than among them.
     lead, deviation = max(lead, 0.0), max(deviation, 1e-9)
     nodes, log_weights = _nodes()
-    right = logsumexp(t.logpdf(lead, WRONG_FREEDOM, nodes, deviation) + log_weights)
-    return float(right - t.logpdf(lead, WRONG_FREEDOM, 0.0, deviation))
+    right = logsumexp(_log_density((lead - nodes) / deviation) + log_weights)
+    return float(right - _log_density(lead / deviation))
+
+
+def _log_density(z: ArrayLike) -> Array:
+    """Logarithm of Student's density, but for a constant."""
+    return np.asarray(-0.5 * (WRONG_FREEDOM + 1.0) * np.log1p(np.square(z) / WRONG_FREEDOM))
 
 
 @cache
 def _nodes() -> tuple[Array, Array]:
     """How far right poses may stand out, and the logarithms of what each counts: the middles of equal shares."""
     shares = (np.arange(200) + 0.5) / 200.0
-    return RIGHT_MEDIAN * np.exp(RIGHT_LOG_SIGMA * norm.ppf(shares)), np.full(200, -np.log(200.0))
+    return RIGHT_MEDIAN * np.exp(RIGHT_LOG_SIGMA * ndtri(shares)), np.full(200, -np.log(200.0))
 
 
 def weighed(shares: ArrayLike, odds: ArrayLike) -> Array:

@@ -39,7 +39,7 @@ mod _core {
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_done};
     #[pymodule_export]
-    use crate::witness::{blurred, edge_agreement, edge_evidence, scene_steps};
+    use crate::witness::{SeenSteps, blurred, edge_agreement, scene_steps};
 
     #[pymodule_export]
     const TRUSTED: f64 = regionpose::verdict::estimate::TRUSTED;

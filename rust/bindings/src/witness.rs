@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::witness::agreement::{EdgeStrength, SeenStep};
 use regionpose::witness::blur;
+use regionpose::witness::evidence;
 use regionpose::witness::steps::Seen;
 
 use crate::arrays::{array, numbers, points};
@@ -76,37 +77,63 @@ pub fn edge_agreement<'py>(
     Ok(PyArray1::from_vec(py, pictures.means(&steps, &turns)))
 }
 
-/// Sums (t,) of what pictures hold under depth steps, at increments of the pose, and their derivatives (t, d).
+/// Depth steps as they are seen, put together for many sums over them.
 ///
-/// `values` (k, h, w) float32, one picture a direction. `pixels` (n, 2), and `moved` (n, 2 d): how a left increment of the
-/// pose, rotation vector and translation, moves x, then y; and, where d is 7, the logarithm of the focal lengths. `directions`
-/// (n,): the picture of each step. `increments` (t, d), rad and meters, d 6 or 7. ValueError for other shapes, and no pixels.
-#[pyfunction]
-pub fn edge_evidence<'py>(
-    py: Python<'py>,
-    values: PyReadonlyArray3<'py, f32>,
-    pixels: &Bound<'py, PyAny>,
-    moved: &Bound<'py, PyAny>,
-    directions: PyReadonlyArray1<'py, i64>,
-    increments: PyReadonlyArray2<'py, f64>,
-) -> PyResult<SumArrays<'py>> {
-    let pictures = self::pictures("values", &values)?;
-    // The interpreter's lock is kept: nothing else may write into the pictures, which are not copied.
-    let of_all = if increments.shape()[1] == 7 { sums::<7, 14> } else { sums::<6, 12> };
-    of_all(py, pictures, pixels, moved, &directions, increments.as_any())
+/// `pixels` (n, 2), and `moved` (n, 2 d): how a left increment of the pose, rotation vector and translation, moves x, then y; and, where
+/// d is 7, the logarithm of the focal lengths. `directions` (n,): the picture of each step. ValueError for other shapes.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct SeenSteps(Steps);
+
+enum Steps {
+    OfPose(evidence::SeenSteps<6>),
+    OfPoseAndFocal(evidence::SeenSteps<7>),
 }
 
-fn sums<'py, const D: usize, const TWICE: usize>(
+#[pymethods]
+impl SeenSteps {
+    #[new]
+    fn new(
+        pixels: &Bound<'_, PyAny>,
+        moved: PyReadonlyArray2<'_, f64>,
+        directions: PyReadonlyArray1<'_, i64>,
+    ) -> PyResult<Self> {
+        let (columns, moved) = (moved.shape()[1], moved.as_any());
+        Ok(Self(if columns == 14 {
+            let steps = steps_of::<7, 14>(pixels, points("moved", moved)?, &directions)?;
+            Steps::OfPoseAndFocal(evidence::SeenSteps::new(&steps))
+        } else {
+            let steps = steps_of::<6, 12>(pixels, points("moved", moved)?, &directions)?;
+            Steps::OfPose(evidence::SeenSteps::new(&steps))
+        }))
+    }
+
+    /// Sums (t,) of what pictures hold under the steps, at increments of the pose, and their derivatives (t, d).
+    ///
+    /// `values` (k, h, w) float32, one picture a direction. `increments` (t, d), rad and meters, d 6 or 7 as for the steps.
+    /// ValueError for other shapes, and no pixels.
+    fn evidence<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray3<'py, f32>,
+        increments: &Bound<'py, PyAny>,
+    ) -> PyResult<SumArrays<'py>> {
+        let pictures = pictures("values", &values)?;
+        // The interpreter's lock is kept: nothing else may write into the pictures, which are not copied.
+        match &self.0 {
+            Steps::OfPose(steps) => sums(py, pictures, steps, increments),
+            Steps::OfPoseAndFocal(steps) => sums(py, pictures, steps, increments),
+        }
+    }
+}
+
+fn sums<'py, const D: usize>(
     py: Python<'py>,
     pictures: EdgeStrength<'_>,
-    pixels: &Bound<'py, PyAny>,
-    moved: &Bound<'py, PyAny>,
-    directions: &PyReadonlyArray1<'py, i64>,
+    steps: &evidence::SeenSteps<D>,
     increments: &Bound<'py, PyAny>,
 ) -> PyResult<SumArrays<'py>> {
     let increments = points::<D>("increments", increments)?;
-    let steps = steps_of::<D, TWICE>(pixels, points::<TWICE>("moved", moved)?, directions)?;
-    let (sums, slopes): (Vec<_>, Vec<_>) = pictures.sums(&steps, &increments).into_iter().unzip();
+    let (sums, slopes): (Vec<_>, Vec<_>) = pictures.sums(steps, &increments).into_iter().unzip();
     Ok((PyArray1::from_vec(py, sums), array(py, &slopes)?))
 }
 

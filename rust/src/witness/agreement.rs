@@ -2,16 +2,16 @@
 
 use std::array;
 
-use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{SMatrix, Vector2, Vector3};
 
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// The strength of a photo's edges across some directions, one picture after the other, row by row.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeStrength<'a> {
-    values: &'a [f32],
-    rows: usize,
-    columns: usize,
+    pub(super) values: &'a [f32],
+    pub(super) rows: usize,
+    pub(super) columns: usize,
 }
 
 /// Where a step is seen: its pixel, how a change of the pose moves that, and the picture that shows edges across it.
@@ -38,67 +38,6 @@ impl<'a> EdgeStrength<'a> {
     /// Number of directions.
     pub fn directions(&self) -> usize {
         self.values.len() / (self.rows * self.columns)
-    }
-
-    /// The sums of values under the steps at some increments of the pose, and of the focal lengths where these have seven
-    /// components, and their derivatives.
-    ///
-    /// Values between pixels follow from the four about them; steps outside the pictures count as 0.
-    pub fn sums<const D: usize>(
-        &self,
-        steps: &[SeenStep<D>],
-        increments: &[SVector<f64, D>],
-    ) -> Vec<(f64, SVector<f64, D>)> {
-        // What fills up the last group lies outside, where there is nothing to read.
-        let of_axis =
-            |chunk: &[SVector<f64, D>], axis: usize| lanes(|lane| chunk.get(lane).map_or(f64::NAN, |held| held[axis]));
-        let groups = increments.chunks(LANES).map(|chunk| array::from_fn(|axis| of_axis(chunk, axis))).collect();
-        let sums = vectorized(Sums { pictures: *self, steps, increments: groups });
-        let of_lane =
-            |lane: usize, sum: &Sum<D>| (sum.value.0[lane], SVector::from_fn(|axis, _| sum.slope[axis].0[lane]));
-        (0..increments.len()).map(|number| of_lane(number % LANES, &sums[number / LANES])).collect()
-    }
-
-    /// The four values about a place of a picture, row by row, and how far it lies beyond the first; `None` outside.
-    #[inline(always)]
-    fn about(&self, direction: usize, x: f64, y: f64) -> Option<([f64; 4], [f64; 2])> {
-        if !(x >= 0.0 && y >= 0.0 && x < self.columns as f64 - 1.0 && y < self.rows as f64 - 1.0) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let start = (direction * self.rows + row) * self.columns + column;
-        let (top, bottom) = (&self.values[start..start + 2], &self.values[start + self.columns..][..2]);
-        let [a, b, c, d] = [top[0], top[1], bottom[0], bottom[1]];
-        let about = [f64::from(a), f64::from(b), f64::from(c), f64::from(d)];
-        Some((about, [x - column as f64, y - row as f64]))
-    }
-
-    /// Adds what a step tells at increments of the pose.
-    #[inline(always)]
-    fn add<const D: usize>(&self, step: &SeenStep<D>, increment: &[Lanes; D], sum: &mut Sum<D>) {
-        let (x, y) = (step.moved_by(0, increment), step.moved_by(1, increment));
-        let mut values = [Lanes::ZERO; 4];
-        let (mut across, mut down, mut is_seen) = (Lanes::ZERO, Lanes::ZERO, false);
-        for lane in 0..LANES {
-            if let Some((about, beyond)) = self.about(step.direction, x.0[lane], y.0[lane]) {
-                for corner in 0..4 {
-                    values[corner].0[lane] = about[corner];
-                }
-                [across.0[lane], down.0[lane]] = beyond;
-                is_seen = true;
-            }
-        }
-        if !is_seen {
-            // Such as where the derivatives are not finite.
-            return;
-        }
-        let [a, b, c, d] = values;
-        let (top, bottom) = (a + (b - a) * across, c + (d - c) * across);
-        let (by_x, by_y) = ((b - a) * (Lanes::splat(1.0) - down) + (d - c) * down, bottom - top);
-        sum.value += top + by_y * down;
-        for way in 0..D {
-            sum.slope[way] += Lanes::splat(step.moved[(0, way)]) * by_x + Lanes::splat(step.moved[(1, way)]) * by_y;
-        }
     }
 
     /// The mean strength under the steps for the camera turned by each of some rotation vectors.
@@ -145,49 +84,4 @@ impl NullaryFnOnce for Nearest<'_> {
             *place = nearest(1) * shape[0] + nearest(0);
         }
     }
-}
-
-/// The sums of values under steps at increments of the pose, and their derivatives; those of a lane group at a time, by axes.
-struct Sums<'a, const D: usize> {
-    pictures: EdgeStrength<'a>,
-    steps: &'a [SeenStep<D>],
-    increments: Vec<[Lanes; D]>,
-}
-
-#[derive(Clone, Copy)]
-struct Sum<const D: usize> {
-    value: Lanes,
-    slope: [Lanes; D],
-}
-
-impl<const D: usize> NullaryFnOnce for Sums<'_, D> {
-    type Output = Vec<Sum<D>>;
-
-    #[inline(always)]
-    fn call(self) -> Self::Output {
-        let mut sums = vec![Sum { value: Lanes::ZERO, slope: [Lanes::ZERO; D] }; self.increments.len()];
-        // Step after step, as in the means.
-        for step in self.steps.iter().filter(|step| step.direction < self.pictures.directions()) {
-            for (sum, increment) in sums.iter_mut().zip(&self.increments) {
-                self.pictures.add(step, increment, sum);
-            }
-        }
-        sums
-    }
-}
-
-impl<const D: usize> SeenStep<D> {
-    /// The pixels' x or y after increments.
-    #[inline(always)]
-    fn moved_by(&self, axis: usize, increment: &[Lanes; D]) -> Lanes {
-        let mut moved = Lanes::ZERO;
-        for (way, change) in increment.iter().enumerate() {
-            moved += Lanes::splat(self.moved[(axis, way)]) * *change;
-        }
-        Lanes::splat(self.pixel[axis]) + moved
-    }
-}
-
-fn lanes(value: impl Fn(usize) -> f64) -> Lanes {
-    Lanes(array::from_fn(value))
 }

@@ -3,4 +3,5 @@
 
 pub mod agreement;
 pub mod blur;
+pub mod evidence;
 pub mod steps;
