@@ -25,7 +25,7 @@ from regionpose.evaluation.studies import (
 from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
 from regionpose.evaluation.studies.catalog import STUDIES
 from regionpose.evaluation.studies.conditions import NoiseModel
-from regionpose.evaluation.studies.confidence import reliability
+from regionpose.evaluation.studies.confidence import ranking, reliability
 from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
 from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, outlier_named, whole_row
@@ -234,6 +234,19 @@ def test_poses_are_counted_by_their_confidence_and_by_how_near_the_truth_they_ar
     np.testing.assert_allclose([one.held for one in found], [0.1, 0.95, 1.0])
     np.testing.assert_allclose([one.right for one in found], [0.0, 0.95, 1.0])
     assert "| 90 to 97 % | 40 | 95.0 % | 95.0 % | 95.0 % |" in results_table(results)
+
+
+def test_confidences_rank_poses_as_they_say_if_they_are_right_as_often() -> None:
+    sure = [made_row(confidence=0.75, rotation_deg=9.0 if k < 1 else 0.1) for k in range(4)]
+    doubtful = [made_row(confidence=0.25, rotation_deg=0.1 if k < 1 else 90.0) for k in range(4)]
+    found = ranking(Results({}, [*sure, *doubtful]))
+    # Of the 16 pairs 9 are in order and 6 tie.
+    assert found is not None and found.found == found.expected == 12.0 / 16.0
+    text = results_table(Results({}, [*sure, *doubtful]))
+    assert "in 75.0 % (area under the ROC curve); in 75.0 % if each" in text
+    better = ranking(Results({}, [*sure[1:], *doubtful[1:]]))
+    assert better is not None and better.found == 1.0 and better.expected < 0.8
+    assert ranking(Results({}, sure[1:])) is None
 
 
 @pytest.mark.parametrize("side", ["2d", "3d"])

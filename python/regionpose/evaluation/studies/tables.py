@@ -9,7 +9,7 @@ import numpy as np
 
 from regionpose.evaluation.measures import Summary, solved_share, summarize
 from regionpose.evaluation.studies.conditions import Value
-from regionpose.evaluation.studies.confidence import reliability
+from regionpose.evaluation.studies.confidence import ranking, reliability
 from regionpose.evaluation.studies.coverage import LEVELS, bound_ratios, coverage
 from regionpose.evaluation.studies.rows import NEAREST, Results
 from regionpose.evaluation.studies.trust import RIGHT_DEG, WRONG_DEG, Verdicts, silent_rows, untold_rows
@@ -139,6 +139,11 @@ CONFIDENCE_NOTE = (
     " alike share it."
 )
 
+RANKING_NOTE = (
+    f"Of pairs of a pose within {WRONG_DEG:g} deg and one beyond, the former has the greater confidence in"
+    " {found:.1f} % (area under the ROC curve); in {expected:.1f} % if each were right as often as it says."
+)
+
 
 def _confidence_table(results: Results) -> list[str]:
     heads = ["confidence", "scenes", "mean", f"within {WRONG_DEG:g} deg", f"within {RIGHT_DEG:g} deg"]
@@ -147,6 +152,9 @@ def _confidence_table(results: Results) -> list[str]:
         shares = [f"{100.0 * share:.1f} %" for share in (found.stated, found.held, found.right)]
         bounds = f"{100.0 * found.least:g} to {100.0 * found.most:g} %"
         lines.append(_line([bounds, str(found.count), *shares]))
+    ranked = ranking(results)
+    if ranked is not None:
+        lines += ["", RANKING_NOTE.format(found=100.0 * ranked.found, expected=100.0 * ranked.expected)]
     return ["## Confidence", "", CONFIDENCE_NOTE, "", *lines]
 
 
