@@ -226,8 +226,9 @@ def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     values = plain_value(yaml_node((DEMO / "scene.yaml").read_text()))
     values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
     values.pop("sensor_origin", None)
-    for region in values["regions"]:
-        region["world"]["seed"] = [1000.0 * value for value in region["world"]["seed"]]
+    region, *_ = values["regions"]
+    region["world"]["seed"] = [1000.0 * value for value in region["world"]["seed"]]
+    values["regions"] = [region]
     path = tmp_path / "scene.yaml"
     path.write_text(to_yaml(values))
     found = {warning.code for warning in scene_sides(load_scene(path)).warnings}

@@ -259,6 +259,7 @@ def test_the_demo_needs_no_pairs(tmp_path: Path) -> None:
     scene = plain_value(yaml_node((demo_folder() / "scene.yaml").read_text(encoding="utf-8")))
     for key in ("camera", "image", "cloud"):
         scene[key] = str(demo_folder() / scene[key])
+    scene["solver"] = {"witness": False}
     paired = tmp_path / "paired.yaml"
     paired.write_text(to_yaml(scene), encoding="utf-8")
     regions = scene.pop("regions")

@@ -242,12 +242,11 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
 
 /// A hexagon whose outline in the image has a bite: its labels are wrong together, at each turn of the hexagon others, so that chance
 /// decides between its twelve poses. Of twelve numbers of one normal distribution, 54 % of those behind the largest are so by less
-/// than odds of 9 to 1 leave; 194 turns of the 240 of seeds 0 to 47 are found,
-/// and 58 of these 80.
+/// than odds of 9 to 1 leave; 211 turns of the 240 of seeds 0 to 47 are found, and 38 of these 40.
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;
-    for seed in 0..16 {
+    for seed in 0..8 {
         let mut random = Random::new(seed);
         let mut scene = Scene::of_shapes(&mut random, vec![vec![regular(6, 1.0)]], layout(1));
         scene.observed = all_bitten(&scene, 1.0);
@@ -265,7 +264,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         found += (1..6).filter(is_answer).count();
         assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
     }
-    assert!(found >= 54, "{found} of 80 turns");
+    assert!(found >= 32, "{found} of 40 turns");
 }
 
 /// Chance leaves another answer to 3 of the 80 such shapes of seeds 0 to 79.
