@@ -15,7 +15,7 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	cargo test --quiet
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(STAMP)
 	cargo fmt --all --check
@@ -41,7 +41,7 @@ soak: $(STAMP)
 
 # The site, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
 docs: $(STAMP)
-	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(BIN)/python -m pip install --quiet --group docs
 	$(BIN)/python -m sphinx -b html -W --keep-going --quiet docs docs/_build/html
 
 # Wheel, source distribution and crate, each tested from where its user gets it.
