@@ -37,7 +37,7 @@ class Ranking:
     """How well confidences tell poses within 5 deg of the truth from those beyond: the area under the ROC curve.
 
     That is the share of pairs of both in which the former has the greater confidence, ties counting half; `expected` is
-    the same if each confidence were right as often as it says: what no others that are spread alike would exceed.
+    the same if each confidence were right exactly as often as it says.
     """
 
     found: float
