@@ -60,6 +60,27 @@ def test_a_photo_that_shows_none_of_the_steps_says_nothing() -> None:
     assert focal.log_odds > 0.0
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_percent_moves_the_pose_as_it_is_told(seed: int) -> None:
+    photo, points = cards(seed)
+
+    def alone(camera: rp.Camera) -> rp.PoseEstimate:
+        return rp.estimate_pose(camera, images(seed), worlds())
+
+    def refined(camera: rp.Camera) -> rp.PoseEstimate:
+        return judged(camera, seed)[0]
+
+    told = focal_evidence(alone(CAMERA), [rp.SceneFrame(photo, points, CAMERA)], lambda camera, _: alone(camera))
+    assert told is not None
+    for of, focal, within in ((alone, told, 0.05), (refined, judged(CAMERA, seed)[1], 0.2)):
+        shorter, longer = (of(CAMERA.zoomed(factor)).pose for factor in (0.99, 1.01))
+        found = 0.5 * shorter.increment_to(longer)
+        assert np.linalg.norm(focal.shift[3:] - found[3:]) < within * np.linalg.norm(found[3:])
+        assert focal.shift_m == pytest.approx(
+            np.linalg.norm(longer.camera_center - shorter.camera_center) / 2.0, rel=within
+        )
+
+
 def test_a_camera_without_focal_lengths_is_not_asked() -> None:
     camera = rp.EquirectangularCamera(1000, 500)
     photo, points = cards(0)

@@ -103,7 +103,8 @@ def test_wrong_focal_lengths_make_a_pose_doubtful(tmp_path: Path) -> None:
     assert told.level == DOUBTFUL
     assert any("times the focal lengths" in warning and "calibration" in advice for warning, advice in told.remarks)
     result = json.loads(json.dumps(bundle(run, Stages()).result))
-    assert result["scene_refinement"]["focal"] == {"log_odds": focal.log_odds, "best_factor": focal.factor}
+    expected = {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m}
+    assert result["scene_refinement"]["focal"] == expected
 
 
 def test_right_focal_lengths_are_not_contradicted(tmp_path: Path) -> None:
@@ -111,3 +112,6 @@ def test_right_focal_lengths_are_not_contradicted(tmp_path: Path) -> None:
     focal = refinement_of(run).focal
     assert focal is not None and focal.log_odds > np.log(9.0)
     assert all(warning.code != "focal-contradicted" for warning in run.estimate.warnings)
+    # What is 5 m away comes about 5 cm nearer.
+    assert focal.shift_m == pytest.approx(0.05, rel=0.3)
+    assert f"; focal lengths 1 % off would move it by {1000.0 * focal.shift_m:.1f} mm." in verdict(run).headline

@@ -157,7 +157,8 @@ def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
         "steps": sum(refinement.steps),
         "turned_deg": refinement.turned_deg,
         "moved_m": refinement.moved_m,
-        "focal": focal and {"log_odds": focal.log_odds, "best_factor": focal.factor},
+        "focal": focal
+        and {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m},
         "camera_from_world_before": pose_values(refinement.before),
     }
 

@@ -82,14 +82,14 @@ def verdict(run: SceneEstimate) -> Verdict:
     remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
     fit = _fit(run) + _heard(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
-    sigma = f"{turn:.3f} deg and {shift:.1f} mm"
+    sigma = f"{turn:.3f} deg and {shift:.1f} mm (1 sigma){_by_focal(run)}"
     if not codes:
-        return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma} (1 sigma).", ())
+        return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma}.", ())
     if codes & DOUBTS:
         return Verdict(DOUBTFUL, f"{fit}, but this may not be the true pose.", remarks)
     if estimate.confidence < STATED:
         return Verdict(DOUBTFUL, f"{fit}, but the pose is more likely wrong than right.", remarks)
-    return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma} (1 sigma).", remarks)
+    return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma}.", remarks)
 
 
 def _heard(run: SceneEstimate) -> str:
@@ -105,6 +105,14 @@ def _heard(run: SceneEstimate) -> str:
     if refinement is not None and refinement.refined:
         said.append(f"move it by {refinement.turned_deg:.3f} deg and {1000.0 * refinement.moved_m:.1f} mm")
     return f"; photo and cloud away from the regions {' and '.join(said)}" if said else ""
+
+
+def _by_focal(run: SceneEstimate) -> str:
+    """What an error of the focal lengths adds to that, where it is known."""
+    refinement = None if run.witness is None else run.witness.refinement
+    if refinement is None or refinement.focal is None:
+        return ""
+    return f"; focal lengths 1 % off would move it by {1000.0 * refinement.focal.shift_m:.1f} mm"
 
 
 def _fit(run: SceneEstimate) -> str:

@@ -1,5 +1,5 @@
-"""Whether other focal lengths explain the edges of photo and cloud better than the given ones (docs/math.md, eq. 18.13
-and 18.14).
+"""Whether other focal lengths explain the edges of photo and cloud better than the given ones, and what these do to the
+pose (docs/math.md, eq. 18.13 to 18.15).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ OTHER = 2.0 * GIVEN_SPREAD
 """Logarithm beyond which focal lengths are others than the given ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FocalEvidence:
     """What the edges of photo and cloud say of the focal lengths.
 
@@ -55,11 +55,20 @@ class FocalEvidence:
         Logarithm of the odds that they are the given ones, against others.
     factor : float
         By which the given ones are multiplied where photo and cloud agree best.
+    shift : (6,) array
+        Left increment of the pose, rad and meters, if they are a percent longer: what no covariance holds. To first
+        order; of the refined pose where photo and cloud refined it.
 
     """
 
     log_odds: float
     factor: float
+    shift: Array
+
+    @property
+    def shift_m(self) -> float:
+        """How far a percent moves the camera center, meters."""
+        return float(np.linalg.norm(self.shift[3:]))
 
 
 def focal_evidence(
@@ -86,7 +95,14 @@ def focal_evidence(
         compared = [each._replace(others=[]) for each in compared]
     ratios = [_log_odds(each.others) - _log_odds(each.given) for each in compared]
     log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - logsumexp(ratios)
-    return FocalEvidence(float(log_odds), float(np.exp(found[0])))
+    near = [peak for each in compared for peak in each.given] if refined is not None else []
+    slope = _slope_of(max(near, key=lambda peak: peak.mass)) if near else curve.slope
+    return FocalEvidence(float(log_odds), float(np.exp(found[0])), 0.01 * slope)
+
+
+def _slope_of(peak: Peak) -> Array:
+    """The derivative (6,) of the likeliest pose by the logarithm of the focal lengths, where both are unknown."""
+    return np.asarray(peak.covariance[:6, 6] / peak.covariance[6, 6])
 
 
 class _Compared(NamedTuple):
