@@ -11,8 +11,9 @@ without a prior and with the camera within 1 m of the scanner,
 
 The table has a row for each mistake: problems; how many poses are wrong, beyond 5 degrees or 1 meter; how many of these
 come without a warning by the regions alone, after photo and cloud are heard, and after they refine, too; and how many
-of the right ones have no warning in the same three. `--verbose` prints a line for each wrong pose that is trusted.
-Where there are no frames this says so and ends.
+of the right ones have no warning in the same three. A second one has the confidences of all refined poses, and how many
+of these are within 5 degrees, as they state. `--verbose` prints a line for each wrong pose that is trusted. Where there
+are no frames this says so and ends.
 
     python -m benchmarks.real_mistakes [--data ../shared/data] [--verbose]
 """
@@ -23,7 +24,7 @@ import argparse
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,6 +50,9 @@ FOCAL = (0.8, 0.9, 1.0 / 0.9, 1.25)
 PRIORS = ("none", "near")
 MOST_PAIRS = 3
 
+BOUNDS = (0.0, 0.3, 0.6, 0.9, 0.97, 1.0)
+"""Of the confidences that are counted together: fewer than in the studies, for fewer poses."""
+
 
 class Problem(NamedTuple):
     """A problem with a mistake, or with none."""
@@ -64,11 +68,15 @@ class Problem(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What came of a problem: by the regions, heard, and refined, whether the pose is wrong and whether trusted."""
+    """What came of a problem: by the regions, heard, and refined, whether the pose is wrong and whether trusted; of the
+    refined one its confidence, and how far it is turned from the true one, degrees.
+    """
 
     mistake: str
     wrong: tuple[bool, bool, bool]
     trusted: tuple[bool, bool, bool]
+    confidence: float
+    turned_deg: float
 
 
 def problems(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Problem]:
@@ -151,17 +159,23 @@ def row_of(problem: Problem, *, verbose: bool) -> Row | None:
     ways = (alone, heard, refined)
     wrong = [is_wrong(way.pose, problem.truth) for way in ways]
     trusted = [not way.warnings for way in ways]
+    turn = turned_deg(refined.pose, problem.truth)
     if verbose and any(np.logical_and(wrong, trusted)):
-        turn = np.degrees((refined.pose.rotation * problem.truth.rotation.inv()).magnitude())
         place = np.linalg.norm(refined.pose.camera_center - problem.truth.camera_center)
         print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {witness}", flush=True)
-    return Row(problem.mistake, (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2]))
+    first, second = (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2])
+    return Row(problem.mistake, first, second, refined.confidence, turn)
 
 
 def is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
     """Whether a pose is another one than the true one."""
-    turn = np.degrees((pose.rotation * truth.rotation.inv()).magnitude())
-    return not (turn < WRONG_DEG and np.linalg.norm(pose.camera_center - truth.camera_center) < WRONG_M)
+    is_near = np.linalg.norm(pose.camera_center - truth.camera_center) < WRONG_M
+    return not (is_near and turned_deg(pose, truth) < WRONG_DEG)
+
+
+def turned_deg(pose: rp.Pose, truth: rp.Pose) -> float:
+    """The angle between two poses, degrees."""
+    return float(np.degrees((pose.rotation * truth.rotation.inv()).magnitude()))
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
@@ -176,8 +190,22 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         yield f"| {mistake} | {len(held)} | {' | '.join(map(str, counts))} |"
 
 
+def confidences(rows: Sequence[Row]) -> Iterator[str]:
+    """Lines of a Markdown table: what refined poses state, and what is found."""
+    stated, turned = (np.array([getattr(row, name) for row in rows]) for name in ("confidence", "turned_deg"))
+    yield "| confidence | poses | stated | within 5 deg |"
+    yield "|" + "---|" * 4
+    for least, most in pairwise(BOUNDS):
+        inside = (least <= stated) & ((stated < most) | (most == BOUNDS[-1]))
+        if inside.any():
+            shares = [
+                f"{100.0 * share:.1f} %" for share in (stated[inside].mean(), (turned[inside] < WRONG_DEG).mean())
+            ]
+            yield f"| {100.0 * least:g} to {100.0 * most:g} % | {inside.sum()} | {' | '.join(shares)} |"
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
     warnings.simplefilter("ignore", SparseSamplingWarning)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
@@ -191,7 +219,8 @@ def main() -> None:
     tried = list(problems(scenes, seen))
     shown = track(tried, "poses", console=Console(stderr=True))
     rows = [row_of(problem, verbose=given.verbose) for problem in shown]
-    print(*table([row for row in rows if row is not None]), sep="\n")
+    found = [row for row in rows if row is not None]
+    print(*table(found), "", *confidences(found), sep="\n")
 
 
 if __name__ == "__main__":
