@@ -18,7 +18,7 @@ use regionpose::samples::trust::Trust;
 const SPACING: f64 = 0.2;
 const OFFSETS: i32 = 100;
 
-/// Offsets from one growth that is integrated over to the next: 0.6 deviations of the widest, of which sums are exact to 1e-6.
+/// Offsets from one growth that is integrated over to the next: 0.6 deviations of the widest.
 const GROWN: i32 = 3;
 
 /// Offsets of corners that are integrated over, to either side; and how far corners are off.
