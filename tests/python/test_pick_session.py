@@ -27,7 +27,6 @@ def session(tmp_path: Path) -> Session:
 
 
 def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(session: Session) -> None:
-    session.base["solver"] = {"witness": False}
     for pixel, place in (DOOR, BOARD, CHALKBOARD):
         session.click_photo(pixel)
         session.click_cloud(place)

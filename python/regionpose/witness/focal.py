@@ -95,14 +95,22 @@ def focal_evidence(
         compared = [each._replace(others=[]) for each in compared]
     ratios = [_log_odds(each.others) - _log_odds(each.given) for each in compared]
     log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - logsumexp(ratios)
-    near = [peak for each in compared for peak in each.given] if refined is not None else []
-    slope = _slope_of(max(near, key=lambda peak: peak.mass)) if near else curve.slope
+    given = [peak for each in compared for peak in each.given]
+    slope = curve.slope if refined is None or not given else _slope_at(refined, given)
     return FocalEvidence(float(log_odds), float(np.exp(found[0])), 0.01 * slope)
 
 
-def _slope_of(peak: Peak) -> Array:
-    """The derivative (6,) of the likeliest pose by the logarithm of the focal lengths, where both are unknown."""
-    return np.asarray(peak.covariance[:6, 6] / peak.covariance[6, 6])
+def _slope_at(pose: Pose, peaks: Sequence[Peak]) -> Array:
+    """The derivative (6,) of the likeliest pose by the logarithm of the focal lengths, where both are unknown, at the
+    maximum nearest to a pose.
+    """
+
+    def variances(peak: Peak) -> float:
+        increment = peak.pose.increment_to(pose)
+        return float(increment @ np.linalg.solve(peak.covariance[:6, :6], increment))
+
+    covariance = min(peaks, key=variances).covariance
+    return np.asarray(covariance[:6, 6] / covariance[6, 6])
 
 
 class _Compared(NamedTuple):
