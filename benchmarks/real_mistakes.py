@@ -24,7 +24,7 @@ import argparse
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ from regionpose.witness import witnessed
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.real_scenes import DEFAULT_DATA, RealScene, lidar_scenes
+from benchmarks.real_scenes import DEFAULT_DATA, RealScene, confidences, lidar_scenes
 from benchmarks.witness import frames
 
 Array = NDArray[np.float64]
@@ -49,9 +49,6 @@ WRONG_DEG, WRONG_M = 5.0, 1.0
 FOCAL = (0.8, 0.9, 1.0 / 0.9, 1.25)
 PRIORS = ("none", "near")
 MOST_PAIRS = 3
-
-BOUNDS = (0.0, 0.3, 0.6, 0.9, 0.97, 1.0)
-"""Of the confidences that are counted together: fewer than in the studies, for fewer poses."""
 
 
 class Problem(NamedTuple):
@@ -190,20 +187,6 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         yield f"| {mistake} | {len(held)} | {' | '.join(map(str, counts))} |"
 
 
-def confidences(rows: Sequence[Row]) -> Iterator[str]:
-    """Lines of a Markdown table: what refined poses state, and what is found."""
-    stated, turned = (np.array([getattr(row, name) for row in rows]) for name in ("confidence", "turned_deg"))
-    yield "| confidence | poses | stated | within 5 deg |"
-    yield "|" + "---|" * 4
-    for least, most in pairwise(BOUNDS):
-        inside = (least <= stated) & ((stated < most) | (most == BOUNDS[-1]))
-        if inside.any():
-            shares = [
-                f"{100.0 * share:.1f} %" for share in (stated[inside].mean(), (turned[inside] < WRONG_DEG).mean())
-            ]
-            yield f"| {100.0 * least:g} to {100.0 * most:g} % | {inside.sum()} | {' | '.join(shares)} |"
-
-
 def main() -> None:
     """Print the tables."""
     warnings.simplefilter("ignore", SparseSamplingWarning)
@@ -220,7 +203,7 @@ def main() -> None:
     shown = track(tried, "poses", console=Console(stderr=True))
     rows = [row_of(problem, verbose=given.verbose) for problem in shown]
     found = [row for row in rows if row is not None]
-    print(*table(found), "", *confidences(found), sep="\n")
+    print(*table(found), "", *confidences([(row.confidence, row.turned_deg) for row in found]), sep="\n")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ natural scenes, are solved together as well: two, four and all at once.
 
 A line each: errors of rotation and of the camera's center, and in brackets over their standard deviation in that
 direction; of the answer that comes first, and of the nearest where that is another; whether it is trusted (no warning).
-Then a table of medians and worst cases over the scenes of a kind. A pose is wrong beyond 5 deg.
+Then a table of medians and worst cases over the scenes of a kind, and one of the confidences of all poses of single
+frames, with how many are within 5 degrees, as they state. A pose is wrong beyond 5 deg.
 
     python benchmarks/real_scenes.py [--data ../shared/data] [--only natural kitti] [--out FOLDER] [--rigs 10]
 """
@@ -59,6 +60,9 @@ MOST_SIGMAS = 3.0
 
 WRONG_DEG = 5.0
 """Error beyond which a pose is another one, as in `PoseEstimate.confidence`."""
+
+BOUNDS = (0.0, 0.3, 0.6, 0.9, 0.97, 1.0)
+"""Of the confidences that are counted together: fewer than in the studies, for fewer poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,6 +347,20 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         yield f"| {' | '.join(cells_of(group, [row for row in rows if (row.kind, row.way, row.prior) == group]))} |"
 
 
+def confidences(poses: Sequence[tuple[float, float]]) -> Iterator[str]:
+    """Lines of a Markdown table: what confidences state of poses, and how many are turned by so few degrees."""
+    stated, turned = np.array(poses).reshape(-1, 2).T
+    yield "| confidence | poses | stated | within 5 deg |"
+    yield "|" + "---|" * 4
+    for least, most in pairwise(BOUNDS):
+        inside = (least <= stated) & ((stated < most) | (most == BOUNDS[-1]))
+        if inside.any():
+            shares = [
+                f"{100.0 * share:.1f} %" for share in (stated[inside].mean(), (turned[inside] < WRONG_DEG).mean())
+            ]
+            yield f"| {100.0 * least:g} to {100.0 * most:g} % | {inside.sum()} | {' | '.join(shares)} |"
+
+
 def cells_of(group: tuple[str, str, str], rows: Sequence[Row]) -> list[str]:
     """The cells of a group of rows."""
     turns, centers = (np.array([getattr(row.first, name) for row in rows]) for name in ("rotation", "center"))
@@ -386,10 +404,11 @@ def main() -> None:
         for folder in folders if arguments.out is not None else ():
             write_bundle(folder, out)
     rows = [row for scene in scenes for row in rows_of(scene)]
+    single = [(row.confidence, row.first.rotation) for row in rows]
     for kind in (RIG, NATURAL):
         frames = [scene for scene in scenes if scene.kind == kind]
         rows += [row for rig in (rigs_of(frames, arguments.rigs) if frames else ()) for row in rows_of(rig)]
-    print("", *table(rows), sep="\n")
+    print("", *table(rows), "", *confidences(single), sep="\n")
 
 
 if __name__ == "__main__":

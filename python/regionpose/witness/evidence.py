@@ -46,11 +46,15 @@ class Evidence:
         `with_focal`: increments are of seven components, the last of them of the logarithm of the focal lengths, of a
         camera that has a matrix. `like`: that of the same photo at another pose, whose pictures are taken over.
         """
-        self._camera, self._pose, self._with_focal = frame.camera, pose, with_focal
+        self._frame, self._camera, self._pose, self._with_focal = frame, frame.camera, pose, with_focal
         self._photo, self._known = frame.photo, beside(frame.regions)
         self._spreads: _Spreads = _Spreads(frame.photo) if like is None else like._spreads
         self._all = frame.steps(pose)
         self.turn(Rotation.identity())
+
+    def seen_from(self, pose: Pose) -> Evidence:
+        """That of the same frame by the steps that the camera would see at another pose."""
+        return Evidence(self._frame, pose, with_focal=self._with_focal, like=self)
 
     def turn(self, rotation: Rotation) -> Pose:
         """Look at the steps that the camera sees turned from the given pose, about its axes; that pose."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import zip_longest
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from regionpose.pose import Pose
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.odds import COMMON, DECISIVE
-from regionpose.witness.posterior import SPREADS_PX, Peak, Posterior, log_odds_of, root_of
+from regionpose.witness.posterior import Peak, Posterior, Seen, log_odds_of, root_of
 
 Array = NDArray[np.float64]
 Estimated = Callable[[Camera, Pose], PoseEstimate]
@@ -126,21 +127,16 @@ class _Compared(NamedTuple):
 
 def _compared(curve: _Curve, scene: Sequence[SceneFrame], refined: Sequence[Pose]) -> Iterator[_Compared]:
     """The given focal lengths, with which maxima near the refined pose are known, and those about each node."""
-    given = curve.evidence(0.0, scene)
-    given_shares = [frame.share(SPREADS_PX[-1]) for frame in given]
-    searched = curve.posterior(0.0, GIVEN_SPREAD, given, given_shares).peaks(refined)
+    frames = curve.evidence(0.0, scene)
+    given = curve.seen(0.0, GIVEN_SPREAD, frames, refined)
     for node in NODES:
         if node in curve:
-            frames, shares, right = given, given_shares, searched
-            if node:
-                frames = curve.evidence(node, scene, given)
-                # One photo and one scan: a step counts the same for both, and for neither more than it may.
-                own = [frame.share(SPREADS_PX[-1]) for frame in frames]
-                shares = [min(pair) for pair in zip(own, given_shares, strict=True)]
-            if shares != given_shares:
-                right = curve.posterior(0.0, GIVEN_SPREAD, given, shares).near(searched)
-            found = curve.posterior(node, SPREAD, frames, shares).peaks([] if node else refined)
-            peaks = [(node + peak.log_focal, peak) for peak in found]
+            about = curve.evidence(node, scene, frames) if node else frames
+            other = curve.seen(node, SPREAD, about, [] if node else refined)
+            # One photo and one scan: a step counts the same for both, and for neither more than it may.
+            shares = [min(pair) for pair in zip(given.shares, other.shares, strict=True)]
+            right = curve.peaks(0.0, GIVEN_SPREAD, given, shares)
+            peaks = [(node + peak.log_focal, peak) for peak in curve.peaks(node, SPREAD, other, shares)]
             yield _Compared(
                 [peak for peak in right if abs(peak.log_focal) <= OTHER],
                 [peak for log_focal, peak in peaks if abs(log_focal) > OTHER],
@@ -211,7 +207,18 @@ class _Curve:
         pairs = zip_longest(frames, likes)
         return [Evidence(frame, pose, with_focal=True, like=like) for frame, like in pairs]
 
-    def posterior(
+    def seen(self, log_focal: float, spread: float, frames: Sequence[Evidence], known: Sequence[Pose]) -> Seen:
+        """What steps say there, by those of frames or by likelier ones; maxima near poses are `known`."""
+        about = partial(self._posterior, log_focal, spread)
+        return Seen.of(frames, about, known).or_likelier(about)
+
+    def peaks(self, log_focal: float, spread: float, seen: Seen, shares: Sequence[float]) -> list[Peak]:
+        """The maxima there if steps count but so much."""
+        if shares == seen.shares:
+            return seen.peaks
+        return self._posterior(log_focal, spread, seen.frames, shares).near(seen.peaks)
+
+    def _posterior(
         self, log_focal: float, spread: float, frames: Sequence[Evidence], shares: Sequence[float]
     ) -> Posterior:
         """That of the pose and of a logarithm that is normally distributed about this one."""

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -225,6 +225,41 @@ def _eigen(matrix: Array) -> tuple[Array, Array]:
 def log_odds_of(peaks: Sequence[Peak]) -> float:
     """The log odds that edges lie where poses about the prior's put the steps, rather than by chance."""
     return float(logsumexp([peak.mass for peak in peaks])) if peaks else -np.inf
+
+
+class Seen(NamedTuple):
+    """The evidence of frames by the steps that their cameras see somewhere, what steps of each count, and the maxima to
+    which these lead.
+    """
+
+    frames: Sequence[Evidence]
+    shares: Sequence[float]
+    peaks: list[Peak]
+
+    @classmethod
+    def of(cls, frames: Sequence[Evidence], about: About, known: Sequence[Pose] = ()) -> Seen:
+        """The maxima about the prior's pose and near poses that are `known` to be near one."""
+        shares = shares_of(frames)
+        return cls(frames, shares, about(frames, shares).peaks(known))
+
+    def or_likelier(self, about: About) -> Seen:
+        """What the maxima lead to by the steps that are seen from the best of them, if that is likelier: from a pose
+        that is meters off the camera sees partly other ones.
+        """
+        best = max(self.peaks, key=lambda peak: peak.mass).pose
+        frames = [frame.seen_from(best) for frame in self.frames]
+        shares = shares_of(frames)
+        led = about(frames, shares).near(self.peaks)
+        return max(self, Seen(frames, shares, led), key=lambda seen: log_odds_of(seen.peaks))
+
+
+About = Callable[[Sequence[Evidence], Sequence[float]], Posterior]
+"""The posterior about a pose by frames, and by what steps of each count."""
+
+
+def shares_of(frames: Sequence[Evidence]) -> list[float]:
+    """What steps of each frame count (eq. 18.7)."""
+    return [frame.share(SPREADS_PX[-1]) for frame in frames]
 
 
 def root_of(covariance: ArrayLike) -> Array:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,7 @@ from regionpose.witness.evidence import Evidence
 from regionpose.witness.focal import FocalEvidence
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.odds import DECISIVE
-from regionpose.witness.posterior import SPREADS_PX, Peak, Posterior, log_odds_of, root_of
+from regionpose.witness.posterior import Peak, Posterior, Seen, log_odds_of, root_of
 from regionpose.witness.steps import far_turns
 
 Array = NDArray[np.float64]
@@ -97,8 +98,9 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
         For other shapes.
     """
     root, frames = root_of(covariance), [Evidence(frame, pose) for frame in scene]
-    shares = _shares(frames)
-    peaks = _likelier_seen(pose, root, scene, frames, Posterior(pose, root, frames, shares).peaks())
+    about = partial(Posterior, pose, root)
+    given = Seen.of(frames, about)
+    peaks = given.or_likelier(about).peaks
     log_odds = log_odds_of(peaks)
     left = SceneRefinement(
         pose=pose,
@@ -115,36 +117,13 @@ def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFr
     told = replace(left, alignments=tuple(frame.alignment(best.pose) for frame in scene))
     if not sum(alignment.log_odds for alignment in told.alignments) > DECISIVE:
         return told
-    chance = _by_chance(pose, root, scene, frames, shares, peaks)
+    chance = _by_chance(pose, root, given, peaks)
     if not log_odds - chance > DECISIVE:
         return replace(told, chance=chance)
     return replace(told, pose=best.pose, covariance=_spread_of(peaks, best), chance=chance, refined=True)
 
 
-def _shares(frames: Sequence[Evidence]) -> list[float]:
-    return [frame.share(SPREADS_PX[-1]) for frame in frames]
-
-
-def _likelier_seen(
-    given: Pose, root: Array, scene: Sequence[SceneFrame], frames: Sequence[Evidence], peaks: list[Peak]
-) -> list[Peak]:
-    """The peaks, or those that they lead to by the steps that the camera sees from the best of them, if these are
-    likelier: from a given pose that is meters off it sees partly other ones.
-    """
-    best = max(peaks, key=_mass).pose
-    anew = [Evidence(frame, best, like=old) for frame, old in zip(scene, frames, strict=True)]
-    led = Posterior(given, root, anew, _shares(anew)).near([peak.pose for peak in peaks])
-    return max(peaks, led, key=log_odds_of)
-
-
-def _by_chance(
-    pose: Pose,
-    root: Array,
-    scene: Sequence[SceneFrame],
-    frames: Sequence[Evidence],
-    shares: Sequence[float],
-    found: Sequence[Peak],
-) -> float:
+def _by_chance(pose: Pose, root: Array, given: Seen, found: Sequence[Peak]) -> float:
     """The largest log odds about turned poses, without peaks that belong to the pose itself: that are nearer to it, or
     those that are found about it.
     """
@@ -155,15 +134,17 @@ def _by_chance(
 
     likeliest: tuple[float, Pose, list[Peak]] = (-np.inf, pose, [])
     for turn in far_turns()[:COMPARED]:
-        for frame in frames:
+        for frame in given.frames:
             turned = frame.turn(Rotation.from_rotvec(turn))
-        about = Posterior(turned, root, frames, shares)
+        about = Posterior(turned, root, given.frames, given.shares)
         peaks = others(about, about.peaks())
         likeliest = max(likeliest, (log_odds_of(peaks), turned, peaks), key=lambda each: each[0])
     chance, turned, peaks = likeliest
+    if not peaks:
+        return chance
     # It is looked at as the pose is.
-    anew = others(Posterior(turned, root, (), ()), _likelier_seen(turned, root, scene, frames, peaks)) if peaks else []
-    return max(chance, log_odds_of(anew))
+    anew = given._replace(peaks=peaks).or_likelier(partial(Posterior, turned, root))
+    return max(chance, log_odds_of(others(Posterior(turned, root, (), ()), anew.peaks)))
 
 
 def _mass(peak: Peak) -> float:
