@@ -81,6 +81,23 @@ def test_a_percent_moves_the_pose_as_it_is_told(seed: int) -> None:
         )
 
 
+@pytest.mark.parametrize(("seed", "factor"), [(1, 1.0), (2, 0.85)])
+def test_steps_are_seen_from_where_photo_and_cloud_lead(factor: float, seed: int) -> None:
+    # The regions leave a pose degrees and decimeters off, from which other steps are seen than from the true one.
+    sigmas = np.array([*np.radians([2.4, 2.4, 2.4]), 0.15, 0.15, 0.15])
+    off = np.random.default_rng(seed).normal(size=6) * sigmas
+
+    def estimated(camera: rp.Camera) -> rp.PoseEstimate:
+        near = rp.estimate_pose(camera, images(seed), worlds())
+        return replace(near, pose=near.pose.moved(off), covariance=np.diag(sigmas**2))
+
+    camera = CAMERA.zoomed(factor)
+    scene = [rp.SceneFrame(*cards(seed), camera)]
+    focal = focal_evidence(estimated(camera), scene, lambda other, _: estimated(other))
+    assert focal is not None and focal.factor * factor == pytest.approx(1.0, abs=0.03)
+    assert focal.log_odds > np.log(9.0) if factor == 1.0 else focal.log_odds < -np.log(9.0)
+
+
 def test_a_camera_without_focal_lengths_is_not_asked() -> None:
     camera = rp.EquirectangularCamera(1000, 500)
     photo, points = cards(0)

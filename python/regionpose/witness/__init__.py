@@ -3,7 +3,8 @@
 from regionpose.witness.alignment import Alignment
 from regionpose.witness.answers import SceneWitness, Witnessed, witnessed
 from regionpose.witness.estimate import estimate_with_scene, refined_estimate
-from regionpose.witness.focal import Estimated, FocalEvidence
+from regionpose.witness.focal import FocalEvidence
+from regionpose.witness.focal_curve import Estimated
 from regionpose.witness.frame import SceneFrame, check_alignment
 from regionpose.witness.odds import weighed
 from regionpose.witness.photo import Photo

@@ -17,7 +17,8 @@ from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.witness.answers import Witnessed, witnessed
-from regionpose.witness.focal import Estimated, focal_evidence
+from regionpose.witness.focal import focal_evidence
+from regionpose.witness.focal_curve import Estimated
 from regionpose.witness.frame import SceneFrame
 from regionpose.witness.photo import Photo
 from regionpose.witness.refinement import SceneRefinement, refine_with_scene

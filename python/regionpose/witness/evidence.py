@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cache, cached_property
 
 import numpy as np
@@ -55,6 +56,12 @@ class Evidence:
     def seen_from(self, pose: Pose) -> Evidence:
         """That of the same frame by the steps that the camera would see at another pose."""
         return Evidence(self._frame, pose, with_focal=self._with_focal, like=self)
+
+    def of_frame(self, frame: SceneFrame) -> Evidence:
+        """That of the same steps and photo by the camera of another frame, once it is moved to a pose."""
+        other = copy(self)
+        other._frame, other._camera = frame, frame.camera
+        return other
 
     def turn(self, rotation: Rotation) -> Pose:
         """Look at the steps that the camera sees turned from the given pose, about its axes; that pose."""
