@@ -13,6 +13,8 @@ SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
 
+# A worker a core: more threads than that would wait for one another, for half of the time.
+test: export OMP_NUM_THREADS := 1
 test: $(STAMP)
 	cargo test --quiet
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
