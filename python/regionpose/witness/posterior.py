@@ -239,7 +239,7 @@ class Seen(NamedTuple):
     @classmethod
     def of(cls, frames: Sequence[Evidence], about: About, known: Sequence[Pose] = ()) -> Seen:
         """The maxima about the prior's pose and near poses that are `known` to be near one."""
-        shares = shares_of(frames)
+        shares = _shares(frames)
         return cls(frames, shares, about(frames, shares).peaks(known))
 
     def or_likelier(self, about: About) -> Seen:
@@ -248,7 +248,7 @@ class Seen(NamedTuple):
         """
         best = max(self.peaks, key=lambda peak: peak.mass).pose
         frames = [frame.seen_from(best) for frame in self.frames]
-        shares = shares_of(frames)
+        shares = _shares(frames)
         led = about(frames, shares).near(self.peaks)
         return max(self, Seen(frames, shares, led), key=lambda seen: log_odds_of(seen.peaks))
 
@@ -257,7 +257,7 @@ About = Callable[[Sequence[Evidence], Sequence[float]], Posterior]
 """The posterior about a pose by frames, and by what steps of each count."""
 
 
-def shares_of(frames: Sequence[Evidence]) -> list[float]:
+def _shares(frames: Sequence[Evidence]) -> list[float]:
     """What steps of each frame count (eq. 18.7)."""
     return [frame.share(SPREADS_PX[-1]) for frame in frames]
 
