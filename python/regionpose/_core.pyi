@@ -139,6 +139,8 @@ def estimate_batch(
     mesh_size: float | None = None,
     start: Literal["global", "paper"] = "global",
     refine: Literal["contour"] | None = "contour",
+    frame_sigma: tuple[float, float, float] | None = None,
+    limits: tuple[float, float] | None = None,
 ) -> list[Estimate | str | None]:
     """Estimates of many problems by the native solver, each with its prior, in order; None for one without a pose in
     view, and what is wrong with it for one that is refused.
@@ -320,6 +322,12 @@ class Solution:
         """(6, 6) of the left increment `[omega (rad), tau]`."""
 
     @property
+    def focal_shift(self) -> NDArray[np.float64]:
+        """Derivative (6,) of the pose, a left increment, by the logarithm of the focal lengths; NaN where a direction is
+        left free.
+        """
+
+    @property
     def confidence(self) -> float:
         """Probability that the true pose is within 5 degrees."""
 
@@ -369,6 +377,10 @@ class Estimate:
     def evaluations(self) -> int:
         """Evaluations of the equations over all minima."""
 
+    @property
+    def distance(self) -> float:
+        """Median distance of the regions from the camera at the best pose."""
+
 @final
 class Prior:
     """What is known of a pose beforehand; `initial` as rotation (3, 3) and translation (3,)."""
@@ -415,6 +427,8 @@ class Problem:
         start: Literal["global", "paper"] = "global",
         prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
+        frame_sigma: tuple[float, float, float] | None = None,
+        limits: tuple[float, float] | None = None,
     ) -> Search:
         """The poses that may be the answer, and the equations to polish them by."""
 
@@ -431,9 +445,16 @@ class Problem:
         """Overlap error of all regions together at a pose, and of each (k,)."""
 
     def weak_geometry(
-        self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike
+        self,
+        rotation: ArrayLike,
+        translation: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        limits: tuple[float, float] | None = None,
     ) -> tuple[str, str, list[int], dict[str, float | str]] | None:
-        """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that is weak; else None."""
+        """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`, degrees
+        and a share of the distance; else None.
+        """
 
     def estimate(
         self,
@@ -441,6 +462,8 @@ class Problem:
         start: Literal["global", "paper"] = "global",
         prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
+        frame_sigma: tuple[float, float, float] | None = None,
+        limits: tuple[float, float] | None = None,
     ) -> Estimate | None:
         """The estimate by the native driver; None without a pose in view."""
 

@@ -54,6 +54,8 @@ mod lanes;
 pub mod mesh;
 pub mod moments;
 #[doc(hidden)]
+pub mod options;
+#[doc(hidden)]
 pub mod prior;
 #[doc(hidden)]
 pub mod problem;
@@ -77,10 +79,11 @@ pub use equations::facet::Integration;
 pub use equations::system::System;
 pub use error::{Error, Result};
 pub use geometry::pose::Pose;
+pub use options::{FrameSigma, Limits, Options, Refinement, Start};
 pub use prior::{Gaussian, PoseSigma, Prior};
 pub use problem::Problem;
 pub use region::{ObservedRegion, WorldRegion};
-pub use search::candidates::{Options, Refinement, Search, Start};
+pub use search::candidates::Search;
 pub use verdict::estimate::{Estimate, Solution};
 pub use verdict::warning::Warning;
 

@@ -217,9 +217,13 @@ impl Problem {
         self.worlds.iter().enumerate().filter_map(behind).collect()
     }
 
-    /// Distance from the camera to the middle of the regions.
+    /// Median distance of the regions from the camera.
     pub fn distance(&self, pose: &Pose) -> f64 {
-        pose.transform(&self.origin).norm()
+        let distance = |world: &WorldRegion| pose.transform(&world.frame().origin).norm();
+        let mut distances: Vec<f64> = self.worlds.iter().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        let (below, above) = (distances[(distances.len() - 1) / 2], distances[distances.len() / 2]);
+        0.5 * (below + above)
     }
 
     /// The pose for world points about the problem's origin.

@@ -101,7 +101,9 @@ class PoseEstimate(Judged):
     pose : Pose
         `camera_from_world`.
     covariance : (6, 6) array
-        Of the left increment `[omega (rad), tau (meters)]`, `P' = exp(omega) P + tau`.
+        Of the left increment `[omega (rad), tau (meters)]`, `P' = exp(omega) P + tau`: by the noise of contours and
+        samples, and, where regions are those of a scan, by what calibration, time and scan add to it (docs/math.md,
+        eq. 17.14).
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
         15).
@@ -128,6 +130,12 @@ class PoseEstimate(Judged):
         Why it ended.
     evaluations : int
         Of the equations, over all minima.
+    distance_m : float
+        Median distance of the regions from the camera, meters: what the limit of the translation's standard deviation
+        is a share of.
+    focal_shift : (6,) array
+        The pose's derivative by the logarithm of the focal lengths, a left increment, as the regions tell it: a hundredth
+        of it is what focal lengths 1 % longer do (docs/math.md, eq. 10.9). NaN where a direction is left free.
     creases : tuple of Crease
         Edges between regions that were evidence beside samples of a scan.
 
@@ -146,6 +154,8 @@ class PoseEstimate(Judged):
     converged: bool
     termination: str
     evaluations: int
+    distance_m: float
+    focal_shift: Array
     creases: tuple[Crease, ...] = ()
 
     def __repr__(self) -> str:
@@ -179,6 +189,8 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         converged=best.converged,
         termination=best.termination,
         evaluations=estimate.evaluations,
+        distance_m=estimate.distance,
+        focal_shift=best.focal_shift,
         creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
     )
 

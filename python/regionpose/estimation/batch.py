@@ -105,6 +105,8 @@ def core_batch(
         mesh_size=solver.mesh_size,
         start=solver.start,
         refine=solver.refine,
+        frame_sigma=solver.frame_sigma,
+        limits=solver.limits,
     )
 
 

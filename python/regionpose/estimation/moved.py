@@ -28,11 +28,12 @@ def moved_estimate(
     camera: Camera,
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
+    solver: Solver,
 ) -> PoseEstimate:
-    """The estimate with a pose near its own, of this covariance (6, 6): overlap errors, and whether the geometry is
-    weak, are told anew.
+    """The estimate with a pose near its own, of this covariance (6, 6): overlap errors, and whether the standard
+    deviations are within the solver's limits, are told anew.
     """
-    problem = core_problem(camera, image_regions, world_regions, Solver())
+    problem = core_problem(camera, image_regions, world_regions, solver)
     whole, errors = problem.overlap_errors(pose.rotation_matrix, pose.translation)
     return replace(
         estimate,
@@ -40,7 +41,7 @@ def moved_estimate(
         covariance=covariance,
         overlap_error=whole,
         region_overlap_errors=errors,
-        warnings=_with_geometry(estimate.warnings, problem, pose, covariance),
+        warnings=_with_geometry(estimate.warnings, problem, pose, covariance, solver.limits),
     )
 
 
@@ -51,6 +52,7 @@ def scattered_estimate(
     camera: Camera,
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
+    solver: Solver,
 ) -> PoseEstimate:
     """The estimate of frames that scatter, with the pose and covariance (6, 6) that allow for it, and what follows from
     them: shares and confidences (docs/math.md, eq. 15.1), and the covariances of other answers, larger by the same
@@ -60,7 +62,7 @@ def scattered_estimate(
     factor = max(
         1.0, float(np.trace(np.linalg.pinv(estimate.covariance, hermitian=True) @ covariance)) / len(covariance)
     )
-    moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions)
+    moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions, solver)
     return replace(
         moved,
         confidence=min(1.0, near * estimate.confidence),
@@ -78,11 +80,15 @@ def scattered_estimate(
 
 
 def _with_geometry(
-    warnings: Sequence[PoseWarning], problem: _core.Problem, pose: Pose, covariance: Array
+    warnings: Sequence[PoseWarning],
+    problem: _core.Problem,
+    pose: Pose,
+    covariance: Array,
+    limits: tuple[float, float],
 ) -> tuple[PoseWarning, ...]:
-    """The warnings, whether the geometry is weak told anew."""
+    """The warnings, whether the standard deviations are within the limits told anew."""
     kept = [warning for warning in warnings if warning.code != "weak-geometry"]
-    weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance)
+    weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance, limits=limits)
     if weak is not None:
         code, text, regions, values = weak
         kept.append(PoseWarning(code, text, tuple(regions), values))

@@ -38,17 +38,29 @@ class Solver:
     driver : {"scipy", "native"} or None
         What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
         rigs; both reach the same minimum. Batches are always native.
+    frame_sigma_deg, frame_sigma_m, focal_sigma : float
+        Standard deviations of the error of a whole exposure, which calibration, time and scan add and no contour shows:
+        of the rotation about each axis, degrees; of the camera's place along each, meters, where regions are those of a
+        scan; of the focal lengths, as a share of them. They count in the covariance (docs/math.md, eq. 10.8); 0, 0 and
+        0 for simulated exposures. A rig estimates the first two itself.
+    max_rotation_sigma_deg : float
+        Largest standard deviation of the rotation, degrees, of a pose that is trusted: of a larger one
+        `weak-geometry` warns.
+    max_translation_sigma : float
+        The same of the translation, over the median distance of the regions.
 
     Raises
     ------
     ValueError
-        For another word, a mesh size that is no positive number, or one without a mesh.
+        For another word, a mesh size that is no positive number, or one without a mesh; for a deviation or a limit that
+        is no finite number of at least 0.
 
     Examples
     --------
     >>> import regionpose as rp
     >>> rp.Solver(system="sphere", driver="native")
-    Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='native')
+    Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='native', \
+frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma=0.005, max_rotation_sigma_deg=0.5, max_translation_sigma=0.02)
 
     """
 
@@ -58,9 +70,24 @@ class Solver:
     start: Start = "global"
     refine: Refine | None = "contour"
     driver: Driver | None = None
+    frame_sigma_deg: float = 0.1
+    frame_sigma_m: float = 0.03
+    focal_sigma: float = 0.005
+    max_rotation_sigma_deg: float = 0.5
+    max_translation_sigma: float = 0.02
+
+    @property
+    def frame_sigma(self) -> tuple[float, float, float]:
+        """The error of a whole exposure, as the core takes it."""
+        return self.frame_sigma_deg, self.frame_sigma_m, self.focal_sigma
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The limits of a trusted pose, as the core takes them."""
+        return self.max_rotation_sigma_deg, self.max_translation_sigma
 
     def __post_init__(self) -> None:
-        """Check the words and the mesh size."""
+        """Check words and numbers."""
         for name, words in WORDS.items():
             value = getattr(self, name)
             if not (isinstance(value, str | None) and value in words):
@@ -68,6 +95,8 @@ class Solver:
                 raise ValueError(f"{name} is {value!r}; needed {needed}")
         if self.mesh_size is not None:
             self._check_mesh()
+        for name in NUMBERS:
+            object.__setattr__(self, name, _checked_number(name, getattr(self, name)))
 
     def _check_mesh(self) -> None:
         size = self.mesh_size
@@ -88,6 +117,18 @@ WORDS: dict[str, tuple[str | None, ...]] = {
     "driver": (*get_args(Driver), None),
 }
 """The words that each option may be."""
+
+
+NUMBERS = ("frame_sigma_deg", "frame_sigma_m", "focal_sigma", "max_rotation_sigma_deg", "max_translation_sigma")
+"""The options that are numbers of at least 0."""
+
+
+def _checked_number(name: str, value: object) -> float:
+    """The number as a float; ValueError for what is none, or less than 0."""
+    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not (is_number and 0.0 <= float(value) < np.inf):
+        raise ValueError(f"{name} is {value!r}; needed a finite number of at least 0")
+    return float(value)
 
 
 def checked_solver(solver: Solver | None) -> Solver:

@@ -221,6 +221,9 @@ def estimate_rig(
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
     rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
+    if len(listed) > 1:
+        # How far frames are off as wholes is estimated below.
+        rig = replace(rig, solver=replace(rig.solver, frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma=0.0))
     if names and all(region.is_line for region in _sides(listed)[1]):
         raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
     estimate = rig.joint(listed)
@@ -235,7 +238,13 @@ def estimate_rig(
     found = rig.scattered(listed, estimate)
     if found is not None:
         pose = estimate.pose.moved(found.increment)
-        estimate = scattered_estimate(estimate, pose, found.covariance, rig.camera, *_sides(listed))
+        # An error of the focal lengths is the same in all frames.
+        covariance = found.covariance + options.focal_sigma**2 * np.outer(estimate.focal_shift, estimate.focal_shift)
+        estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
+    elif len(listed) > 1:
+        # Nothing tells how far frames are off.
+        options = replace(options, driver=rig.solver.driver)
+        estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
     influence = rig.influence(listed, estimate.pose)
     return RigEstimate(
         estimate=estimate,

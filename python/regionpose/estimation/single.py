@@ -67,9 +67,23 @@ def estimate_pose(
     options = checked_solver(solver)
     problem, known = core_problem(camera, image_regions, world_regions, options), core_prior(prior)
     if options.driver == "native":
-        found = answer_of(problem.estimate(start=options.start, refine=options.refine, prior=known))
+        found = answer_of(
+            problem.estimate(
+                start=options.start,
+                refine=options.refine,
+                prior=known,
+                frame_sigma=options.frame_sigma,
+                limits=options.limits,
+            )
+        )
     else:
-        search = problem.search(start=options.start, refine=options.refine, prior=known)
+        search = problem.search(
+            start=options.start,
+            refine=options.refine,
+            prior=known,
+            frame_sigma=options.frame_sigma,
+            limits=options.limits,
+        )
         minima = [scipy_minimum(search, rotation, translation) for rotation, translation in search.candidates]
         found = answer_of(search.judged(minima))
     if isinstance(found, PoseError):

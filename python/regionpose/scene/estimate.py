@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -235,7 +234,7 @@ def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
         return _run(run.scene, frames, run.seconds, pose).estimate
 
     with stages.stage("witness"):
-        refine = partial(rest.refined, zoomed) if solver.refine == "scene" else None
+        refine = (lambda given: rest.refined(zoomed, given, run.scatter)) if solver.refine == "scene" else None
         counts = [len(sides.names) for sides in run.frames]
         heard = witnessed(run.estimate, rest.align, settled, refine, counts)
     return replace(run, estimate=heard.estimate, witness=heard.witness)
@@ -247,6 +246,7 @@ class RestOfScene:
     def __init__(self, frames: Sequence[SceneSides]) -> None:
         """Take the frames, those without a cloud left out."""
         self._camera, self._regions, self._origin = frames[0].camera, _regions(frames), frames[0].origin
+        self._solver = scene_solver(frames[0].scene)
         self._frames = [
             None
             if sides.cloud is None
@@ -267,9 +267,11 @@ class RestOfScene:
         local = pose.about(self._origin)
         return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
 
-    def refined(self, zoomed: Estimated, estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
+    def refined(
+        self, zoomed: Estimated, estimate: PoseEstimate, scatter: FrameScatter | None
+    ) -> tuple[PoseEstimate, SceneRefinement]:
         """An estimate with its pose refined by them if they say enough, and what they said; `zoomed`: the estimate with
-        another camera, started at a pose.
+        another camera, started at a pose; `scatter`: how far frames are off as wholes, where they tell.
         """
 
         def estimated(camera: Camera, pose: Pose) -> PoseEstimate:
@@ -278,9 +280,13 @@ class RestOfScene:
 
         frames = [frame for frame in self._frames if frame is not None]
         local = replace(estimate, pose=estimate.pose.about(self._origin))
-        moved, found = refined_estimate(local, frames, self._camera, *self._regions, estimated)
+        solver = self._solver
+        if scatter is not None:
+            sigma_deg, sigma_m = scatter.rotation_sigma_deg, scatter.center_sigma_m
+            solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
+        moved, found = refined_estimate(local, frames, self._camera, *self._regions, estimated, solver)
         world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
-        return replace(moved, pose=world.pose) if found.refined else estimate, world
+        return replace(moved, pose=world.pose), world
 
 
 def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Value:

@@ -36,6 +36,7 @@ def _is_number(value: object) -> bool:
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 FileName = Annotated[str, Field(min_length=1, description="a path, relative to the scene file")]
 Pixel = Annotated[
     list[Number],

@@ -20,6 +20,11 @@ def scene_solver(scene: Scene) -> Solver:
         start=item.start,
         refine=None if item.refine == "none" else "contour",
         driver=item.driver,
+        frame_sigma_deg=item.frame_sigma_deg,
+        frame_sigma_m=item.frame_sigma_m,
+        focal_sigma=item.focal_sigma,
+        max_rotation_sigma_deg=item.max_rotation_sigma_deg,
+        max_translation_sigma=item.max_translation_sigma,
     )
 
 

@@ -6,11 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, Tag
 
+from regionpose.estimation.options import Solver
 from regionpose.scene.items import (
     Coefficients4,
     FileName,
     Item,
     Name,
+    NotNegative,
     Number,
     Pair,
     Pixel,
@@ -384,6 +386,22 @@ class SolverItem(Item):
     witness: Annotated[
         bool, Field(description="whether photo and cloud are compared away from the regions, where both are there")
     ] = True
+    frame_sigma_deg: Annotated[
+        NotNegative,
+        Field(description="standard deviation of the rotation that calibration, time and scan of one frame add, degrees"),
+    ] = Solver.frame_sigma_deg
+    frame_sigma_m: Annotated[NotNegative, Field(description="the same of the camera's place, meters")] = (
+        Solver.frame_sigma_m
+    )
+    focal_sigma: Annotated[
+        NotNegative, Field(description="standard deviation of the calibration's focal lengths, as a share of them")
+    ] = Solver.focal_sigma
+    max_rotation_sigma_deg: Annotated[
+        NotNegative, Field(description="largest standard deviation of the rotation of a trusted pose, degrees")
+    ] = Solver.max_rotation_sigma_deg
+    max_translation_sigma: Annotated[
+        NotNegative, Field(description="the same of the translation, over the median distance of the regions")
+    ] = Solver.max_translation_sigma
 
 
 PLANES = "planes"

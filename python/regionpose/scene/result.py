@@ -15,6 +15,7 @@ from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.exposure import SceneSides
 from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.sides import WorldSide
+from regionpose.scene.verdict import limits
 
 FORMAT = "regionpose result 1"
 
@@ -33,6 +34,7 @@ def scene_result(run: SceneEstimate) -> dict[str, Any]:
 def _told_of_pose(run: SceneEstimate) -> dict[str, Any]:
     """The pose both ways, whose camera's it is, and how well it is known."""
     estimate = run.estimate
+    max_rotation_sigma_deg, max_translation_sigma_m = limits(run)
     return {
         "format": FORMAT,
         "scene": str(run.scene.path),
@@ -47,6 +49,8 @@ def _told_of_pose(run: SceneEstimate) -> dict[str, Any]:
         "covariance_convention": COVARIANCE_CONVENTION,
         "rotation_sigma_deg": estimate.rotation_sigma_deg,
         "translation_sigma_m": estimate.translation_sigma_m,
+        "max_rotation_sigma_deg": max_rotation_sigma_deg,
+        "max_translation_sigma_m": max_translation_sigma_m,
     }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from regionpose.scene.estimate import SceneEstimate
+from regionpose.scene.known import scene_solver
 
 ADVICE = {
     "ambiguous-matching": "Pair the regions yourself (regions with both sides), or add one whose shape is its own.",
@@ -22,6 +23,8 @@ ADVICE = {
     "hidden-region": "Look at depth.png: something of the cloud stands before this region. Check the regions'"
     " pairs, the focal length, and that photo and cloud are of one time; or say what is known of the camera.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
+    "regions-contradicted": "Look at depth.png and edges.png: if they fit, a region's mask, outline or pair is wrong; if"
+    " not, photo and cloud don't show the same scene.",
     "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
     " calibration, and that photo and cloud show the same scene.",
     "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",
@@ -33,7 +36,8 @@ ADVICE = {
     "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
-    "weak-geometry": "Add a region in another plane or further from the others.",
+    "weak-geometry": "Add a region in another plane or further from the others, or more frames; or, if this is precise"
+    " enough, raise solver.max_rotation_sigma_deg or solver.max_translation_sigma.",
 }
 """What to do about each warning whose message doesn't say so itself."""
 
@@ -74,15 +78,15 @@ class Verdict:
 
 
 def verdict(run: SceneEstimate) -> Verdict:
-    """The verdict on a run: trusted without warnings, doubtful where another pose may be the true one or the pose is
-    more likely wrong than right, else to be checked.
+    """The verdict on a run: trusted without warnings, of which one is that the standard deviations exceed the limits;
+    doubtful where another pose may be the true one or the pose is more likely wrong than right, else to be checked.
     """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
     fit = _fit(run) + _heard(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
-    sigma = f"{turn:.3f} deg and {shift:.1f} mm (1 sigma){_by_focal(run)}"
+    sigma = f"{turn:.3f} deg and {shift:.1f} mm (1 sigma; {_limits(run)}){_by_focal(run)}"
     if not codes:
         return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma}.", ())
     if codes & DOUBTS:
@@ -90,6 +94,17 @@ def verdict(run: SceneEstimate) -> Verdict:
     if estimate.confidence < STATED:
         return Verdict(DOUBTFUL, f"{fit}, but the pose is more likely wrong than right.", remarks)
     return Verdict(CHECK, f"{fit}; if the pose is right, it is known to about {sigma}.", remarks)
+
+
+def limits(run: SceneEstimate) -> tuple[float, float]:
+    """The largest standard deviations of a trusted pose: degrees, meters."""
+    most_deg, share = scene_solver(run.scene).limits
+    return most_deg, share * run.estimate.distance_m
+
+
+def _limits(run: SceneEstimate) -> str:
+    most_deg, most_m = limits(run)
+    return f"trusted up to {most_deg:g} deg and {1000.0 * most_m:.0f} mm"
 
 
 def _heard(run: SceneEstimate) -> str:

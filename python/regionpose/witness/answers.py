@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
+from scipy.special import chdtri, expit
 
 from regionpose import _core
 from regionpose.estimation.answer import Alternative, PoseEstimate
@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 OF_OTHERS = {"ambiguous", "ambiguous-region"}
 """Warnings of other answers."""
+
+MOST_MOVED = float(np.sqrt(chdtri(6.0, 0.0027)))
+"""Mahalanobis distance of six parameters that chance exceeds as rarely as three standard deviations of one."""
 
 OF_CONFIDENCE = {*OF_OTHERS, "low-confidence"}
 """Warnings that say no more than that the confidence is low."""
@@ -118,9 +121,11 @@ def witnessed(
         estimate = settle(estimate.alternatives[place - 1].pose)
         alignments, shares = _heard(estimate, align)
     before, refinement = estimate.confidence, None
+    moved: list[PoseWarning] = []
     if refine is not None and np.isfinite(estimate.covariance).all():
         given = estimate
         estimate, refinement = refine(given)
+        moved = _contradiction(given, estimate)
         if refinement.refined:
             told = iter(refinement.alignments)
             alignments[0] = [None if frame is None else next(told) for frame in alignments[0]]
@@ -130,6 +135,8 @@ def witnessed(
     witness = SceneWitness(tuple(alignments[0]), before, place, len(alignments), refinement)
     judged = _with_shares(estimate, shares)
     lead = witness.log_odds - max((_log_odds(other) for other in alignments[1:]), default=np.inf)
+    # Before the rest: a low confidence is told where nothing else is.
+    judged = replace(judged, warnings=(*judged.warnings, *moved))
     warnings = (*_warnings(judged, witness, lead), *_hidden_regions(witness.alignments, counts))
     return Witnessed(replace(judged, warnings=warnings), witness)
 
@@ -224,6 +231,21 @@ def _disagreement(witness: SceneWitness) -> PoseWarning:
     )
     values = {"share": share, "steps": steps, "z": z, "confidence_before": before}
     return PoseWarning("scene-disagrees", text, values=values)
+
+
+def _contradiction(given: PoseEstimate, refined: PoseEstimate) -> list[PoseWarning]:
+    """A warning where the rest of the scene moved a pose by more than the regions leave open: one of them is wrong."""
+    increment = given.pose.increment_to(refined.pose)
+    sigmas = float(np.sqrt(increment @ np.linalg.solve(given.covariance, increment)))
+    if sigmas <= MOST_MOVED:
+        return []
+    turned, shift = float(np.degrees(np.linalg.norm(increment[:3]))), float(np.linalg.norm(increment[3:]))
+    text = (
+        f"photo and cloud away from the regions lead to a pose {turned:.2f} deg and {shift:.3f} m from that of the"
+        f" regions, {sigmas:.1f} of its standard deviations: one of them is wrong"
+    )
+    values = {"rotation_deg": turned, "shift_m": shift, "sigmas": sigmas}
+    return [PoseWarning("regions-contradicted", text, values=values)]
 
 
 def _other_focal_lengths(focal: FocalEvidence, before: float) -> PoseWarning:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.moved import moved_estimate
-from regionpose.estimation.options import Solver
+from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
 from regionpose.pose import Pose
@@ -91,7 +92,8 @@ def estimate_with_scene(
         return zoomed(camera, pose)
 
     def refined(estimate: PoseEstimate) -> tuple[PoseEstimate, SceneRefinement]:
-        return refined_estimate(estimate, [frame], camera, image_regions, world_regions, zoomed)
+        options = checked_solver(solver)
+        return refined_estimate(estimate, [frame], camera, image_regions, world_regions, zoomed, options)
 
     return witnessed(estimated(prior), lambda pose: [frame.alignment(pose)], settled, refined)
 
@@ -103,13 +105,27 @@ def refined_estimate(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
     estimated: Estimated,
+    solver: Solver,
 ) -> tuple[PoseEstimate, SceneRefinement]:
     """An estimate with its pose refined by the rest of the scene if that says enough, and what that said of the pose
     and of the focal lengths; `estimated`: the regions' estimate with another camera, started at a pose.
+
+    The estimate's covariance holds what the edges of all frames share beside their noise: the error of each whole
+    exposure, to the solver's deviations, and of the focal lengths.
     """
     found = refine_with_scene(estimate.pose, estimate.covariance, scene)
     focal = focal_evidence(estimate, scene, estimated, found.pose if found.refined else None)
     found = replace(found, focal=focal)
-    if not found.refined:
-        return estimate, found
-    return moved_estimate(estimate, found.pose, found.covariance, camera, image_regions, world_regions), found
+    covariance = estimate.covariance
+    if found.refined:
+        covariance = found.covariance + _shared_error(solver, len(scene))
+        # What the edges share, too: the regions' own covariance holds it.
+        if focal is not None:
+            covariance = covariance + np.outer(focal.shift, focal.shift) * (100.0 * solver.focal_sigma) ** 2
+    return moved_estimate(estimate, found.pose, covariance, camera, image_regions, world_regions, solver), found
+
+
+def _shared_error(solver: Solver, frames: int) -> NDArray[np.float64]:
+    """Covariance (6, 6) of the mean error of so many whole exposures."""
+    sigma = np.repeat([np.radians(solver.frame_sigma_deg), solver.frame_sigma_m], 3)
+    return np.diag(np.square(sigma)) / frames

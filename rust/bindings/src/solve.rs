@@ -13,8 +13,9 @@ use regionpose::equations::least_squares;
 use regionpose::equations::residual::Evaluation;
 use regionpose::equations::system::{System, Weighting};
 use regionpose::error::Error;
+use regionpose::options::{FrameSigma, Limits, Options, Refinement, Start};
 use regionpose::problem;
-use regionpose::search::candidates::{self, Options, Refinement, Start};
+use regionpose::search::candidates;
 use regionpose::verdict::{estimate, weakness};
 
 use crate::arrays::{
@@ -181,6 +182,12 @@ impl Solution {
         read_only(py, &self.held().region_overlap_errors)
     }
 
+    /// Derivative (6,) of the pose, a left increment, by the logarithm of the focal lengths; NaN where a direction is left free.
+    #[getter]
+    fn focal_shift<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        read_only(py, self.held().focal_shift.as_slice())
+    }
+
     #[getter]
     fn confidence(&self) -> f64 {
         self.held().confidence
@@ -266,6 +273,12 @@ impl Estimate {
         self.0.warnings.iter().map(|warning| told(py, warning)).collect()
     }
 
+    /// Median distance of the regions from the camera at the best pose.
+    #[getter]
+    fn distance(&self) -> f64 {
+        self.0.distance
+    }
+
     #[getter]
     fn evaluations(&self) -> usize {
         self.0.evaluations
@@ -303,9 +316,17 @@ impl Problem {
     }
 
     /// The poses that may be the answer, and the equations to polish them by.
-    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
-    fn search(&self, py: Python<'_>, start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Search> {
-        let options = parsed_options(start, prior, refine)?;
+    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour", frame_sigma = None, limits = None))]
+    fn search(
+        &self,
+        py: Python<'_>,
+        start: &str,
+        prior: Option<Prior>,
+        refine: Option<&str>,
+        frame_sigma: Option<[f64; 3]>,
+        limits: Option<[f64; 2]>,
+    ) -> PyResult<Search> {
+        let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
         detached(py, || self.0.search(&options)).map(Search)
     }
 
@@ -334,36 +355,73 @@ impl Problem {
         Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
-    /// The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that is weak; else None.
+    /// The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`, degrees and a share of
+    /// the distance; else None.
+    #[pyo3(signature = (rotation, translation, covariance, *, limits = None))]
     fn weak_geometry<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
         covariance: &Bound<'py, PyAny>,
+        limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Told<'py>>> {
         let pose = pose(rotation, translation)?;
-        let warning = weakness::weak_geometry(&self.0, &pose, &self::covariance(covariance)?);
+        let limits = limits.map(parsed_limits).transpose()?.unwrap_or_default();
+        let warning = weakness::weak_geometry(&self.0, &pose, &self::covariance(covariance)?, &limits);
         warning.map(|warning| told(py, &warning)).transpose()
     }
 
     /// The estimate by the native driver; None without a pose in view.
-    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour"))]
+    #[pyo3(signature = (*, start = "global", prior = None, refine = "contour", frame_sigma = None, limits = None))]
     fn estimate<'py>(
         &self,
         py: Python<'py>,
         start: &str,
         prior: Option<Prior>,
         refine: Option<&str>,
+        frame_sigma: Option<[f64; 3]>,
+        limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Estimate>> {
-        let options = parsed_options(start, prior, refine)?;
+        let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
         Ok(detached(py, || self.0.estimate_with(&options))?.map(Estimate::new))
     }
 }
 
-fn parsed_options(start: &str, prior: Option<Prior>, refine: Option<&str>) -> PyResult<Options> {
-    let prior = prior.map(|prior| prior.0).unwrap_or_default();
-    Ok(Options { start: parsed_start(start)?, prior, refinement: parsed_refinement(refine)? })
+fn parsed_options(
+    start: &str,
+    prior: Option<Prior>,
+    refine: Option<&str>,
+    frame_sigma: Option<[f64; 3]>,
+    limits: Option<[f64; 2]>,
+) -> PyResult<Options> {
+    let (prior, given) = (prior.map(|prior| prior.0).unwrap_or_default(), Options::default());
+    Ok(Options {
+        start: parsed_start(start)?,
+        prior,
+        refinement: parsed_refinement(refine)?,
+        frame_sigma: match frame_sigma {
+            Some([degrees, meters, focal]) => FrameSigma {
+                rotation: at_least_zero("frame_sigma[0]", degrees)?.to_radians(),
+                place: at_least_zero("frame_sigma[1]", meters)?,
+                focal: at_least_zero("frame_sigma[2]", focal)?,
+            },
+            None => given.frame_sigma,
+        },
+        limits: limits.map(parsed_limits).transpose()?.unwrap_or(given.limits),
+    })
+}
+
+/// Limits of the deviations of a trusted pose, degrees and a share of the distance.
+fn parsed_limits([degrees, share]: [f64; 2]) -> PyResult<Limits> {
+    let (rotation, translation) = (at_least_zero("limits[0]", degrees)?, at_least_zero("limits[1]", share)?);
+    Ok(Limits { rotation: rotation.to_radians(), translation })
+}
+
+fn at_least_zero(name: &str, value: f64) -> PyResult<f64> {
+    let holds = value >= 0.0 && value.is_finite();
+    let error = || PyValueError::new_err(format!("{name} is {value}; it needs to be a finite number of at least 0"));
+    holds.then_some(value).ok_or_else(error)
 }
 
 fn residual_jacobian<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<ResidualJacobian<'py>> {
@@ -444,7 +502,7 @@ pub fn work_done() -> u64 {
 #[pyfunction]
 #[pyo3(signature = (
     problems, priors, *, threads = None, system = "plane", integration = "boundary", mesh_size = None, start = "global",
-    refine = "contour"
+    refine = "contour", frame_sigma = None, limits = None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub fn estimate_batch<'py>(
@@ -457,6 +515,8 @@ pub fn estimate_batch<'py>(
     mesh_size: Option<f64>,
     start: &str,
     refine: Option<&str>,
+    frame_sigma: Option<[f64; 3]>,
+    limits: Option<[f64; 2]>,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
     if problems.len() != priors.len() {
         let (found, needed) = (priors.len(), problems.len());
@@ -466,10 +526,11 @@ pub fn estimate_batch<'py>(
     }
     let threads: Option<usize> = optional("threads", threads, "a whole number of at least 1, or None")?;
     let (system, integration) = (parsed_system(system)?, parsed_integration(integration, mesh_size)?);
+    let options = |prior| parsed_options(start, prior, refine, frame_sigma, limits);
     let tasks = problems
         .iter()
         .zip(priors)
-        .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), parsed_options(start, prior, refine)?)));
+        .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), options(prior)?)));
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
     let solve = |(sides, options): &(Sides, Options)| {
         sides.problem(system, integration).map(|problem| problem.estimate_with(options))

@@ -34,9 +34,11 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
             }
         }
         Warning::LowConfidence { percent } => set("confidence", PERCENT * percent)?,
-        Warning::WeakGeometry { degrees, shift, .. } => {
+        Warning::WeakGeometry { degrees, shift, most_degrees, most_shift, .. } => {
             set("rotation_sigma_deg", *degrees)?;
             set("translation_sigma_m", *shift)?;
+            set("max_rotation_sigma_deg", *most_degrees)?;
+            set("max_translation_sigma_m", *most_shift)?;
         }
         Warning::InitialContradicted { degrees, shift, sigmas } => {
             set("rotation_deg", *degrees)?;

@@ -160,19 +160,23 @@ impl ContourFit {
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
     /// independently; `None` where a region is out of view.
     pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
-        let mut equations = NormalEquations::default();
-        for ((region, readings), contour) in self.regions().zip(contours) {
-            let odds = self.mixture.odds(region);
+        let regions = self.region_gaussians(contours)?.into_iter();
+        let sum = regions.fold(Gaussian::default(), |sum, region| sum + region);
+        Some(Gaussian { offset: self.independent() * self.mixture.likelihood, ..sum })
+    }
+
+    /// The same of each region's contour, but for a multiple.
+    pub fn region_gaussians(&self, contours: &[Contour]) -> Option<Vec<Gaussian>> {
+        let share = self.independent() / self.readings.len().max(1) as f64;
+        let factor = share / (self.mixture.sigma * self.mixture.sigma);
+        let region = |((region, readings), contour): ((usize, &[Reading]), &Contour)| {
+            let (odds, mut equations) = (self.mixture.odds(region), NormalEquations::default());
             let weight = |reading: &Reading| odds.weight(reading);
             contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations)?;
-        }
-        let share = self.independent() / self.readings.len().max(1) as f64;
-        let weight = share / (self.mixture.sigma * self.mixture.sigma);
-        Some(Gaussian {
-            information: equations.information * weight,
-            vector: equations.gradient * -weight,
-            offset: self.independent() * self.mixture.likelihood,
-        })
+            let (information, vector) = (equations.information * factor, equations.gradient * -factor);
+            Some(Gaussian { information, vector, offset: 0.0 })
+        };
+        self.regions().zip(contours).map(region).collect()
     }
 
     /// Standard deviation of a normal boundary noise with the same mean distance, pixels (`docs/math.md`, eq. 6.6).

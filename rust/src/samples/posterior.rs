@@ -40,6 +40,8 @@ pub struct Posterior {
     pub growth: f64,
     /// Share of each region's telling samples that lie on the wrong side of its contour.
     pub wrong: Vec<f64>,
+    /// The factor of the left increment that stands for the samples of each region that tell something, by its place in the problem.
+    pub messages: Vec<(usize, Gaussian)>,
     /// What is compared with others.
     compared: Compared,
 }
@@ -264,7 +266,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
                 likeliest
             }
         };
-        let wrong = self.samples.wrong(&last, setting);
+        let (wrong, messages) = (self.samples.wrong(&last, setting), self.samples.messages());
         let is_other =
             |(state, other): &&(State, Setting)| state.is_settled && other.blur == setting.blur && *other != setting;
         let mut heard = vec![(likeliest.log_evidence, setting)];
@@ -280,7 +282,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Going<'a, F> {
         let compared =
             Compared { log_probabilities: self.samples.log_probabilities(&last.pose), log_evidence, log_known };
         let Setting { blur, growth, .. } = setting;
-        Some(Posterior { pose, covariance, blur, growth, wrong, compared })
+        Some(Posterior { pose, covariance, blur, growth, wrong, messages, compared })
     }
 
     /// The state with margins linearized over the whole of its belief; `None` where that finds no distribution, or one so

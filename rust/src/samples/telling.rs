@@ -173,6 +173,11 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
         }
     }
 
+    /// What the samples of each region say of the increment, by the region's place in the problem.
+    pub(super) fn messages(&self) -> Vec<(usize, Gaussian)> {
+        self.outlines.iter().map(|outline| (self.regions[outline.region].index(), outline.message())).collect()
+    }
+
     /// How far the labels of a region's samples are to be trusted apart from the offset of their stretch.
     fn own_trust(&self, region: usize) -> Trust {
         let trust = self.trust[region];

@@ -22,6 +22,7 @@ use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
 use crate::geometry::pose::Pose;
+use crate::options::{Options, Refinement, Start};
 use crate::prior::{BELIEVED, Prior};
 use crate::problem::Problem;
 
@@ -53,53 +54,6 @@ const MORE_PIECES: usize = 5;
 
 /// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
 pub const SAME_PLACE: f64 = 1e-3;
-
-/// Where the search starts.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Start {
-    /// From the closed form of every region, without any prior (`docs/math.md`, section 7).
-    #[default]
-    Global,
-    /// From the paper's start for the first region, solved alone, then all together (paper section 2.1.1 and 2.2.1).
-    Paper,
-}
-
-/// What follows the solution of the moment equations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Refinement {
-    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest, unless several regions all have samples.
-    #[default]
-    Contour,
-    /// Nothing.
-    Off,
-}
-
-/// How a pose is searched for.
-///
-/// ```
-/// # use nalgebra::Vector3;
-/// # use regionpose::{ObservedRegion, Options, Prior, Problem, Refinement, WorldRegion};
-/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
-/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.7 * y)).collect();
-/// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
-/// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
-/// # let worlds = [WorldRegion::from_rings(&[sign])?];
-/// // A camera held upright, in a world whose y axis points down; the moments alone decide.
-/// let prior = Prior { up: Some(-Vector3::y()), ..Prior::default() };
-/// let options = Options { prior, refinement: Refinement::Off, ..Options::default() };
-/// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options).expect("a pose in view");
-/// assert!(estimate.warnings.is_empty() && estimate.best.minimum.is_some());
-/// # Ok::<(), regionpose::Error>(())
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Options {
-    /// Where the search starts.
-    pub start: Start,
-    /// What is known beforehand.
-    pub prior: Prior,
-    /// What follows the moments.
-    pub refinement: Refinement,
-}
 
 /// What a search found: the poses that may be the answer, about the problem's origin, and what decides between them.
 ///

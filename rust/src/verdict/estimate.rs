@@ -6,6 +6,7 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::confidence::Evidence;
 use super::coverage::region_overlap;
+use super::frame_error::{RegionFactor, focal_shift, with_frame_error};
 use super::outliers::{Outlier, outliers};
 use super::shares::{shares, together};
 use super::warning::{Warning, Way};
@@ -19,13 +20,14 @@ use crate::effort;
 use crate::equations::information::honest;
 use crate::equations::least_squares::{Minimum, Termination};
 use crate::geometry::overlap::OverlapAreas;
-use crate::geometry::pose::Pose;
-use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Prior};
+use crate::geometry::pose::{Pose, Tangent};
+use crate::options::{FrameSigma, Options};
+use crate::prior::{BELIEVED, FromInitial, FromNear, FromUp, Gaussian, Prior};
 use crate::problem::Problem;
 use crate::samples::labels::ALIKE;
 use crate::samples::posterior::Posterior;
 use crate::samples::readings::SampledRegion;
-use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, Options, SAME_PLACE, Search};
+use crate::search::candidates::{AMBIGUITY, Answers, LOOSE, SAME_PLACE, Search};
 use crate::search::poses::{apart, distinct, sorted};
 
 /// Overlap error above which a solution does not count as solved (paper section 3).
@@ -58,8 +60,10 @@ pub struct Solution {
     pub overlap_error: f64,
     /// The same, region by region.
     pub region_overlap_errors: Vec<f64>,
-    /// Covariance of the left increment `[omega (rad), tau (meters)]`.
+    /// Covariance of the left increment `[omega (rad), tau (meters)]`, with what errors of the whole exposure add.
     pub covariance: Matrix6<f64>,
+    /// The pose's derivative by the logarithm of the focal lengths; not a number where a direction is left free.
+    pub focal_shift: Tangent,
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
     /// Probability that this answer is the place, each answer being one of its own.
@@ -90,6 +94,8 @@ pub struct Estimate {
     pub evidence: Evidence,
     /// Evaluations of the equations in the final least squares.
     pub evaluations: usize,
+    /// Median distance of the regions from the camera at the best pose.
+    pub distance: f64,
 }
 
 /// A pose that may be the answer.
@@ -140,15 +146,16 @@ impl Search {
             (None, None) => best.fit.mixture.sigma,
         };
         let probability = evidence.probability();
-        let mut solutions = places
-            .into_iter()
-            .map(|(place, stated)| solution(&self.problem, place, stated.map(|share| probability * share)));
+        let mut solutions = places.into_iter().map(|(place, stated)| {
+            solution(&self.problem, place, stated.map(|share| probability * share), &self.options.frame_sigma)
+        });
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
-        let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options.prior, ended);
+        let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options, ended);
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
-        Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations })
+        let distance = self.problem.distance(&best.pose);
+        Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations, distance })
     }
 
     /// The creases as a pose shows them.
@@ -284,6 +291,22 @@ impl Place {
         self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
     }
 
+    /// What each region says of the left increment: its samples, or its contour where it has none.
+    fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
+        let none = || vec![Gaussian::default(); problem.worlds().len()];
+        let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);
+        let mut is_scanned = vec![false; factors.len()];
+        if let Some(posterior) = &self.posterior {
+            for region in problem.sampled() {
+                (factors[region.index()], is_scanned[region.index()]) = (Gaussian::default(), true);
+            }
+            posterior.messages.iter().for_each(|(region, message)| factors[*region] = *message);
+        }
+        let places = problem.worlds().iter().map(|world| self.pose.transform(&world.frame().origin));
+        let regions = factors.into_iter().zip(places).zip(is_scanned);
+        regions.map(|((factor, place), is_scanned)| RegionFactor { factor, place, is_scanned }).collect()
+    }
+
     /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
     fn outdoes(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
@@ -329,11 +352,24 @@ impl Place {
     }
 }
 
-fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2]) -> Solution {
-    let covariance = *place.covariance(problem);
+fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2], frame_sigma: &FrameSigma) -> Solution {
+    let (noise, factors) = (place.covariance(problem), place.region_factors(problem));
+    let focal_shift = focal_shift(noise, &factors);
+    let covariance = with_frame_error(noise, &factors, &focal_shift, frame_sigma);
     let (overlap_error, region_overlap_errors) = errors_of(place.overlaps(problem));
     let Place { pose, minimum, fit, posterior, .. } = place;
-    Solution { pose, minimum, fit, posterior, overlap_error, region_overlap_errors, covariance, confidence, share }
+    Solution {
+        pose,
+        minimum,
+        fit,
+        posterior,
+        overlap_error,
+        region_overlap_errors,
+        covariance,
+        focal_shift,
+        confidence,
+        share,
+    }
 }
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each.
@@ -357,7 +393,7 @@ fn warnings(
     best: &Solution,
     alternatives: &[Solution],
     evidence: &Evidence,
-    prior: &Prior,
+    options: &Options,
     ended: Option<&Termination>,
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
@@ -372,8 +408,8 @@ fn warnings(
     let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
     warnings.extend(region_warnings(best, alternatives, &sampled, trusted));
-    warnings.extend(weak_geometry(problem, &best.pose, &best.covariance));
-    warnings.extend(contradictions(problem, best, prior));
+    warnings.extend(weak_geometry(problem, &best.pose, &best.covariance, &options.limits));
+    warnings.extend(contradictions(problem, best, &options.prior));
     // Answers that are too unlikely to be named have their shares all the same.
     if warnings.is_empty() && !(trusted && best.confidence > TRUSTED) {
         warnings.push(Warning::LowConfidence { percent: 100.0 * best.confidence });

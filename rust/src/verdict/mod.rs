@@ -3,6 +3,7 @@
 pub mod confidence;
 pub mod coverage;
 pub mod estimate;
+pub mod frame_error;
 pub mod nearness;
 pub mod outliers;
 pub mod shares;

@@ -66,8 +66,8 @@ pub enum Warning {
         /// Probability that the pose is within 5 degrees of the true one, percent.
         percent: f64,
     },
-    /// The regions hold the pose only weakly.
-    #[error("{}{}", held(*.degrees, .axis, *.shift, .along), because(.causes))]
+    /// The standard deviations of the pose exceed what a trusted one may have.
+    #[error("{}{}", held(*.degrees, .axis, *.shift, .along, [*.most_degrees, *.most_shift]), because(.causes))]
     WeakGeometry {
         /// Largest standard deviation of the rotation, degrees; infinite where a direction is free.
         degrees: f64,
@@ -77,6 +77,10 @@ pub enum Warning {
         shift: f64,
         /// The direction it is along.
         along: Vector3<f64>,
+        /// The largest deviation of the rotation of a trusted pose, degrees.
+        most_degrees: f64,
+        /// The same of the translation.
+        most_shift: f64,
         /// What makes it weak, as far as can be told.
         causes: Vec<Cause>,
     },
@@ -205,13 +209,16 @@ fn beyond(sigmas: &Option<f64>) -> String {
     sigmas.map_or_else(String::new, |sigmas| format!(", {sigmas:.1} times the uncertainty of both (1 sigma)"))
 }
 
-fn held(degrees: f64, axis: &Vector3<f64>, shift: f64, along: &Vector3<f64>) -> String {
+fn held(degrees: f64, axis: &Vector3<f64>, shift: f64, along: &Vector3<f64>, most: [f64; 2]) -> String {
     if !(degrees.is_finite() && shift.is_finite()) {
         return "the regions leave a direction of the pose free".into();
     }
     let (axis, along, shift) = (shown(axis), shown(along), MM * shift);
     format!(
-        "the pose is held weakly: {degrees:.2} deg about camera axis [{axis}] and {shift:.1} mm along [{along}] (1 sigma)"
+        "the pose is held weakly: {degrees:.2} deg about camera axis [{axis}] and {shift:.1} mm along [{along}] (1 sigma), where {:.2} deg \
+         and {:.1} mm are the limits",
+        most[0],
+        MM * most[1]
     )
 }
 

@@ -3,17 +3,10 @@
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, U3, Vector3};
 
 use crate::geometry::pose::Pose;
+use crate::options::Limits;
 use crate::problem::Problem;
 use crate::search::symmetry::common_plane;
 use crate::verdict::warning::{Cause, Warning};
-
-/// Standard deviation of the rotation about its weakest axis above which the geometry is called weak, rad (1 degree, the
-/// paper's bound for solved).
-const WEAK_ROTATION: f64 = std::f64::consts::PI / 180.0;
-
-/// Standard deviation of the translation along its weakest axis above which the geometry is called weak, as a share of the
-/// distance to the regions.
-const WEAK_TRANSLATION: f64 = 0.02;
 
 /// Angle between a plane's normal and the ray to it, rad, below which it is seen frontally (15 degrees): the change of its
 /// image with a tilt goes with the sine.
@@ -23,13 +16,15 @@ const FRONTAL: f64 = std::f64::consts::PI / 12.0;
 /// of a plane that is tilted by 50 degrees to half a degree.
 const TINY: f64 = 20.0;
 
-/// The warning of a pose with this covariance of its left increment, where the regions hold it only weakly.
-pub fn weak_geometry(problem: &Problem, pose: &Pose, covariance: &Matrix6<f64>) -> Option<Warning> {
+/// The warning of a pose whose covariance, of the left increment, is beyond some limits.
+pub fn weak_geometry(problem: &Problem, pose: &Pose, covariance: &Matrix6<f64>, limits: &Limits) -> Option<Warning> {
     let (rotation, axis) = weakest(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
     let (shift, along) = weakest(&covariance.fixed_view::<3, 3>(3, 3).into_owned());
-    let weak = !(rotation < WEAK_ROTATION && shift < WEAK_TRANSLATION * problem.distance(pose));
-    let degrees = rotation.to_degrees();
-    weak.then(|| Warning::WeakGeometry { degrees, axis, shift, along, causes: causes(problem, pose) })
+    let most = limits.translation * problem.distance(pose);
+    let weak = !(rotation < limits.rotation && shift < most);
+    let causes = if weak { causes(problem, pose) } else { Vec::new() };
+    let (degrees, most_degrees) = (rotation.to_degrees(), limits.rotation.to_degrees());
+    weak.then_some(Warning::WeakGeometry { degrees, axis, shift, along, most_degrees, most_shift: most, causes })
 }
 
 fn causes(problem: &Problem, pose: &Pose) -> Vec<Cause> {

@@ -167,6 +167,7 @@ _ALL = (
         ],
         problem=draw_mixed_problem,
         drawn=DRAWN,
+        exact_exposure=False,
     ),
     Study(
         "mistakes",
@@ -175,6 +176,7 @@ _ALL = (
         [Chart("sorted", lines="mistake", panels="camera"), Chart("confidence", lines="mistake", panels="camera")],
         problem=draw_mistaken_problem,
         drawn=("planes",),
+        exact_exposure=False,
     ),
     Study(
         "priors",

@@ -69,7 +69,8 @@ class Study:
     and poses that conditions name. `problem`: from setup, condition and seed to the problem; a function of a module, so
     that other processes find it. `drawn`: fields of the condition that `problem` draws anew for each seed; the rows
     hold them, and no table or chart is divided by them. `bounds`: whether rows hold the bound of their errors, which
-    takes about as long as the estimate.
+    takes about as long as the estimate. `exact_exposure`: whether estimates are told that calibration, time and scan
+    are without error, as they are but where the condition says so; else they expect what real exposures have.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Study:
     problem: ProblemMaker = draw_problem
     drawn: Sequence[str] = ()
     bounds: bool = False
+    exact_exposure: bool = True
 
     def __post_init__(self) -> None:
         """Check that every camera of the grids is there."""
@@ -139,7 +141,7 @@ class Study:
                 warnings.simplefilter("always")
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
-            prior, solver = estimate_options(problem, condition.solver)
+            prior, solver = estimate_options(problem, condition.solver, exact_exposure=self.exact_exposure)
             estimate = estimate_pose(
                 problem.camera, problem.image_regions, problem.world_regions, prior=prior, solver=solver
             )
@@ -151,11 +153,15 @@ class Study:
             return failed_row(error, problem)
 
 
-def estimate_options(problem: StudyProblem, solver: str) -> tuple[Prior, Solver]:
+EXACT = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma": 0.0}
+"""Solver options of an exposure whose calibration, time and scan are without error."""
+
+
+def estimate_options(problem: StudyProblem, solver: str, *, exact_exposure: bool) -> tuple[Prior, Solver]:
     """Prior and solver for a problem: the condition's options, what these say of a prior added to what is known."""
     options = solver_options(solver)
     told = options.pop("prior", {})
-    return replace(problem.prior or Prior(), **told), Solver(**options)
+    return replace(problem.prior or Prior(), **told), Solver(**(EXACT if exact_exposure else {}) | options)
 
 
 def versions() -> dict[str, str]:

@@ -1,0 +1,154 @@
+//! What errors of a whole exposure, and of whole regions in it, add to a pose's covariance (`docs/math.md`, section 10).
+
+use nalgebra::{Matrix6, SymmetricEigen, U6, Vector3, Vector6};
+
+use crate::equations::information::honest;
+use crate::geometry::pose::{PARAMETERS, Tangent};
+use crate::options::FrameSigma;
+use crate::prior::Gaussian;
+
+/// What each region of a scan is off beside the error of the whole, over that: 0.73 px, the scatter within frames of the offsets of
+/// `FrameSigma::default`.
+const OF_REGION: f64 = 0.6;
+
+/// Degrees of freedom of Student's distribution of how many times as far as that regions are off: as few as have a variance, which is
+/// then twice the squared scale.
+const FREEDOM: f64 = 4.0;
+const VARIANCE: f64 = FREEDOM / (FREEDOM - 2.0);
+
+/// Logarithms of that factor, over which is summed: from a tenth to a hundred and fifty times, in steps of a third.
+const LOG_FACTORS: std::ops::Range<i32> = -7..16;
+const LOG_STEP: f64 = 1.0 / 3.0;
+
+/// Share of the covariance's information that keeps in place what regions leave free and a prior holds: a convention, as far as the shift
+/// by focal lengths is then too short.
+const PRIOR: f64 = 0.01;
+
+/// Information, in units of the errors, that stands for what nothing is said of: a thousandfold of each.
+const FREE: f64 = 1e-6;
+
+/// What a region says of the left increment, and where its middle is before the camera.
+pub(super) struct RegionFactor {
+    pub(super) factor: Gaussian,
+    pub(super) place: Vector3<f64>,
+    /// Whether it is that of a scan.
+    pub(super) is_scanned: bool,
+}
+
+/// The covariance of a pose, of the left increment, with what errors add that contours and samples share: of the whole exposure, of its
+/// focal lengths and, of a scan, of each region (`docs/math.md`, eq. 10.8 to 10.11).
+///
+/// How far the regions of a scan are off is learned from how far they contradict one another at the pose, about what is expected of them.
+pub(super) fn with_frame_error(
+    covariance: &Matrix6<f64>,
+    factors: &[RegionFactor],
+    focal_shift: &Tangent,
+    sigma: &FrameSigma,
+) -> Matrix6<f64> {
+    if *sigma == FrameSigma::ZERO || !covariance.iter().all(|entry| entry.is_finite()) {
+        return *covariance;
+    }
+    let is_scan = factors.iter().any(|factor| factor.is_scanned);
+    let whole = deviations(sigma.rotation, if is_scan { sigma.place } else { 0.0 });
+    let focal = focal_shift * sigma.focal;
+    let whole = Matrix6::from_diagonal(&whole.component_mul(&whole)) + focal * focal.transpose();
+    honest(&(covariance + by_regions(covariance, factors, sigma) + whole))
+}
+
+fn deviations(turn: f64, way: f64) -> Vector6<f64> {
+    Vector6::new(turn, turn, turn, way, way, way)
+}
+
+/// The derivative of a pose, of this covariance, by the logarithm of the focal lengths (`docs/math.md`, eq. 10.9): with longer ones a region
+/// is seen nearer to the axis, and as small as one that stands farther.
+pub(super) fn focal_shift(covariance: &Matrix6<f64>, factors: &[RegionFactor]) -> Tangent {
+    if !covariance.iter().all(|entry| entry.is_finite()) {
+        return Tangent::from_element(f64::NAN);
+    }
+    let mut information: Matrix6<f64> = factors.iter().map(|region| region.factor.information).sum();
+    // What neighboring pieces share is left out of the factors: in units of the covariance they say more than it.
+    let unit = ((covariance * information).trace() / PARAMETERS as f64).max(1.0);
+    information += covariance.try_inverse().unwrap_or_default() * (PRIOR * unit);
+    let pulls = factors.iter().map(|RegionFactor { factor, place, .. }| {
+        let across = Vector3::z().cross(place);
+        let angle = across.norm().atan2(place.z);
+        let turn = across.try_normalize(0.0).unwrap_or_else(Vector3::zeros) * -angle;
+        factor.information * Vector6::new(turn.x, turn.y, turn.z, place.x, place.y, place.z)
+    });
+    information.cholesky().map_or_else(Tangent::zeros, |root| root.solve(&pulls.sum::<Tangent>()))
+}
+
+/// What the errors of single regions of a scan add.
+fn by_regions(covariance: &Matrix6<f64>, factors: &[RegionFactor], sigma: &FrameSigma) -> Matrix6<f64> {
+    let unit = deviations(sigma.rotation, sigma.place) * (OF_REGION / VARIANCE.sqrt());
+    let scanned = factors.iter().filter(|region| region.is_scanned);
+    let regions: Vec<Region> = scanned.map(|region| Region::new(&region.factor, &unit)).collect();
+    if regions.is_empty() || unit.min() <= 0.0 {
+        return Matrix6::zeros();
+    }
+    // A pose gives way to a region's error by the covariance times what the region says.
+    let scatter: Matrix6<f64> = regions.iter().map(|region| region.information * region.information).sum();
+    let scatter = scatter.component_div(&(unit * unit.transpose())) * mean_square_factor(&regions);
+    covariance * scatter * covariance
+}
+
+/// What a region says of the increment, in units of how far it is expected to be off.
+struct Region {
+    information: Matrix6<f64>,
+    vector: Vector6<f64>,
+    eigen: SymmetricEigen<f64, U6>,
+}
+
+impl Region {
+    fn new(factor: &Gaussian, unit: &Vector6<f64>) -> Self {
+        let scaled = factor.information.component_mul(&(unit * unit.transpose()));
+        let mut eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
+        // What samples say of a direction that they contradict is no information.
+        eigen.eigenvalues.apply(|value| *value = value.max(0.0));
+        Self { information: eigen.recompose(), vector: factor.vector.component_mul(unit), eigen }
+    }
+
+    /// Its factor where it is off by so many times as far, and the logarithm of its integral over that error.
+    fn blurred(&self, factor: f64) -> (Matrix6<f64>, Vector6<f64>, f64) {
+        let square = factor * factor;
+        let (values, axes) = (&self.eigen.eigenvalues, &self.eigen.eigenvectors);
+        let left = values.map(|value| 1.0 / (1.0 + square * value));
+        let along = axes.transpose() * self.vector;
+        let information = axes * Matrix6::from_diagonal(&values.component_mul(&left)) * axes.transpose();
+        let gain = along.component_mul(&along).component_mul(&left).sum() * square;
+        (information, axes * along.component_mul(&left), 0.5 * (gain + left.map(f64::ln).sum()))
+    }
+}
+
+/// The mean square of how many times as far as expected regions are off.
+fn mean_square_factor(regions: &[Region]) -> f64 {
+    let logs: Vec<(f64, f64)> = LOG_FACTORS
+        .map(|step| {
+            let factor = (f64::from(step) * LOG_STEP).exp();
+            (factor * factor, log_prior(factor) + log_evidence(regions, factor))
+        })
+        .collect();
+    let most = logs.iter().map(|(_, log)| *log).fold(f64::NEG_INFINITY, f64::max);
+    let weights = logs.iter().map(|(square, log)| (square, (log - most).exp()));
+    let (sum, squares) =
+        weights.fold((0.0, 0.0), |(sum, squares), (square, weight)| (sum + weight, squares + weight * square));
+    squares / sum
+}
+
+/// Logarithm of the density of a factor's logarithm: half of Student's distribution.
+fn log_prior(factor: f64) -> f64 {
+    factor.ln() - 0.5 * (FREEDOM + 1.0) * (factor * factor / FREEDOM).ln_1p()
+}
+
+/// Logarithm of the evidence of regions that are so many times as far off, over all increments.
+fn log_evidence(regions: &[Region], factor: f64) -> f64 {
+    let (mut information, mut vector, mut log) = (Matrix6::identity() * FREE, Vector6::zeros(), 0.0);
+    for region in regions {
+        let (own, pull, gain) = region.blurred(factor);
+        information += own;
+        vector += pull;
+        log += gain;
+    }
+    let Some(root) = information.cholesky() else { return f64::NEG_INFINITY };
+    log + 0.5 * vector.dot(&root.solve(&vector)) - root.l_dirty().diagonal().map(f64::ln).sum()
+}
