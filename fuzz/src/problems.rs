@@ -128,7 +128,7 @@ fn options(random: &mut Random) -> Options {
     if once_in(random, 5) {
         prior.near = Some(random.direction() * magnitude(random, -3.0, 3.0));
     }
-    Options { start, prior, refinement }
+    Options { start, prior, refinement, ..Options::default() }
 }
 
 /// What is promised of every answer.

@@ -12,7 +12,8 @@ use regionpose::equations::system::Weighting;
 use regionpose::geometry::rings::PlaneRings;
 use regionpose::region::Pixels;
 use regionpose::{
-    Error, Estimate, Integration, ObservedRegion, Options, Pose, Prior, Problem, Start, System, Warning, WorldRegion,
+    Error, Estimate, FrameSigma, Integration, ObservedRegion, Options, Pose, Prior, Problem, Start, System, Warning,
+    WorldRegion,
 };
 
 /// Error allowed of poses from exact images: rad, and a share of the distance.
@@ -235,7 +236,8 @@ fn the_covariance_agrees_with_the_scatter_of_noisy_images() {
     for _ in 0..SCATTER {
         let observed = noisy(&scene, &mut random, 1.0);
         let problem = Problem::new(&observed, &scene.worlds).unwrap();
-        let estimate = problem.estimate().unwrap();
+        let exact = Options { frame_sigma: FrameSigma::ZERO, ..Options::default() };
+        let estimate = problem.estimate_with(&exact).unwrap();
         let error = increment(&estimate.best.pose, &scene.pose);
         scatter += error * error.transpose() / SCATTER as f64;
         predicted += estimate.best.covariance / SCATTER as f64;

@@ -21,6 +21,7 @@ mod edge_field;
 mod estimate;
 #[cfg(feature = "mesh")]
 mod found;
+mod frame_error;
 mod hidden;
 mod mask;
 #[cfg(feature = "mesh")]

@@ -12,11 +12,12 @@ use regionpose::prior::Gaussian;
 use regionpose::region::PlaneFrame;
 use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::samples::settings::{Setting, shares};
-use regionpose::{Estimate, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
+use regionpose::{Estimate, FrameSigma, Limits, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
-    problem.estimate_with(&Options { prior, ..Options::default() }).unwrap()
+    let (frame_sigma, limits) = (FrameSigma::ZERO, Limits { rotation: 1.0_f64.to_radians(), ..Limits::default() });
+    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap()
 }
 
 /// A posterior about the true pose, and the problem that it is of.

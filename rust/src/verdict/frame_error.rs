@@ -1,6 +1,6 @@
 //! What errors of a whole exposure, and of whole regions in it, add to a pose's covariance (`docs/math.md`, section 10).
 
-use nalgebra::{Matrix6, SymmetricEigen, U6, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::equations::information::honest;
 use crate::geometry::pose::{PARAMETERS, Tangent};
@@ -92,31 +92,34 @@ fn by_regions(covariance: &Matrix6<f64>, factors: &[RegionFactor], sigma: &Frame
     covariance * scatter * covariance
 }
 
-/// What a region says of the increment, in units of how far it is expected to be off.
+/// What a region says of the increment, in units of how far it is expected to be off: along independent axes, the information and that times
+/// the mean.
 struct Region {
     information: Matrix6<f64>,
-    vector: Vector6<f64>,
-    eigen: SymmetricEigen<f64, U6>,
+    axes: Matrix6<f64>,
+    values: Vector6<f64>,
+    along: Vector6<f64>,
 }
 
 impl Region {
     fn new(factor: &Gaussian, unit: &Vector6<f64>) -> Self {
         let scaled = factor.information.component_mul(&(unit * unit.transpose()));
-        let mut eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
-        // What samples say of a direction that they contradict is no information.
-        eigen.eigenvalues.apply(|value| *value = value.max(0.0));
-        Self { information: eigen.recompose(), vector: factor.vector.component_mul(unit), eigen }
+        let eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
+        let along = eigen.eigenvectors.transpose() * factor.vector.component_mul(unit);
+        // Samples that contradict one another along an axis say nothing there.
+        let along = along.zip_map(&eigen.eigenvalues, |along, value| if value > 0.0 { along } else { 0.0 });
+        let (axes, values) = (eigen.eigenvectors, eigen.eigenvalues.map(|value| value.max(0.0)));
+        Self { information: axes * Matrix6::from_diagonal(&values) * axes.transpose(), axes, values, along }
     }
 
     /// Its factor where it is off by so many times as far, and the logarithm of its integral over that error.
     fn blurred(&self, factor: f64) -> (Matrix6<f64>, Vector6<f64>, f64) {
         let square = factor * factor;
-        let (values, axes) = (&self.eigen.eigenvalues, &self.eigen.eigenvectors);
-        let left = values.map(|value| 1.0 / (1.0 + square * value));
-        let along = axes.transpose() * self.vector;
-        let information = axes * Matrix6::from_diagonal(&values.component_mul(&left)) * axes.transpose();
-        let gain = along.component_mul(&along).component_mul(&left).sum() * square;
-        (information, axes * along.component_mul(&left), 0.5 * (gain + left.map(f64::ln).sum()))
+        let left = self.values.map(|value| 1.0 / (1.0 + square * value));
+        let along = self.along.component_mul(&left);
+        let values = Matrix6::from_diagonal(&self.values.component_mul(&left));
+        let log = 0.5 * (square * self.along.dot(&along) + left.map(f64::ln).sum());
+        (self.axes * values * self.axes.transpose(), self.axes * along, log)
     }
 }
 
