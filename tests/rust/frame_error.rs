@@ -36,7 +36,7 @@ fn the_error_of_an_exposure_adds_to_the_covariance() {
 }
 
 /// The derivative by the focal lengths, from what each region says as a whole, against poses of photos by a lens whose angles are a
-/// thousandth larger and smaller.
+/// thousandth larger and smaller: 4 % off in the median, 7 % at most.
 #[test]
 fn focal_lengths_move_a_pose_as_stated() {
     let mut errors: Vec<f64> = (0..20)
@@ -57,7 +57,7 @@ fn focal_lengths_move_a_pose_as_stated() {
         })
         .collect();
     errors.sort_by(f64::total_cmp);
-    assert!(errors[10] < 0.08 && errors[19] < 0.4, "{errors:.3?}");
+    assert!(errors[10] < 0.06 && errors[19] < 0.1, "{errors:.3?}");
 }
 
 /// A region that is seen half a degree beside its place moves the pose by several of the deviations that noise leaves; how far the regions
