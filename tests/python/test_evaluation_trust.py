@@ -168,7 +168,7 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
         made_row(rotation_deg=3.0, templates_right="hook"),
         made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
         made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous;poor-overlap"),
-        made_row(rotation_deg=90.0, templates_right="hook"),
+        made_row(rotation_deg=90.0, templates_right="hook", error_sigmas=3.1),
         made_row(error="PoseError: none", rotation_deg=float("nan")),
     ]
     assert Verdicts.of(Results({}, rows)) == Verdicts(
@@ -183,6 +183,8 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
         unanswered=1,
         named_right=1,
         named_wrong=1,
+        trusted=3,
+        trusted_beyond=1,
     )
 
 

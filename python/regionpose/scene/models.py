@@ -388,7 +388,9 @@ class SolverItem(Item):
     ] = True
     frame_sigma_deg: Annotated[
         NotNegative,
-        Field(description="standard deviation of the rotation that calibration, time and scan of one frame add, degrees"),
+        Field(
+            description="standard deviation of the rotation that calibration, time and scan of one frame add, degrees"
+        ),
     ] = Solver.frame_sigma_deg
     frame_sigma_m: Annotated[NotNegative, Field(description="the same of the camera's place, meters")] = (
         Solver.frame_sigma_m

@@ -20,6 +20,9 @@ const VARIANCE: f64 = FREEDOM / (FREEDOM - 2.0);
 const LOG_FACTORS: std::ops::Range<i32> = -7..16;
 const LOG_STEP: f64 = 1.0 / 3.0;
 
+/// Rotation, rad, from which on two poses are different places, as of the confidence: no region's factor is told of so far.
+const ANOTHER_PLACE: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
 /// Share of the covariance's information that keeps in place what regions leave free and a prior holds: a convention, as far as the shift
 /// by focal lengths is then too short.
 const PRIOR: f64 = 0.01;
@@ -106,8 +109,12 @@ impl Region {
         let scaled = factor.information.component_mul(&(unit * unit.transpose()));
         let eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
         let along = eigen.eigenvectors.transpose() * factor.vector.component_mul(unit);
-        // Samples that contradict one another along an axis say nothing there.
-        let along = along.zip_map(&eigen.eigenvalues, |along, value| if value > 0.0 { along } else { 0.0 });
+        // Samples that contradict one another along an axis say nothing there, nor any of poses that are other places.
+        let most = ANOTHER_PLACE / unit[0];
+        let along = along.zip_map(&eigen.eigenvalues, |along, value| {
+            let most = most * value.max(0.0);
+            along.clamp(-most, most)
+        });
         let (axes, values) = (eigen.eigenvectors, eigen.eigenvalues.map(|value| value.max(0.0)));
         Self { information: axes * Matrix6::from_diagonal(&values) * axes.transpose(), axes, values, along }
     }

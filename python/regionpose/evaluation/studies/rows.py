@@ -66,6 +66,7 @@ RESULT_TYPES: dict[str, type] = {
     "boundary_noise_px": float,
     **{f"sigma_rotation_{axis}_deg": float for axis in AXES},
     **{f"sigma_translation_{axis}_m": float for axis in AXES},
+    "error_sigmas": float,
     "mahalanobis_squared": float,
     "bound_rotation_deg": float,
     "bound_translation_m": float,
@@ -113,6 +114,7 @@ def solved_row(
         "observed_overlap_error": float(estimate.overlap_error),
         "boundary_noise_px": float(estimate.boundary_noise_px),
         **_sigmas(estimate),
+        "error_sigmas": error_sigmas(problem, estimate.pose, estimate.covariance),
         "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], covariances[rank]),
         "bound_rotation_deg": None if bound is None else bound.rotation_deg,
         "bound_translation_m": None if bound is None else bound.translation_m,
@@ -183,6 +185,22 @@ def displacement(problem: StudyProblem, pose: Pose) -> float:
     vertices = np.concatenate([ring for rings in scene.regions for ring in rings])
     turned = vertices @ (pose.rotation.as_matrix() - scene.rotation).T
     return float(np.linalg.norm(turned + pose.translation - scene.translation, axis=1).mean())
+
+
+def error_sigmas(problem: StudyProblem, pose: Pose, covariance: Array) -> float:
+    """The errors of a pose's rotation and of its camera's center, each over its standard deviation in its direction: the
+    larger of both.
+    """
+    truth = Pose(Rotation.from_matrix(problem.scene.rotation), problem.scene.translation)
+    turn = (pose.rotation * truth.rotation.inv()).as_rotvec()
+    # Along the camera's axes, in which the covariance's last rows are.
+    shift = pose.rotation.apply(truth.camera_center - pose.camera_center)
+    return max(_over_sigma(turn, covariance[:3, :3]), _over_sigma(shift, covariance[3:, 3:]))
+
+
+def _over_sigma(error: Array, covariance: Array) -> float:
+    squared, variance = float(error @ error), float(error @ covariance @ error)
+    return squared / variance**0.5 if variance > 0.0 else float("inf")
 
 
 def mahalanobis_squared(problem: StudyProblem, pose: Pose, covariance: Array) -> float:

@@ -79,8 +79,9 @@ def _line(cells: Sequence[str]) -> str:
 
 
 VERDICT_NOTE = (
-    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent without any warning."
-    " False alarms are of right poses; ambiguity is none where all shapes are symmetric"
+    f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent, or trusted, without any"
+    " warning. Beyond 3 sigmas: trusted poses whose rotation or camera center is off by more than that."
+    " False alarms are of right poses; a limit of the standard deviations is none, ambiguity is none where all shapes are symmetric"
     " or a region is wrong, nor a wrong region's name."
 )
 VERDICT_HEADS = [
@@ -92,6 +93,8 @@ VERDICT_HEADS = [
     "between, silent",
     "wrong",
     "wrong, silent",
+    "trusted",
+    "beyond 3 sigmas",
 ]
 
 
@@ -109,7 +112,8 @@ def _verdict_table(results: Results) -> list[str]:
 def _verdict_cells(group: Results, outliers: bool) -> list[str]:
     found = Verdicts.of(group)
     counts = [found.scenes, found.right, found.right_warned, found.false_alarms]
-    counts += [found.between, found.between_silent, found.wrong, found.wrong_silent, found.unanswered]
+    counts += [found.between, found.between_silent, found.wrong, found.wrong_silent]
+    counts += [found.trusted, found.trusted_beyond, found.unanswered]
     return [str(count) for count in [*counts, *([found.named_right, found.named_wrong] if outliers else [])]]
 
 

@@ -10,9 +10,15 @@ from regionpose.evaluation.templates import is_symmetric
 RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 """Rotation error of the pose below which it is right, and from which on it is wrong."""
 
+MOST_SIGMAS = 3.0
+"""Errors over their standard deviations up to which these can be used: of a trusted pose 99 of 100 are to be."""
+
 AMBIGUOUS_CODES = {"ambiguous", "ambiguous-region"}
 REGION_CODES = {"outlier-region", "poor-overlap"}
 """Codes of warnings that may have a cause in the problem itself: symmetric shapes, and regions that are wrong."""
+
+PRECISION_CODES = {"weak-geometry"}
+"""Codes that say no more than that the standard deviations exceed a limit."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,8 @@ class Verdicts:
 
     `false_alarms`: right ones with a warning that there was no cause for. `between_silent`, `wrong_silent`: those
     without any warning. `unanswered`: an error in place of a pose. `named_right`, `named_wrong`:
-    where the wrong region alone was named, and where another one was.
+    where the wrong region alone was named, and where another one was. `trusted`: those without any warning;
+    `trusted_beyond`: of these, those whose errors exceed `MOST_SIGMAS` of their standard deviations.
     """
 
     scenes: int
@@ -35,6 +42,8 @@ class Verdicts:
     unanswered: int
     named_right: int
     named_wrong: int
+    trusted: int
+    trusted_beyond: int
 
     @classmethod
     def of(cls, results: Results) -> Verdicts:
@@ -54,6 +63,10 @@ class Verdicts:
             unanswered=len(results.rows) - len(answered),
             named_right=sum(row["outlier_named"] == "right" for row in answered),
             named_wrong=sum(row["outlier_named"] == "wrong" for row in answered),
+            trusted=sum(not row["warnings"] for row in answered),
+            trusted_beyond=sum(
+                not (row["warnings"] or float(row["error_sigmas"] or 0.0) <= MOST_SIGMAS) for row in answered
+            ),
         )
 
 
@@ -74,6 +87,7 @@ def is_false_alarm(row: Row) -> bool:
     regions are to be named, but no other.
     """
     codes, names = (set(str(row[column]).split(";")) - {""} for column in ("warnings", "templates_right"))
+    codes -= PRECISION_CODES
     if row["regions_wrong"] or all(is_symmetric(name) for name in names):
         codes -= AMBIGUOUS_CODES
     if row["regions_wrong"] and not row["regions_accused"]:
