@@ -323,8 +323,8 @@ class Solution:
 
     @property
     def focal_shift(self) -> NDArray[np.float64]:
-        """Derivative (6,) of the pose, a left increment, by the logarithm of the focal lengths; NaN where a direction is
-        left free.
+        """Derivative (6,) of the pose, a left increment, by the logarithm of the focal lengths; NaN where a direction
+        is left free.
         """
 
     @property
@@ -452,8 +452,8 @@ class Problem:
         *,
         limits: tuple[float, float] | None = None,
     ) -> tuple[str, str, list[int], dict[str, float | str]] | None:
-        """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`, degrees
-        and a share of the distance; else None.
+        """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`,
+        degrees and a share of the distance; else None.
         """
 
     def estimate(

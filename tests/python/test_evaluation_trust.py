@@ -152,7 +152,7 @@ def test_warnings_of_the_regions_are_kept_in_the_row() -> None:
 
 def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
     rows = [
-        made_row(rotation_deg=0.1, templates_right="hook"),
+        made_row(rotation_deg=0.1, templates_right="hook", error_sigmas=0.5),
         made_row(rotation_deg=0.1, templates_right="hook;star", warnings="ambiguous"),
         made_row(rotation_deg=0.1, templates_right="square;star", warnings="ambiguous"),
         made_row(
@@ -165,7 +165,7 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
             warnings="ambiguous;ambiguous-region;outlier-region",
             regions_wrong=1,
         ),
-        made_row(rotation_deg=3.0, templates_right="hook"),
+        made_row(rotation_deg=3.0, templates_right="hook", error_sigmas=2.9),
         made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
         made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous;poor-overlap"),
         made_row(rotation_deg=90.0, templates_right="hook", error_sigmas=3.1),

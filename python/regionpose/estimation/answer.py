@@ -102,8 +102,7 @@ class PoseEstimate(Judged):
         `camera_from_world`.
     covariance : (6, 6) array
         Of the left increment `[omega (rad), tau (meters)]`, `P' = exp(omega) P + tau`: by the noise of contours and
-        samples, and, where regions are those of a scan, by what calibration, time and scan add to it (docs/math.md,
-        eq. 17.14).
+        samples and by what calibration, time and scan add to it (docs/math.md, eq. 10.8).
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
         15).
@@ -134,8 +133,9 @@ class PoseEstimate(Judged):
         Median distance of the regions from the camera, meters: what the limit of the translation's standard deviation
         is a share of.
     focal_shift : (6,) array
-        The pose's derivative by the logarithm of the focal lengths, a left increment, as the regions tell it: a hundredth
-        of it is what focal lengths 1 % longer do (docs/math.md, eq. 10.9). NaN where a direction is left free.
+        The pose's derivative by the logarithm of the focal lengths, a left increment, as the regions tell it: a
+        hundredth of it is what focal lengths 1 % longer do (docs/math.md, eq. 10.9). NaN where a direction is left
+        free.
     creases : tuple of Crease
         Edges between regions that were evidence beside samples of a scan.
 
@@ -157,6 +157,11 @@ class PoseEstimate(Judged):
     distance_m: float
     focal_shift: Array
     creases: tuple[Crease, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Keep arrays that nobody can write to."""
+        super().__post_init__()
+        object.__setattr__(self, "focal_shift", read_only(np.asarray(self.focal_shift, dtype=np.float64)))
 
     def __repr__(self) -> str:
         """The pose, its confidence and overlap error, the number of alternatives and the codes of the warnings."""

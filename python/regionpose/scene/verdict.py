@@ -23,8 +23,8 @@ ADVICE = {
     "hidden-region": "Look at depth.png: something of the cloud stands before this region. Check the regions'"
     " pairs, the focal length, and that photo and cloud are of one time; or say what is known of the camera.",
     "initial-contradicted": "One of them is wrong: check the regions' pairs, or prior.initial and how rough it is.",
-    "regions-contradicted": "Look at depth.png and edges.png: if they fit, a region's mask, outline or pair is wrong; if"
-    " not, photo and cloud don't show the same scene.",
+    "regions-contradicted": "Look at depth.png and edges.png: if they fit, a region's mask, outline or pair is wrong;"
+    " if not, photo and cloud don't show the same scene.",
     "scene-disagrees": "Look at edges.png: at a right pose most dots are green. Check the regions' pairs, the"
     " calibration, and that photo and cloud show the same scene.",
     "low-confidence": "Look at the overlay; add a region, or take its mask from nearer by.",

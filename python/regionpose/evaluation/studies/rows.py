@@ -188,8 +188,8 @@ def displacement(problem: StudyProblem, pose: Pose) -> float:
 
 
 def error_sigmas(problem: StudyProblem, pose: Pose, covariance: Array) -> float:
-    """The errors of a pose's rotation and of its camera's center, each over its standard deviation in its direction: the
-    larger of both.
+    """The errors of a pose's rotation and of its camera's center, each over its standard deviation in its direction:
+    the larger of both.
     """
     truth = Pose(Rotation.from_matrix(problem.scene.rotation), problem.scene.translation)
     turn = (pose.rotation * truth.rotation.inv()).as_rotvec()

@@ -81,8 +81,8 @@ def _line(cells: Sequence[str]) -> str:
 VERDICT_NOTE = (
     f"The pose itself: right within {RIGHT_DEG:g} deg, wrong beyond {WRONG_DEG:g} deg; silent, or trusted, without any"
     " warning. Beyond 3 sigmas: trusted poses whose rotation or camera center is off by more than that."
-    " False alarms are of right poses; a limit of the standard deviations is none, ambiguity is none where all shapes are symmetric"
-    " or a region is wrong, nor a wrong region's name."
+    " False alarms are of right poses; a limit of the standard deviations is none, ambiguity is none where all shapes"
+    " are symmetric or a region is wrong, nor a wrong region's name."
 )
 VERDICT_HEADS = [
     "scenes",
