@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,9 +83,9 @@ def test_regions_out_of_view_and_behind_the_camera_are_left_out(turn: float) -> 
 )
 def test_no_pose_and_no_size_breaks_a_drawing(yaw: float, pitch: float, shift: tuple[float, ...], size: int) -> None:
     pose = rp.Pose(Rotation.from_euler("yx", [yaw, pitch], degrees=True), np.array(shift))
-    image = np.zeros((size, 2 * size), dtype=np.uint8)
-    assert overlay_regions(image, CAMERA, pose, SEEN, WORLD, ["a long name 12.3 %", ""]).shape == (size, 2 * size, 3)
-    height, width, _ = overlay_depth(image, CAMERA, pose, np.concatenate(list(PLATES.values()))).shape
+    image, unsized = np.zeros((size, 2 * size), dtype=np.uint8), replace(CAMERA, width=None, height=None)
+    assert overlay_regions(image, unsized, pose, SEEN, WORLD, ["a long name 12.3 %", ""]).shape == (size, 2 * size, 3)
+    height, width, _ = overlay_depth(image, unsized, pose, np.concatenate(list(PLATES.values()))).shape
     assert height == size and width > 2 * size
 
 

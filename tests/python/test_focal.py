@@ -100,7 +100,7 @@ def test_steps_are_seen_from_where_photo_and_cloud_lead(factor: float, seed: int
 
 def test_a_camera_without_focal_lengths_is_not_asked() -> None:
     camera = rp.EquirectangularCamera(1000, 500)
-    photo, points = cards(0)
+    photo, points = np.zeros((500, 1000), dtype=np.uint8), cards(0)[1]
     estimate = rp.estimate_pose(CAMERA, images(0), worlds())
     assert focal_evidence(estimate, [rp.SceneFrame(photo, points, camera)], lambda *_: estimate) is None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Self, SupportsFloat
 
 import numpy as np
@@ -21,6 +21,8 @@ BLOCK_ROWS = 16384
 
 MOST_SIDE = 2**31 - 1
 """Largest height or width of an image, pixels: what image formats can state."""
+
+TURNED = "turned by a quarter, as by the EXIF turn of a photo, which viewers and OpenCV apply"
 
 LIMIT_SLACK = 1e-12
 """Relative slack of a projected point on the limit of a model: a few roundings of a bearing found there."""
@@ -98,6 +100,48 @@ class Camera(ABC):
             found = f"{width} x {height} pixels for {self.width} x {self.height}"
             raise ValueError(f"size: found {found}; needed both sides by one factor, a resized photo without a cut")
         return self._scaled(width / self.width, height / self.height, size)
+
+    def check_size(self, shape: Sequence[int], item: str = "image") -> None:
+        """Pass the shape of a photo's or mask's array, if it is as large as the photos that were calibrated.
+
+        A camera without a size fits all.
+
+        Parameters
+        ----------
+        shape : sequence of int
+            Height and width first, pixels.
+        item : str
+            What the array is, for the error.
+
+        Raises
+        ------
+        ValueError
+            For another size, with both and what to do.
+        """
+        remark = self.other_size(shape[1], shape[0])
+        if remark is not None:
+            cure = f", or camera.resized({shape[1]}, {shape[0]})" * self._is_copy(shape[1], shape[0])
+            raise ValueError(f"{item}: {remark}{cure}")
+
+    def other_size(self, width: int, height: int) -> str | None:
+        """What is wrong with a photo of this size, in pixels; None where it is that of the calibrated ones or these are
+        of none.
+        """
+        calibrated = (self.width or width, self.height or height)
+        if calibrated == (width, height):
+            return None
+        needed = f"needed the calibrated {calibrated[0]} x {calibrated[1]}"
+        factor = resize_factor(calibrated, (width, height))
+        if factor is not None:
+            return f"found {width} x {height} pixels, {factor:.4g} of the camera's; {needed}"
+        turned = resize_factor(calibrated[::-1], (width, height)) is not None
+        how = TURNED if turned else "cut, or another camera's: no one factor leads from one to the other"
+        return f"found {width} x {height} pixels ({how}); {needed}"
+
+    def _is_copy(self, width: int, height: int) -> bool:
+        """Whether a photo of this size may be a resized copy of the calibrated ones."""
+        sized = self.width is not None and self.height is not None
+        return sized and resize_factor((self.width or 0, self.height or 0), (width, height)) is not None
 
     def _scaled(self, horizontal: float, vertical: float, size: tuple[int | None, int | None]) -> Self:
         """The camera of photos whose sides are scaled by two factors to `size`, width and height."""

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 from regionpose.calibration import load_camera
 from regionpose.cli.poses import read_pose
 from regionpose.pictures.colors import PosedImage
-from regionpose.scene.sensors import other_size, read_picture
+from regionpose.scene.sensors import read_picture
 
 Item = TypeVar("Item")
 
@@ -52,7 +52,7 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
 def read_view(files: ViewFiles) -> PosedImage:
     """The image, its camera, and its pose."""
     camera, picture = load_camera(files.camera, files.camera_name, model=files.camera_model), read_picture(files.image)
-    remark = other_size(camera, (picture.shape[1], picture.shape[0]))
+    remark = camera.other_size(picture.shape[1], picture.shape[0])
     if remark is not None:
         raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
     return PosedImage(picture, camera, read_pose(files.pose, files.camera_name))

@@ -76,13 +76,8 @@ def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> list[I
         raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
     regions = checked_regions(image_regions, ImageRegion)
     for index, region in enumerate(regions):
-        if region.mask is None or camera.width is None or camera.height is None:
-            continue
-        if region.mask.shape != (camera.height, camera.width):
-            needed = (camera.height, camera.width)
-            raise ValueError(
-                f"image region {index} has a mask of shape {region.mask.shape}; the camera's image is {needed}"
-            )
+        if region.mask is not None:
+            camera.check_size(region.mask.shape, f"mask of image region {index}")
     return regions
 
 

@@ -97,7 +97,7 @@ def colorize(
     Raises
     ------
     ValueError
-        For other shapes or types.
+        For other shapes or types, and for an image of another size than the camera's.
     """
     return blend_colors(points, [PosedImage(image, camera, pose)], depth_tolerance=depth_tolerance)
 
@@ -134,7 +134,7 @@ def blend_colors(
     Raises
     ------
     ValueError
-        Without a view, and for other shapes or types.
+        Without a view, for other shapes or types, and for an image of another size than its camera's.
     """
     given = real_rows(points, "points", 3)
     facing = None if normals is None else _checked_normals(normals, len(given))
@@ -142,8 +142,9 @@ def blend_colors(
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
     count = 0
     for image, camera, pose in views:
-        count += 1
         colors = checked_image(image)
+        camera.check_size(colors.shape, f"image of view {count}")
+        count += 1
         projection = _projected(given, camera, pose, colors.shape[:2])
         seen = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
         weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)

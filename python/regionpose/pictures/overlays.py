@@ -11,6 +11,7 @@ from PIL import Image
 from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
+from regionpose.estimation.sides import check_camera
 from regionpose.pictures.colors import project_points
 from regionpose.pictures.depths import checked_limits, depth_colors, depth_dots, draw_depths, with_bar
 from regionpose.pictures.labels import annotated
@@ -77,10 +78,11 @@ def overlay_regions(
     Raises
     ------
     ValueError
-        Where the numbers of regions and labels differ.
+        Where the numbers of regions and labels differ, and for an image or a mask of another size than the camera's.
     """
     picture = checked_image(image).copy()
-    observed = _checked_pairs(image_regions, world_regions, labels)
+    camera.check_size(picture.shape)
+    observed = _checked_pairs(camera, image_regions, world_regions, labels)
     width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
     projected = [projected_rings(camera, pose, region) for region in world_regions]
     lines = repeated(camera, [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings])
@@ -112,9 +114,12 @@ def _draw_samples(picture: Bytes, fits: Sequence[SampleFit], width: float) -> No
 
 
 def _checked_pairs(
-    image_regions: Sequence[ImageRegion] | None, world_regions: Sequence[WorldRegion], labels: Sequence[str]
+    camera: Camera,
+    image_regions: Sequence[ImageRegion] | None,
+    world_regions: Sequence[WorldRegion],
+    labels: Sequence[str],
 ) -> list[ImageRegion]:
-    observed = list(image_regions or [])
+    observed = check_camera(camera, image_regions or [])
     for name, count in (("image regions", len(observed)), ("labels", len(labels))):
         if count not in {0, len(world_regions)}:
             raise ValueError(f"there are {count} {name} and {len(world_regions)} world regions; needed as many of both")
@@ -154,9 +159,10 @@ def overlay_depth(
     Raises
     ------
     ValueError
-        For limits that aren't increasing and positive.
+        For limits that aren't increasing and positive, and for an image of another size than the camera's.
     """
     colors = checked_image(image)
+    camera.check_size(colors.shape)
     pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)
     seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
     near, far = checked_limits(limits_m, distances[seen])

@@ -69,24 +69,11 @@ def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
     size = (image.shape[1], image.shape[0])
     if not isinstance(scene.model.camera, str) and scene.model.camera.resized:
         return named(scene, ("camera", "resized"), lambda: camera.resized(*size))
-    remark = other_size(camera, size)
+    remark = camera.other_size(*size)
     if remark is not None:
         resizable = resize_factor((camera.width or 1, camera.height or 1), size) is not None
         raise scene.error(("image",), remark + (", or camera.resized: true for a resized copy" if resizable else ""))
     return camera
-
-
-def other_size(camera: Camera, size: tuple[int, int]) -> str | None:
-    """What is wrong with a photo of `size` (width, height) for a camera of another, and what to do; None if nothing."""
-    if camera.width is None or camera.height is None or size == (camera.width, camera.height):
-        return None
-    needed = f"needed the calibrated {camera.width} x {camera.height}"
-    factor = resize_factor((camera.width, camera.height), size)
-    if factor is not None:
-        return f"found {size[0]} x {size[1]} pixels, {factor:.4g} of the camera's; {needed}"
-    turned = resize_factor((camera.height, camera.width), size) is not None
-    how = "turned by a quarter" if turned else "cut, or another camera's: no one factor leads from one to the other"
-    return f"found {size[0]} x {size[1]} pixels ({how}); {needed}"
 
 
 def cloud_bytes(scene: Scene) -> int:

@@ -72,7 +72,8 @@ def estimate_with_scene(
     Raises
     ------
     ValueError
-        As of `estimate_pose`; for an image, points or an intensity of other shapes.
+        As of `estimate_pose`; for an image, points or an intensity of other shapes, and for an image of another size
+        than the camera's.
     PoseError
         As of `estimate_pose`.
 

@@ -9,6 +9,7 @@ from functools import cached_property
 from numpy.typing import ArrayLike
 
 from regionpose.cameras import Camera
+from regionpose.estimation.sides import check_camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
@@ -39,6 +40,11 @@ class SceneFrame:
         What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
     world_regions : sequence of WorldRegion
         Those at the places of `regions`; a pose at which the points hide them is contradicted. None by default.
+
+    Raises
+    ------
+    ValueError
+        For an image of another shape, and for an image or a mask of another size than the camera's.
     """
 
     image: ArrayLike | Photo
@@ -48,9 +54,14 @@ class SceneFrame:
     intensity: ArrayLike | None = None
     world_regions: Sequence[WorldRegion] = ()
 
+    def __post_init__(self) -> None:
+        """Check that camera, photo and masks are of one size."""
+        check_camera(self.camera, self.regions)
+        self.camera.check_size(self.photo.shape)
+
     @cached_property
     def photo(self) -> Photo:
-        """The image, as its edges are looked for; ValueError for another shape."""
+        """The image, as its edges are looked for."""
         return self.image if isinstance(self.image, Photo) else Photo.of(self.image)
 
     def steps(self, pose: Pose) -> Steps:
@@ -109,6 +120,7 @@ def check_alignment(
     Raises
     ------
     ValueError
-        For other shapes, and for world regions of another number than regions.
+        For other shapes, for an image of another size than the camera's, and for world regions of another number than
+        regions.
     """
     return SceneFrame(image, points, camera, regions, intensity, world_regions).alignment(pose)

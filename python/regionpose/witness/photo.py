@@ -45,10 +45,13 @@ LEVELS = 1 << 12
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A photo's luminance (h, w), 0 to 255; each pixel is a square of the original's, `reduction` wide."""
+    """A photo's luminance (h, w), 0 to 255; each pixel is a square of the original's, `reduction` wide, which has
+    `shape`, height and width.
+    """
 
     luminance: Pictures
     reduction: int
+    shape: tuple[int, int]
 
     @classmethod
     def of(cls, image: ArrayLike) -> Photo:
@@ -58,7 +61,7 @@ class Photo:
         height, width = (max(size // reduction, 1) for size in levels.shape)
         whole = levels[: height * reduction, : width * reduction]
         blocks = whole.reshape(height, whole.shape[0] // height, width, whole.shape[1] // width)
-        return cls(blocks.mean(axis=(1, 3), dtype=np.float32), reduction)
+        return cls(blocks.mean(axis=(1, 3), dtype=np.float32), reduction, (levels.shape[0], levels.shape[1]))
 
     def places(self, pixels: Array) -> Array:
         """Pixels (n, 2) of the original photo as pixels of this one."""

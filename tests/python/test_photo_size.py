@@ -1,0 +1,87 @@
+"""Photos and masks of another size than the camera's: no function takes them without a word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import regionpose as rp
+from card_scenes import CAMERA, POSE
+from numpy.typing import NDArray
+
+Photo = NDArray[np.uint8]
+
+PHOTO = np.full((480, 640, 3), 90, dtype=np.uint8)
+POINTS = POSE.inverse().transform([[0.1, 0.2, 4.0], [-0.2, 0.1, 5.0], [0.4, -0.3, 6.0]])
+SIGN = np.array([[0.0, 0.0, 4.0], [0.8, 0.0, 4.0], [0.8, 0.4, 4.0], [0.4, 0.4, 4.0], [0.4, 1.0, 4.0], [0.0, 1.0, 4.0]])
+IMAGES = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))]
+WORLDS = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
+SMALL = rp.ImageRegion.from_mask(np.pad(np.ones((60, 90), dtype=np.bool_), ((40, 140), (80, 150))))
+
+TAKE_PHOTOS: dict[str, Callable[[Photo, rp.Camera], object]] = {
+    "estimate_with_scene": lambda photo, camera: rp.estimate_with_scene(camera, IMAGES, WORLDS, photo, POINTS),
+    "check_alignment": lambda photo, camera: rp.check_alignment(photo, POINTS, camera, POSE),
+    "SceneFrame": lambda photo, camera: rp.SceneFrame(photo, POINTS, camera),
+    "colorize": lambda photo, camera: rp.colorize(POINTS, photo, camera, POSE),
+    "blend_colors": lambda photo, camera: rp.blend_colors(POINTS, [(photo, camera, POSE)]),
+    "overlay_regions": lambda photo, camera: rp.overlay_regions(photo, camera, POSE, IMAGES, WORLDS),
+    "overlay_depth": lambda photo, camera: rp.overlay_depth(photo, camera, POSE, POINTS),
+}
+
+TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
+    "estimate_pose": lambda region: rp.estimate_pose(CAMERA, [region], WORLDS),
+    "estimate_rig": lambda region: rp.estimate_rig(CAMERA, [rp.Frame([region], WORLDS)]),
+    "match_regions": lambda region: rp.match_regions(CAMERA, [region], WORLDS),
+    "overlap_errors": lambda region: rp.overlap_errors(CAMERA, [region], WORLDS, POSE),
+    "estimate_with_scene": lambda region: rp.estimate_with_scene(CAMERA, [region], WORLDS, PHOTO, POINTS),
+    "check_alignment": lambda region: rp.check_alignment(PHOTO, POINTS, CAMERA, POSE, regions=[region]),
+    "SceneFrame": lambda region: rp.SceneFrame(PHOTO, POINTS, CAMERA, [region]),
+    "overlay_regions": lambda region: rp.overlay_regions(PHOTO, CAMERA, POSE, [region], WORLDS),
+}
+
+
+@pytest.mark.parametrize("take", TAKE_PHOTOS.values(), ids=TAKE_PHOTOS)
+@pytest.mark.parametrize(
+    ("photo", "found"),
+    [
+        (PHOTO[::2, ::2], "found 320 x 240 pixels, 0.5 of the camera's; .*640 x 480, or camera.resized.320, 240"),
+        (PHOTO.transpose(1, 0, 2), "found 480 x 640 pixels .turned by a quarter.* EXIF .*needed the calibrated 640"),
+        (PHOTO[16:], "found 640 x 464 pixels .cut, .*; needed the calibrated 640 x 480$"),
+        (PHOTO[:1, :1], "found 1 x 1 pixels"),
+        (PHOTO[:, :-1], "found 639 x 480 pixels"),
+    ],
+    ids=["half", "turned", "cut", "one pixel", "a column less"],
+)
+def test_a_photo_of_another_size_is_refused(
+    take: Callable[[Photo, rp.Camera], object], photo: Photo, found: str
+) -> None:
+    with pytest.raises(ValueError, match=f"image.*: {found}"):
+        take(photo, CAMERA)
+
+
+def test_each_view_is_compared_with_its_own_camera() -> None:
+    small = (PHOTO[::2, ::2], CAMERA.resized(320, 240), POSE)
+    rp.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), small])
+    with pytest.raises(ValueError, match="image of view 1: found 320 x 240"):
+        rp.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), (small[0], CAMERA, POSE)])
+
+
+@pytest.mark.parametrize("take", TAKE_MASKS.values(), ids=TAKE_MASKS)
+def test_a_mask_of_another_size_is_refused(take: Callable[[rp.ImageRegion], object]) -> None:
+    with pytest.raises(ValueError, match=r"mask of image region 0: found 320 x 240 pixels.*; needed .* 640 x 480"):
+        take(SMALL)
+
+
+def test_a_camera_without_a_size_takes_any_photo() -> None:
+    unsized = replace(CAMERA, width=None, height=None)
+    for take in ("colorize", "overlay_regions", "overlay_depth", "check_alignment"):
+        TAKE_PHOTOS[take](PHOTO[::2, ::2], unsized)
+
+
+def test_a_camera_with_one_side_compares_that_one() -> None:
+    wide = replace(CAMERA, height=None)
+    wide.check_size((100, 640))
+    with pytest.raises(ValueError, match="image: found 320 x 480 pixels"):
+        wide.check_size((480, 320, 3))
