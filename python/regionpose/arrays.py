@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
 
+SAMPLE_BITS = (8, 10, 12, 14, 16, 32, 64)
+"""Bits of the samples of sensors and files. Cameras of 10 to 14 bits write numbers of 16 whose upper bits are empty."""
+
 LARGEST_COORDINATE, SMALLEST_EXTENT = 2.0**200, 2.0**-200
 """Of points, as of the core's rings: products of a few of these, and their inverses, are finite numbers."""
 
@@ -112,15 +115,40 @@ def counter_clockwise(ring: Array) -> Array:
 
 def checked_image(image: ArrayLike) -> NDArray[np.uint8]:
     """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1] as (h, w, 3) uint8; ValueError for others."""
+    levels = eight_bits(checked_levels(image))
+    return np.asarray(levels if levels.ndim == 3 else np.broadcast_to(levels[..., None], (*levels.shape, 3)))
+
+
+def checked_levels(image: ArrayLike) -> NDArray[np.generic]:
+    """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1], as it is; ValueError for others."""
     given = np.asarray(image)
     if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
         raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
-    if given.dtype == np.uint16:
-        given = (given >> 8).astype(np.uint8)
-    elif given.dtype.kind == "f":
-        if not (given.min() >= 0.0 and given.max() <= 1.0):
-            raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
-        given = np.round(given * 255.0).astype(np.uint8)
-    if given.dtype != np.uint8:
+    if given.dtype not in (np.uint8, np.uint16) and given.dtype.kind != "f":
         raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
-    return np.asarray(given if given.ndim == 3 else np.broadcast_to(given[..., None], (*given.shape, 3)))
+    if given.dtype.kind == "f" and not (given.min() >= 0.0 and given.max() <= 1.0):
+        raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
+    return given
+
+
+def sample_bits(levels: NDArray[Any]) -> int:
+    """Bits of the samples that whole numbers of at least 0 hold: the fewest of `SAMPLE_BITS` that the largest needs."""
+    needed = int(levels.max()).bit_length()
+    return next(bits for bits in SAMPLE_BITS if bits >= needed)
+
+
+def eight_bits(levels: NDArray[Any]) -> NDArray[np.uint8]:
+    """Levels of any depth as 8 bits; ValueError for such as are not finite.
+
+    Whole numbers of at least 0 by the depth of their samples, of which the upper 8 bits stay; floats in [0, 1] by that
+    range; others, such as temperatures, by their own, from the lowest to the highest.
+    """
+    if levels.dtype == np.uint8:
+        return levels
+    low, high = levels.min(), levels.max()
+    if not np.isfinite([low, high]).all():
+        raise ValueError(f"found levels from {low} to {high}; needed finite ones")
+    if levels.dtype.kind in "iu" and low >= 0:
+        return (levels >> (sample_bits(levels) - 8)).astype(np.uint8)
+    bottom, top = (0.0, 1.0) if low >= 0.0 and high <= 1.0 else (float(low), float(high))
+    return np.round((levels - bottom) * (255.0 / ((top - bottom) or 1.0))).astype(np.uint8)

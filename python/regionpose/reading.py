@@ -15,8 +15,9 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image, ImageOps
 
+from regionpose.arrays import eight_bits
 from regionpose.json_text import json_value
 from regionpose.text_error import TextError
 
@@ -30,6 +31,10 @@ masks and constant columns unfold a thousandfold."""
 
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 """Endings of the names of pictures, in lower case."""
+
+PICTURE_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "PPM", "GIF", "JPEG2000")
+"""Pillow's names of the formats that are read. It knows more, of which EPS starts another program, Ghostscript. JPEG
+stands for MPO, too, which phones write: a JPEG that holds further ones."""
 
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
@@ -45,7 +50,7 @@ class FileError(ValueError):
 
 
 class Pixels(NamedTuple):
-    """A picture's pixels (h, w) or (h, w, channels), Pillow's mode of the file, and its format."""
+    """A picture's pixels (h, w) or (h, w, channels) as viewers show them, Pillow's mode of the file, and its format."""
 
     values: NDArray[Any]
     mode: str
@@ -66,7 +71,8 @@ def unfolding_error(path: Path, bytes_promised: int) -> str | None:
 
 
 def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, content: IO[bytes] | None = None) -> Pixels:
-    """The first picture of an image file, converted to Pillow's `mode` where one is given.
+    """The first picture of an image file, turned as its EXIF data say, as viewers and OpenCV do, and converted to
+    Pillow's `mode` where one is given; gray of more than 8 bits stays as it is.
 
     `per_pixel`: a quarter of the bytes that the caller makes of each pixel, where that is more than it has in the file.
     `content`: the picture's own bytes, where the file holds more than it.
@@ -76,10 +82,15 @@ def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, cont
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path if content is None else content) as picture:
+            # The open file: of a path, Pillow 13 maps the rows of a turned TIFF into memory by the width that is shown.
+            with (
+                path.open("rb") if content is None else content as file,
+                Image.open(file, formats=PICTURE_FORMATS) as picture,
+            ):
                 _check_pixels(path, picture, per_pixel)
-                values = np.array(picture if mode is None else picture.convert(mode))
-                return Pixels(values, picture.mode, picture.format)
+                ImageOps.exif_transpose(picture, in_place=True)
+                is_kept = mode is None or _depth(picture) > 1
+                return Pixels(np.array(picture if is_kept else picture.convert(mode)), picture.mode, picture.format)
     except (FileNotFoundError, FileError):
         raise
     # Damage shows as errors of every type, and without the file's name.
@@ -88,9 +99,38 @@ def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, cont
         raise FileError(f"{path}: found no picture ({_described(error)}); needed {needed}") from error
 
 
+def read_colors(path: Path, *, content: IO[bytes] | None = None) -> NDArray[np.uint8]:
+    """The first picture (h, w, 3) of an image file in 8 bits, deeper gray as of `eight_bits`; else as of `read_pixels`.
+
+    FileError also for levels that are not finite.
+    """
+    values = read_pixels(path, "RGB", per_pixel=3, content=content).values
+    try:
+        levels = eight_bits(values)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
+    return levels if levels.ndim == 3 else np.repeat(levels[..., None], 3, axis=2)
+
+
+def read_turn(path: Path) -> int | None:
+    """The orientation by which the EXIF data of an image file turn it by a quarter, 5 to 8; None where they do not, and
+    for a file that is none.
+    """
+    try:
+        with Image.open(path, formats=PICTURE_FORMATS) as picture:
+            turn = picture.getexif().get(ExifTags.Base.Orientation)
+    except Exception:  # Damage shows as errors of every type.
+        return None
+    return turn if turn in {5, 6, 7, 8} else None
+
+
+def _depth(picture: Image.Image) -> int:
+    """Bytes of each number of a picture."""
+    return 4 if picture.mode in {"I", "F"} else 2 if picture.mode.startswith("I;16") else 1
+
+
 def _check_pixels(path: Path, picture: Image.Image, per_pixel: int) -> None:
-    depth = 4 if picture.mode in {"I", "F"} else 2 if picture.mode.startswith("I;16") else 1
-    held = max(len(picture.getbands()) * depth, per_pixel)
+    held = max(len(picture.getbands()) * _depth(picture), per_pixel)
     wrong = unfolding_error(path, picture.width * picture.height * held)
     if wrong is not None:
         raise FileError(f"{path}: {picture.width} x {picture.height} pixels: {wrong}")

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve
 
+from regionpose.arrays import eight_bits
+
 Picture = NDArray[np.uint8]
 
 RED_SHARE, BLUE_SHARE = 0.299, 0.114
@@ -90,6 +92,5 @@ ENCODINGS: dict[str, Encoding] = {
 
 def picture_of(levels: NDArray[Any], encoding: Encoding) -> Picture:
     """The picture (h, w, 3) of the numbers (h, w, numbers) of its pixels."""
-    # The upper byte of 16 bits is the shade in 8.
-    shades = encoding.picture(levels if encoding.kind == "u1" else levels >> 8)
+    shades = encoding.picture(eight_bits(levels))
     return np.ascontiguousarray(np.clip(np.rint(shades), 0, 255), dtype=np.uint8)

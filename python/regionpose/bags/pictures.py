@@ -11,7 +11,7 @@ import numpy as np
 from regionpose.bags.encodings import ENCODINGS, Picture, picture_of
 from regionpose.bags.messages import read_messages, usual_fields
 from regionpose.bags.place import BagPlace
-from regionpose.reading import FileError, read_pixels
+from regionpose.reading import FileError, read_colors
 
 KINDS = ("Image", "CompressedImage")
 
@@ -32,7 +32,7 @@ def read_bag_picture(place: BagPlace) -> Picture:
 
 def _decoded(place: BagPlace, message: Any) -> Picture:
     """The picture of a CompressedImage: a JPEG or a PNG."""
-    return read_pixels(place.bag, "RGB", per_pixel=3, content=BytesIO(bytes(message.data))).values
+    return read_colors(place.bag, content=BytesIO(bytes(message.data)))
 
 
 def _unpacked(place: BagPlace, message: Any) -> Picture:

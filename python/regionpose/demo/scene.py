@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from regionpose.calibration import load_camera
 from regionpose.cameras import PinholeCamera
 from regionpose.clouds import Cloud, read_cloud
+from regionpose.reading import read_colors, read_pixels
 
 IMAGE_FILE = "image.jpg"
 LABELS_FILE = "labels.png"
@@ -85,15 +85,13 @@ def load(path: Path | None = None) -> DemoScene:
     camera = load_camera(held / CAMERA_FILE)
     if not isinstance(camera, PinholeCamera):
         raise ValueError(f"{CAMERA_FILE} holds a {type(camera).__name__}; the demo scene needs a PinholeCamera")
-    with Image.open(held / IMAGE_FILE) as image, Image.open(held / LABELS_FILE) as labels:
-        colors, numbers = np.asarray(image.convert("RGB")), np.asarray(labels)
     return DemoScene(
-        image=colors,
+        image=read_colors(held / IMAGE_FILE),
         camera=camera,
         camera_path=held / CAMERA_FILE,
         points=cloud.points,
         intensities=_intensities(cloud),
-        labels=numbers,
+        labels=read_pixels(held / LABELS_FILE).values,
         regions=read_regions(held),
         rotation=np.array(truth["rotation"]),
         translation=np.array(truth["translation"]),

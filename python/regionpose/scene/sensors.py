@@ -18,7 +18,7 @@ from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.clouds.kinds import file_size
 from regionpose.progress import Progress
-from regionpose.reading import read_pixels
+from regionpose.reading import read_colors, read_turn
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import (
@@ -44,6 +44,12 @@ MODELS: dict[type, Callable[..., Camera]] = {
 }
 
 
+TURNED_CURE = (
+    "the EXIF data of the photo turn it, and the calibration is that of the photo as stored: calibrate with photos as"
+    " viewers show them, or remove the turn from the photo's EXIF data and take masks of the photo as stored"
+)
+
+
 def scene_camera(scene: Scene) -> Camera:
     """The scene's camera; SceneError that names the line for a file or parameters that give none."""
     item = scene.model.camera
@@ -57,7 +63,7 @@ def scene_camera(scene: Scene) -> Camera:
 
 
 def scene_image(scene: Scene) -> Picture:
-    """The scene's image (h, w, 3), sRGB, as stored: a turn noted in its EXIF data would not be the calibration's."""
+    """The scene's image (h, w, 3), sRGB, as viewers show it: turned as its EXIF data say."""
     return named(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
 
 
@@ -66,14 +72,16 @@ def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
 
     SceneError where image and calibration are of different sizes otherwise.
     """
-    size = (image.shape[1], image.shape[0])
-    if not isinstance(scene.model.camera, str) and scene.model.camera.resized:
+    size, item = (image.shape[1], image.shape[0]), scene.model.camera
+    if not isinstance(item, str) and item.resized:
         return named(scene, ("camera", "resized"), lambda: camera.resized(*size))
     remark = camera.other_size(*size)
-    if remark is not None:
-        resizable = resize_factor((camera.width or 1, camera.height or 1), size) is not None
-        raise scene.error(("image",), remark + (", or camera.resized: true for a resized copy" if resizable else ""))
-    return camera
+    if remark is None:
+        return camera
+    if camera.other_size(*size[::-1]) is None and read_turn(scene.file(scene.image)) is not None:
+        raise scene.error(("image",), f"{remark}; {TURNED_CURE}")
+    resizable = resize_factor((camera.width or 1, camera.height or 1), size) is not None
+    raise scene.error(("image",), remark + ", or camera.resized: true for a resized copy" * resizable)
 
 
 def cloud_bytes(scene: Scene) -> int:
@@ -116,11 +124,11 @@ def sensor_origin(scene: Scene, cloud: Cloud | None) -> SensorOrigin | None:
 
 
 def read_picture(path: Path) -> Picture:
-    """The picture (h, w, 3) uint8 of an image file, or of a bag's message; errors as of `read_pixels` and
+    """The picture (h, w, 3) uint8 of an image file, or of a bag's message; errors as of `read_colors` and
     `read_bag_picture`.
     """
     place = bag_place(path)
-    return read_pixels(path, "RGB", per_pixel=3).values if place is None else read_bag_picture(place)
+    return read_colors(path) if place is None else read_bag_picture(place)
 
 
 def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:

@@ -15,6 +15,7 @@ from skimage.color import rgb2lab
 from skimage.filters import rank
 from skimage.morphology import disk, reconstruction
 
+from regionpose.arrays import checked_levels, sample_bits
 from regionpose.segmentation.outlining import Growth, Reduced, as_bytes, outlined
 
 Array = NDArray[np.float64]
@@ -182,14 +183,9 @@ def _surroundings(mask: Mask, factor: int, shape: tuple[int, ...]) -> Window:
 
 
 def _checked_image(image: ArrayLike) -> NDArray[np.generic]:
-    given = np.asarray(image)
-    if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
-        raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
-    if given.dtype not in (np.uint8, np.uint16) and given.dtype.kind != "f":
-        raise ValueError(f"image has type {given.dtype}; needed uint8, uint16 or floats in [0, 1]")
-    if given.dtype.kind == "f" and not (given.min() >= 0.0 and given.max() <= 1.0):
-        raise ValueError(f"image holds values from {given.min()} to {given.max()}; needed floats in [0, 1]")
-    return given
+    """An image as of `checked_levels`, samples of fewer than 16 bits moved to the upper ones."""
+    given = checked_levels(image)
+    return given << np.uint16(16 - sample_bits(given)) if given.dtype == np.uint16 else given
 
 
 def _checked_seed(seed: ArrayLike, shape: tuple[int, ...]) -> tuple[float, float]:

@@ -117,7 +117,7 @@ def _equal(labels: NDArray[np.generic], value: int) -> Mask:
 def _labels(path: Path) -> tuple[NDArray[np.generic], str]:
     """Labels (h, w) of a picture, whole numbers, and the format of their names."""
     pixels, _, form = read_pixels(path)
-    if form == "JPEG":
+    if form in {"JPEG", "MPO"}:
         raise ValueError(f"{path} is a JPEG, which changes the labels; needed a lossless format, as PNG")
     if pixels.ndim == 3:
         packed = _packed(pixels)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.polygon import orient
 
 from regionpose import _core
+from regionpose.arrays import sample_bits
 from regionpose.reading import read_pixels
 from regionpose.regions.image import ImageRegion
 from regionpose.segmentation.mask_files import MaskItem, MasksOfFile, file_items, run_length_mask, size_of
@@ -122,22 +123,24 @@ def region_from_file(
         As of `mask_from_file`, and where it belongs to another size.
     """
     item = _chosen(Path(path), label, image)
-    if size is not None and item.size != tuple(size):
-        found, needed = (f"{width} x {height}" for height, width in (item.size, size))
-        raise ValueError(f"{path}: found masks of {found} pixels; needed {needed}, as the image")
+    if size is not None:
+        _check_size(path, item.size, size)
     return _region_of(item, path, panorama)
 
 
 def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Shares (h, w) in [0, 1] of the pixels that a region covers: the levels of a gray picture of 8 bits over 255.
+    """Shares (h, w) in [0, 1] of the pixels that a region covers: levels of gray over the largest of their depth, such
+    as 255 of 8 bits, and floats as they are.
 
-    `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size.
+    `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size, and for floats
+    outside [0, 1].
     """
     levels = read_pixels(Path(path), "L", per_pixel=PER_PIXEL_OF_SHARES).values
-    if levels.shape != tuple(size):
-        found, needed = (f"{width} x {height}" for height, width in (levels.shape, size))
-        raise ValueError(f"{path}: found a mask of {found} pixels; needed {needed}, as the image")
-    return levels.astype(np.float32) / np.float32(255.0)
+    _check_size(path, levels.shape, size)
+    if not (levels.min() >= 0 and (levels.dtype.kind in "iu" or levels.max() <= 1)):
+        raise ValueError(f"{path}: found shares from {levels.min()} to {levels.max()}; needed them in [0, 1]")
+    whole = 1.0 if levels.dtype.kind == "f" else 2.0 ** sample_bits(levels) - 1.0
+    return levels.astype(np.float32) / np.float32(whole)
 
 
 def masks_from_segmenter(
@@ -236,6 +239,17 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
         found = f"{len(matching)} regions" + ("" if label is None else f" of the label {label!r}")
         raise ValueError(f"{path}: found {found}; needed the label of one of: {shown}")
     return matching[0]
+
+
+def _check_size(path: str | Path, found: tuple[int, ...], needed: tuple[int, int]) -> None:
+    """Pass a mask's size (h, w) that is the image's; ValueError for another."""
+    if found == tuple(needed):
+        return
+    turned = found == tuple(needed)[::-1]
+    cure = ", which is turned as its EXIF data say: mark the photo as viewers show it" if turned else ""
+    raise ValueError(
+        f"{path}: found masks of {found[1]} x {found[0]} pixels; needed {needed[1]} x {needed[0]}, as the image{cure}"
+    )
 
 
 def _region_of(item: MaskItem, path: str | Path, panorama: bool = False) -> ImageRegion:
