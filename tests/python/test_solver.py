@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,26 +172,34 @@ def test_a_problem_without_a_pose_leaves_the_others(batch: list[PoseProblem]) ->
 
 
 def test_problems_that_are_refused_leave_the_others(batch: list[PoseProblem]) -> None:
-    """A world region is missing; an image region lies where the camera has no rays."""
+    """Whatever is wrong with a problem stands in its place, and the others are solved as without it."""
     camera, images, worlds = batch[1]
     narrow = rp.FisheyeCamera(100.0, 100.0, 500.0, 500.0)
     beyond = rp.ImageRegion.from_polygon(np.array([[900.0, 500.0], [990.0, 500.0], [950.0, 560.0]]))
-    refused: list[PoseProblem] = [
-        (camera, images, worlds[:2]),
-        (narrow, [beyond], worlds[:1]),
-    ]
-    found = rp.estimate_poses([batch[0], *refused, batch[2]])
-    for error, needed in zip(found[1:3], ("3 observed and 2 world", "image region 0"), strict=True):
+    small = rp.ImageRegion.from_mask(np.pad(np.ones((20, 20), dtype=np.bool_), 30))
+    sized = rp.PinholeCamera(300.0, 300.0, 159.5, 119.5, width=320, height=240)
+    refused: dict[str, Any] = {
+        "3 observed and 2 world": (camera, images, worlds[:2]),
+        "image region 0": (narrow, [beyond], worlds[:1]),
+        "mask of image region 0: found 80 x 80 pixels": (sized, [small], worlds[:1]),
+        "region 0 is a NoneType; needed a ImageRegion": (camera, [None], worlds[:1]),
+        "region 1 is a str; needed a WorldRegion": (camera, images[:2], [worlds[0], "wall"]),
+        "found a NoneType; needed a list of WorldRegions": (camera, images, None),
+        "camera is a NoneType": (None, images, worlds),
+        "0": (camera, [], []),
+    }
+    found = rp.estimate_poses([batch[0], *refused.values(), batch[2]])
+    for error, needed in zip(found[1:-1], refused, strict=True):
         assert isinstance(error, rp.PoseError) and needed in str(error)
-    for estimate, expected in zip([found[0], found[3]], solved([batch[0], batch[2]]), strict=True):
+    for estimate, expected in zip([found[0], found[-1]], solved([batch[0], batch[2]]), strict=True):
         assert isinstance(estimate, rp.PoseEstimate)
         assert_same(estimate, expected)
 
 
 def test_the_error_names_what_is_no_problem(batch: list[PoseProblem]) -> None:
-    camera, _, worlds = batch[1]
-    with pytest.raises(ValueError, match="problem 1: region 0 is a str; needed a ImageRegion"):
-        rp.estimate_poses([batch[0], (camera, ["mask"], worlds)])  # type: ignore[list-item]
+    camera, images, _ = batch[1]
+    with pytest.raises(ValueError, match="problem 1: found 2 items; needed"):
+        rp.estimate_poses([batch[0], (camera, images)])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="threads is 0; it needs to be at least 1"):
         rp.estimate_poses(batch[:1], threads=0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby, islice
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 PoseProblem = tuple[Camera, Sequence[ImageRegion], Sequence[WorldRegion]]
+Checked = tuple[Camera, list[ImageRegion], list[_core.WorldRegion]]
 Sides = tuple[list[_core.ObservedRegion], list[_core.WorldRegion]]
 
 
@@ -56,12 +58,12 @@ def estimate_poses(
     -------
     list of PoseEstimate or PoseError
         In place of an estimate a PoseError: that of `estimate_pose` where no pose shows every region, or one that says
-        what is wrong with a region that is refused.
+        what is wrong with a problem that is refused: its camera, a region, a mask of another size, other numbers of both.
 
     Raises
     ------
     ValueError
-        For an item that is not a problem, with its number first, and for other options.
+        For an item that does not hold three parts, with its number first, and for other options.
 
     Examples
     --------
@@ -71,9 +73,8 @@ def estimate_poses(
 
     """
     options = native(solver)
-    checked = [_checked_problem(index, problem) for index, problem in enumerate(listed(problems, PROBLEMS))]
-    mapped = _straight_bearings([(camera, regions) for camera, regions, _ in checked])
-    sides = [_sides_or_error(*problem, bearings, options) for problem, bearings in zip(checked, mapped, strict=True)]
+    given = [_parts(index, problem) for index, problem in enumerate(listed(problems, PROBLEMS))]
+    sides = _sides([_checked(*parts) for parts in given], options)
     told = zip(sides, _priors(prior, len(sides)), strict=True)
     whole = [(each, known) for each, known in told if not isinstance(each, PoseError)]
     batch, priors = [each for each, _ in whole], [known for _, known in whole]
@@ -110,14 +111,33 @@ def core_batch(
     )
 
 
-def _checked_problem(index: int, problem: PoseProblem) -> tuple[Camera, list[ImageRegion], list[_core.WorldRegion]]:
-    """The parts of a problem; ValueError, led by its number, for one that is of the wrong kind."""
+def _parts(index: int, problem: PoseProblem) -> PoseProblem:
+    """The three parts of a problem; ValueError, led by its number, for what has others."""
     try:
-        camera, image_regions, world_regions = _problem_parts(problem)
+        parts = listed(problem, "(camera, image_regions, world_regions)")
+    except ValueError as error:
+        raise ValueError(f"problem {index}: {error}") from error
+    if len(parts) != 3:
+        raise ValueError(f"problem {index}: found {len(parts)} items; needed (camera, image_regions, world_regions)")
+    return cast(PoseProblem, tuple(parts))
+
+
+def _checked(
+    camera: Camera, image_regions: Sequence[ImageRegion], world_regions: Sequence[WorldRegion]
+) -> Checked | PoseError:
+    """The parts of a problem, or what is wrong with one of them."""
+    try:
         regions = check_camera(camera, image_regions)
         return camera, regions, [region.core for region in checked_regions(world_regions, WorldRegion)]
     except ValueError as error:
-        raise ValueError(f"problem {index}: {error}") from error
+        return PoseError(str(error))
+
+
+def _sides(problems: Sequence[Checked | PoseError], solver: Solver) -> list[Sides | PoseError]:
+    """Both sides of each problem as the core takes them, or what is wrong with it."""
+    whole = [(camera, regions) for camera, regions, _ in (each for each in problems if not isinstance(each, PoseError))]
+    mapped = iter(_straight_bearings(whole))
+    return [each if isinstance(each, PoseError) else _sides_or_error(*each, next(mapped), solver) for each in problems]
 
 
 def _sides_or_error(
@@ -144,13 +164,6 @@ def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> lis
         following = iter(whole or ())
         mapped += [list(islice(following, count)) if whole else None for count in counts]
     return mapped
-
-
-def _problem_parts(problem: PoseProblem) -> PoseProblem:
-    parts = listed(problem, "(camera, image_regions, world_regions)")
-    if len(parts) != 3:
-        raise ValueError(f"found {len(parts)} items; needed (camera, image_regions, world_regions)")
-    return problem
 
 
 def _priors(prior: Prior | Iterable[Prior | None] | None, count: int) -> list[_core.Prior | None]:
