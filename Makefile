@@ -13,8 +13,6 @@ SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
 
-# A worker a core: two threads each would wait for one another, which doubles the time of tests such as test_focal.py.
-test: export OMP_NUM_THREADS := 1
 test: $(STAMP)
 	cargo test --quiet
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
+from regionpose.witness.descent import Ends, descended
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.steps import SEED
 
@@ -50,7 +50,7 @@ STEP_UNITS, STEP_SPREADS = 0.1, 0.5
 """Longest steps that tell the curvature, in the prior's deviations and in the finest spread: a bell's curvature is told
 an eighth too small by half its deviation, and by steps of several of them as none."""
 
-FLAT, LEVEL, TRIES = 0.05, 1e-6, 10
+ENDS = Ends(flat=0.05, level=1e-6, tries=10)
 """A maximum is reached at this slope of the log density, a deviation of the prior's, which at the least curvature is
 0.006 below it; or where a step gains less than this share, or so many tries along a line find none that gains enough.
 Values between pixels have kinks, at which slopes do not vanish. The last two are conventions: without such ends refined
@@ -167,9 +167,7 @@ class Posterior:
             costs, slopes = self._costs(at[None], spread_px)
             return float(costs[0]), slopes[0]
 
-        return np.asarray(
-            minimize(cost, units, jac=True, method="L-BFGS-B", options={"gtol": FLAT, "ftol": LEVEL, "maxls": TRIES}).x
-        )
+        return descended(cost, units, ENDS)
 
     def _curvature(self) -> Array:
         """The curvature (d, d) of the negative log density at the pose of increments, in the prior's units."""
