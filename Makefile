@@ -35,9 +35,10 @@ fuzz: $(STAMP)
 	$(BIN)/python fuzz/readers.py --seconds $$(($(SECONDS) / 2)) --seed $(SEED) --keep fuzz/found
 	cargo run --quiet --profile test --example fuzz -- --seconds $$(($(SECONDS) / 2)) --seed $(SEED)
 
-# Very many estimates, files and commands in one process: memory and handles stay as they are.
+# Very many estimates, files and commands in one process: memory and handles stay as they are. And runs ended while they save.
 soak: $(STAMP)
 	$(BIN)/python fuzz/soak.py
+	$(BIN)/python fuzz/kills.py --seed $(SEED)
 
 # The site, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
 docs: $(STAMP)

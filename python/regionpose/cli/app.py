@@ -30,8 +30,8 @@ Exit codes:
   1  a pose with warnings, under --strict
   2  bad input, or a file that would be overwritten
   3  no pose shows the regions as they were observed, or the pose is doubtful (its files are written)
-  130  interrupted (Ctrl-C); nothing was written
-  143  terminated (SIGTERM); nothing was written
+  130  interrupted (Ctrl-C); nothing was written, or all files were already
+  143  terminated (SIGTERM); nothing was written, or all files were already
 """
 
 app = typer.Typer(

@@ -10,7 +10,7 @@ import numpy as np
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import COLOR_NAMES, COORDINATES
 from regionpose.clouds.errors import cloud_error
-from regionpose.clouds.whole_file import whole_file
+from regionpose.outputs.whole_file import whole_file
 
 ROWS_AT_ONCE = 262_144
 """Points formatted at a time, so that the file needs no second copy of the cloud in memory."""

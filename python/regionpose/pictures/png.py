@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from regionpose.arrays import checked_image
-from regionpose.clouds.whole_file import whole_file
+from regionpose.outputs.whole_file import whole_file
 
 
 def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: bool = False) -> Path:
