@@ -28,7 +28,7 @@ def points_of(scan: int) -> NDArray[np.void]:
     kind = np.dtype(layout)
     points = np.zeros(6, dtype=kind)
     for axis, name in enumerate("xyz"):
-        points[name] = np.arange(6) * (axis + 1.0) + scan
+        points[name] = np.arange(6) * (axis + 1.0) + scan + axis
     points["intensity"], points["rgb"] = np.arange(6) * 10.0, 0x102030
     return points
 

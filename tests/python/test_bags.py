@@ -41,6 +41,20 @@ def test_a_scan_is_the_cloud_of_its_message(bag: Path) -> None:
     assert cloud.sensor_origin.tolist() == [0.0, 0.0, 0.0]
 
 
+def test_an_organized_scan_keeps_where_nothing_came_back(tmp_path: Path) -> None:
+    made, points = Bag("mcap"), points_of(1)
+    for axis in "xyz":
+        points[axis][4] = 0.0
+    for at in (BEGIN, BEGIN + 1):
+        made.scan(at, points, height=2, width=3, row_step=72)
+    path = made.write(tmp_path)
+    cloud = read_cloud(f"{path}#/points")
+    assert (len(cloud), cloud.dropped, cloud.grid_shape) == (5, 1, (2, 3)) and cloud.grid_indices is not None
+    np.testing.assert_array_equal(cloud.grid_indices, [0, 1, 2, 3, 5])
+    two = read_cloud(f"{path}#/points@0x2")
+    assert (len(two), two.dropped, two.grid_shape) == (10, 2, None)
+
+
 @pytest.mark.parametrize(
     ("when", "first"),
     [("", 0), ("@0", 0), ("@0.14", 1), ("@0.16", 2), ("@1.3", 4), ("@1700000000.29", 3), ("@1700000000.300000001", 3)],

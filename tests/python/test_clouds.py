@@ -133,11 +133,16 @@ def test_a_written_ply_comes_back_whole(tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.fields["ring"], cloud.fields["ring"])
 
 
+def no_zeros(points: Any) -> bool:
+    """Whether no point is at zero, which would be a beam without a return."""
+    return bool(points.any(axis=1).all())
+
+
 FINITE = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12)
 
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-@given(points=hnp.arrays(np.float64, st.tuples(st.integers(1, 20), st.just(3)), elements=FINITE))
+@given(points=hnp.arrays(np.float64, st.tuples(st.integers(1, 20), st.just(3)), elements=FINITE).filter(no_zeros))
 def test_any_cloud_survives_writing_to_the_last_bit(tmp_path: Path, points: Any) -> None:
     cloud = Cloud.from_points(points, fields={"value": points[:, 0]})
     back = read_cloud(write_ply(tmp_path / "any.ply", cloud, overwrite=True))
@@ -276,3 +281,48 @@ def test_the_content_tells_the_kind_before_the_name(tmp_path: Path) -> None:
     np.save(buffer, POINTS)
     assert_same(read_cloud(written(tmp_path / "b.ply", buffer.getvalue())))
     assert_same(read_cloud(written(tmp_path / "c", ascii_pcd())), POINTS, COLORS, INTENSITY)
+
+
+ZERO = [[0.0, 0.0, 0.0]]
+
+
+def test_zeros_are_no_points_of_a_scan_and_the_indices_of_the_file_hold() -> None:
+    cloud = Cloud.from_points(np.vstack([ZERO, POINTS[:2], ZERO, POINTS[2:]]), intensity=np.arange(6.0))
+    assert_same(cloud, POINTS, None, [1.0, 2.0, 4.0, 5.0])
+    assert cloud.dropped == 2 and cloud.file_indices is not None
+    np.testing.assert_array_equal(cloud.file_indices, [1, 2, 4, 5])
+    np.testing.assert_array_equal(cloud.to_file_indices([3, 0]), [5, 1])
+    np.testing.assert_array_equal(cloud.from_file_indices([5, 3, 1, 0]), [3, 0])
+    with pytest.raises(CloudError, match="indices: found 1 from 6 to 6; needed indices from 0 to 5"):
+        cloud.from_file_indices([6])
+    with pytest.raises(CloudError, match="points: found 3 points, none"):
+        Cloud.from_points(ZERO * 3)
+
+
+def test_a_mesh_keeps_its_vertex_at_zero() -> None:
+    cloud = Cloud.from_points(np.vstack([ZERO, POINTS]), triangles=[[0, 1, 2]])
+    assert (len(cloud), cloud.dropped) == (5, 0)
+
+
+def test_a_whole_cloud_names_its_points_as_its_file_does() -> None:
+    cloud = Cloud.from_points(POINTS)
+    assert cloud.file_indices is None
+    np.testing.assert_array_equal(cloud.from_file_indices(cloud.to_file_indices([2, 1])), [2, 1])
+
+
+def test_a_grid_keeps_where_nothing_came_back() -> None:
+    points = np.vstack([ZERO, POINTS, [[np.nan, 1.0, 1.0]]])
+    cloud = Cloud.from_points(points, grid_shape=(2, 3))
+    assert cloud.grid_shape == (2, 3) and cloud.grid_indices is not None
+    np.testing.assert_array_equal(cloud.grid_indices, [1, 2, 3, 4])
+    assert Cloud.from_points(points).grid_indices is None
+    absent = np.setdiff1d(np.arange(6), cloud.grid_indices)
+    np.testing.assert_array_equal(np.stack(np.divmod(absent, 3), axis=1), [[0, 0], [1, 2]])
+
+
+@pytest.mark.parametrize("cells", [[0, 1, 2, 2], [0, 1, 2, 4], [-1, 0, 1, 2], [0, 1, 2]])
+def test_a_grid_that_does_not_hold_the_points_is_refused(cells: list[int]) -> None:
+    with pytest.raises(CloudError, match="grid_indices: found"):
+        Cloud(POINTS, grid_shape=(2, 2), grid_indices=np.array(cells))
+    with pytest.raises(CloudError, match="grid_shape: found None"):
+        Cloud(POINTS, grid_indices=np.arange(4))

@@ -90,12 +90,30 @@ def test_pcd_by_hand(tmp_path: Path, content: bytes) -> None:
     assert not cloud.fields
 
 
-def test_organized_pcd_drops_its_holes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("hole", [np.nan, 0.0])
+def test_organized_pcd_drops_its_holes_and_keeps_where_they_are(tmp_path: Path, hole: float) -> None:
     rows = pcd_rows()
-    rows["x"][2] = np.nan
+    for axis in "xyz":
+        rows[axis][2] = hole
     cloud = read_cloud(written(tmp_path / "a.pcd", pcd_head("binary", width=2, height=2).encode() + rows.tobytes()))
     assert cloud.dropped == 1
     assert_same(cloud, POINTS[[0, 1, 3]], COLORS[[0, 1, 3]], INTENSITY[[0, 1, 3]])
+    assert cloud.grid_shape == (2, 2) and cloud.grid_indices is not None
+    np.testing.assert_array_equal(cloud.grid_indices, [0, 1, 3])
+
+
+def test_the_grid_of_an_e57_is_that_of_its_rows_and_columns(tmp_path: Path) -> None:
+    pye57 = pytest.importorskip("pye57")
+    columns = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), POINTS.T.copy(), strict=True))
+    columns["cartesianX"][3] = columns["cartesianY"][3] = columns["cartesianZ"][3] = 0.0
+    columns |= {"rowIndex": np.array([1, 0, 1, 0]), "columnIndex": np.array([2, 1, 0, 0])}
+    image = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    image.write_scan_raw(columns, translation=UTM)
+    image.close()
+    cloud = read_cloud(tmp_path / "a.e57")
+    assert (cloud.dropped, cloud.grid_shape) == (1, (2, 3)) and cloud.grid_indices is not None
+    np.testing.assert_array_equal(cloud.grid_indices, [5, 1, 3])
+    np.testing.assert_allclose(cloud.points, POINTS[:3] + UTM, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("encoding", ["ASCII", "BINARY", "BINARY_COMPRESSED"])
@@ -322,6 +340,8 @@ def test_npy_tables_organized_and_structured(tmp_path: Path) -> None:
     assert_same(read_cloud(tmp_path / "a.npy"), POINTS, None, INTENSITY)
     np.save(tmp_path / "b.npy", np.column_stack([POINTS, COLORS]).reshape(2, 2, 6))
     assert_same(read_cloud(tmp_path / "b.npy"), POINTS, COLORS)
+    assert read_cloud(tmp_path / "b.npy").grid_shape == (2, 2)
+    assert read_cloud(tmp_path / "a.npy").grid_shape is None
     rows = np.zeros(4, dtype=[("X", ">f8"), ("Y", ">f8"), ("Z", ">f8"), ("t", ">i8")])
     rows["X"], rows["Y"], rows["Z"] = POINTS.T
     rows["t"] = [2**62 + 1, 0, -1, 5]

@@ -145,7 +145,7 @@ def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, 
         start = np.asarray(seed) - cloud.origin
         indices = np.asarray(grow_plane(cloud.local_points, start, progress=progress.share))
     if out.suffix.lower() == ".npy":
-        write_file(out, lambda place: np.save(place, indices), force=force)
+        write_file(out, lambda place: np.save(place, cloud.to_file_indices(indices)), force=force)
     else:
         colors = None if cloud.colors is None else cloud.colors[indices]
         part = Cloud(cloud.local_points[indices], colors=colors, origin=cloud.origin)
@@ -192,10 +192,10 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
             region["image"] = _kept(region["image"], "unknown", "unknown_label")
             region["image"]["mask"] = _mask_name(index, region["name"])
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
-        if world is not None and world.indices is not None:
+        if world is not None and world.indices is not None and sides.cloud is not None:
             region["world"] = _kept(region["world"], "seen_from", "radius_m", "extends")
             region["world"]["points"] = _points_name(index, region["name"])
-            writers[region["world"]["points"]] = partial(np.save, arr=world.indices)
+            writers[region["world"]["points"]] = partial(np.save, arr=sides.cloud.to_file_indices(world.indices))
     writers[SCENE_FILE] = text_writer(to_yaml(held))
     return writers
 

@@ -38,9 +38,17 @@ def read_npy(path: Path, columns: Sequence[str] | None) -> Cloud:
     if stored.dtype.names is not None:
         if columns is not None:
             raise cloud_error(path, "columns", "names given", "none, since the array holds its own")
-        return cloud_of_columns(path, {name: stored[name].reshape(-1) for name in stored.dtype.names})
-    table = stored.reshape(-1, stored.shape[2]) if stored.ndim == 3 and stored.size else stored
-    return cloud_of_table(path, table, columns)
+        named = {name: stored[name].reshape(-1) for name in stored.dtype.names}
+        return cloud_of_columns(path, named, grid_shape=_grid_shape(stored.shape[:2]) if stored.ndim == 2 else None)
+    if stored.ndim == 3 and stored.size:
+        return cloud_of_table(path, stored.reshape(-1, stored.shape[2]), columns, _grid_shape(stored.shape[:2]))
+    return cloud_of_table(path, stored, columns)
+
+
+def _grid_shape(shape: Sequence[int]) -> tuple[int, int] | None:
+    """Rows and columns of organized points; None of a single row, which is a list."""
+    rows, width = shape
+    return (rows, width) if rows > 1 and width > 1 else None
 
 
 def read_npz(path: Path, columns: Sequence[str] | None) -> Cloud:

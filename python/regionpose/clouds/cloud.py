@@ -53,7 +53,15 @@ class Cloud:
     source : Path, optional
         The file read.
     dropped : int
-        Points left out since a coordinate was NaN or infinite.
+        Points of the file left out: a coordinate was NaN or infinite, or all three were zero, as scanners write of a
+        beam without a return. A mesh keeps its vertices at zero.
+    file_indices : (n,) array of int64, optional
+        Ascending, of the points among all of the file's, the dropped ones counted; None where none was dropped.
+    grid_shape : tuple of 2 int, optional
+        Rows and columns of an organized scan; None where the file has no grid.
+    grid_indices : (n,) array of int64, optional
+        Of each point in that grid, row by row: `divmod(grid_indices, columns)` gives row and column. Cells of the grid
+        without a point are beams without a return. Given exactly where `grid_shape` is.
     sensor_origin : (3,) array of float64, optional
         Where the scanner stood in the world; None where the file doesn't say, or holds scans from several places.
     unit_m : float, optional
@@ -83,6 +91,9 @@ class Cloud:
     dropped: int = 0
     sensor_origin: Array | None = None
     unit_m: float | None = None
+    file_indices: NDArray[np.int64] | None = None
+    grid_shape: tuple[int, int] | None = None
+    grid_indices: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         """Check the parts and keep read-only views of them."""
@@ -97,6 +108,8 @@ class Cloud:
         self._keep("colors", np.uint8, (count, 3))
         self._keep("intensity", np.float64, (count,))
         object.__setattr__(self, "fields", MappingProxyType(self._checked_fields(count)))
+        self._keep("file_indices", np.int64, (count,))
+        self._check_grid(count)
         triangles = self._keep("triangles", np.int64, (-1, 3))
         if triangles.size and (triangles.min() < 0 or triangles.max() >= count):
             found = f"indices from {triangles.min()} to {triangles.max()}"
@@ -120,6 +133,19 @@ class Cloud:
         object.__setattr__(self, name, view)
         return view
 
+    def _check_grid(self, count: int) -> None:
+        """CloudError unless every point has a cell of its own in the grid, or there is no grid."""
+        cells = self._keep("grid_indices", np.int64, (count,))
+        if (self.grid_shape is None) != (self.grid_indices is None):
+            raise cloud_error(self.source, "grid_shape", self.grid_shape, "it together with grid_indices")
+        if self.grid_shape is None:
+            return
+        rows, columns = self.grid_shape
+        differ = (np.diff(cells) > 0).all() or len(np.unique(cells)) == count
+        if cells.min() < 0 or cells.max() >= rows * columns or not differ:
+            found = f"{count} indices from {cells.min()} to {cells.max()}"
+            raise cloud_error(self.source, "grid_indices", found, f"different ones of {rows} x {columns} cells")
+
     def _checked_fields(self, count: int) -> dict[str, Scalars]:
         """The fields as read-only arrays of numbers (count,)."""
         fields = {}
@@ -142,10 +168,13 @@ class Cloud:
         fields: Mapping[str, ArrayLike] | None = None,
         triangles: ArrayLike | None = None,
         source: Path | None = None,
+        grid_shape: tuple[int, int] | None = None,
+        grid_indices: ArrayLike | None = None,
     ) -> Cloud:
-        """The cloud of world coordinates: points that are not finite dropped, the rest kept about a local origin.
+        """The cloud of world coordinates without the points that are none, the rest kept about a local origin.
 
-        An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
+        Points that are not finite are dropped, and points at (0, 0, 0), which scanners write of beams without a return,
+        unless there are triangles: a mesh may have a vertex there. An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
 
         Parameters
         ----------
@@ -161,6 +190,10 @@ class Cloud:
             Those that touch a dropped point are dropped.
         source : Path, optional
             The file read.
+        grid_shape : tuple of 2 int, optional
+            Rows and columns of an organized scan.
+        grid_indices : (n,) array of int, optional
+            Of the points in that grid, row by row; 0, 1, 2 and on when left out.
 
         Raises
         ------
@@ -171,24 +204,29 @@ class Cloud:
         if world.ndim != 2 or world.shape[1] != 3 or world.dtype.kind not in "iuf":
             raise cloud_error(source, "points", f"{world.dtype} of shape {world.shape}", "numbers of shape (n, 3)")
         world = np.asarray(world, dtype=np.float64)
-        finite = np.isfinite(world[:, 0]) & np.isfinite(world[:, 1]) & np.isfinite(world[:, 2])
-        if not finite.any():
-            found = f"{len(world)} points, none with finite coordinates" if len(world) else "no points"
-            raise cloud_error(source, "points", found, "at least 1 with finite coordinates")
-        shades = None if colors is None else _kept_rows("colors", colors, finite, source)
-        kept = _kept_rows("points", world, finite, source)
-        origin = _origin(kept)
+        kept_rows = _are_points(world, of_scan=triangles is None)
+        if not kept_rows.any():
+            found = f"{len(world)} points, none with finite coordinates that are not zero" if len(world) else "no points"
+            raise cloud_error(source, "points", found, "at least 1 with finite coordinates, not all zero")
+
+        def kept(name: str, values: ArrayLike) -> Scalars:
+            return _kept_rows(name, values, kept_rows, source)
+
+        points = kept("points", world)
+        origin = _origin(points)
+        cells = np.arange(len(world)) if grid_indices is None else grid_indices
         return cls(
-            local_points=kept - origin if origin.any() else kept,
-            colors=None if shades is None else _bytes_of_colors(shades, source),
-            intensity=None if intensity is None else _kept_rows("intensity", intensity, finite, source),
-            fields={
-                name: _kept_rows(f"field {name}", values, finite, source) for name, values in (fields or {}).items()
-            },
-            triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), finite, source),
+            local_points=points - origin if origin.any() else points,
+            colors=None if colors is None else _bytes_of_colors(kept("colors", colors), source),
+            intensity=None if intensity is None else kept("intensity", intensity),
+            fields={name: kept(f"field {name}", values) for name, values in (fields or {}).items()},
+            triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), kept_rows, source),
             origin=origin,
             source=source,
-            dropped=len(world) - len(kept),
+            dropped=len(world) - len(points),
+            file_indices=None if len(points) == len(world) else np.flatnonzero(kept_rows),
+            grid_shape=grid_shape,
+            grid_indices=None if grid_shape is None else kept("grid_indices", cells),
         )
 
     def scanned_from(self, place: ArrayLike) -> Cloud:
@@ -201,6 +239,25 @@ class Cloud:
         if np.array_equal(other, self.origin):
             return self
         return replace(self, local_points=self.local_points + (self.origin - other), origin=other)
+
+    def to_file_indices(self, indices: ArrayLike) -> NDArray[np.int64]:
+        """Indices of the file's points, the dropped ones counted, of indices (k,) of the cloud's."""
+        chosen = np.asarray(indices, dtype=np.int64)
+        return chosen if self.file_indices is None else self.file_indices[chosen]
+
+    def from_file_indices(self, indices: ArrayLike) -> NDArray[np.int64]:
+        """Indices of the cloud's points of indices (k,) of the file's; those of dropped points are left out.
+
+        CloudError for indices that the file does not have.
+        """
+        chosen, count = np.asarray(indices, dtype=np.int64), len(self) + self.dropped
+        if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
+            found = f"{len(chosen)} from {chosen.min()} to {chosen.max()}"
+            raise cloud_error(self.source, "indices", found, f"indices from 0 to {count - 1}")
+        if self.file_indices is None:
+            return chosen
+        places = np.minimum(np.searchsorted(self.file_indices, chosen), len(self) - 1)
+        return np.asarray(places[self.file_indices[places] == chosen])
 
     @cached_property
     def points(self) -> Array:
@@ -223,6 +280,7 @@ class Cloud:
         parts += [f"{len(self.triangles)} triangles"] if self.triangles is not None else []
         parts += [f"origin {self.origin.tolist()}"] if self.origin.any() else []
         parts += [] if self.sensor_origin is None else [f"scanned from {self.sensor_origin.tolist()}"]
+        parts += [] if self.grid_shape is None else [f"grid {self.grid_shape[0]} x {self.grid_shape[1]}"]
         parts += [f"{self.dropped} dropped"] if self.dropped else []
         return f"Cloud({', '.join(parts)})"
 
@@ -237,12 +295,19 @@ def _typed(array: Scalars, kind: type[np.generic]) -> Scalars | None:
     return np.asarray(array, dtype=kind) if fits else None
 
 
-def _kept_rows(name: str, values: ArrayLike, finite: NDArray[np.bool_], source: Path | None) -> Scalars:
-    """The rows of `values` whose points are finite."""
+def _are_points(world: Array, *, of_scan: bool) -> NDArray[np.bool_]:
+    """Which of the coordinates (n, 3) are points: finite, and of a scan not all zero."""
+    x, y, z = world.T
+    finite: NDArray[np.bool_] = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
+    return finite & ((x != 0.0) | (y != 0.0) | (z != 0.0)) if of_scan else finite
+
+
+def _kept_rows(name: str, values: ArrayLike, kept: NDArray[np.bool_], source: Path | None) -> Scalars:
+    """The rows of `values` that are kept."""
     array = np.asarray(values)
-    if array.shape[:1] != finite.shape:
-        raise cloud_error(source, name, f"shape {array.shape}", f"{len(finite)} rows, one a point")
-    return array if finite.all() else array[finite]
+    if array.shape[:1] != kept.shape:
+        raise cloud_error(source, name, f"shape {array.shape}", f"{len(kept)} rows, one a point")
+    return array if kept.all() else array[kept]
 
 
 def _origin(world: Array) -> Array:

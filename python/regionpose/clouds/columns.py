@@ -19,10 +19,16 @@ COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffu
 INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 
 
-def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: ArrayLike | None = None) -> Cloud:
+def cloud_of_columns(
+    path: Path,
+    columns: Mapping[str, Scalars],
+    triangles: ArrayLike | None = None,
+    grid_shape: tuple[int, int] | None = None,
+    grid_indices: ArrayLike | None = None,
+) -> Cloud:
     """The cloud of columns (n,) by name: x, y, z, colors and intensity under their usual names, the rest as fields.
 
-    Names are compared without regard to case. CloudError where a coordinate is missing.
+    `grid_shape` and `grid_indices` as of `Cloud.from_points`. Names are compared without regard to case. CloudError where a coordinate is missing.
     """
     lower = {name.lower(): name for name in reversed(list(columns))}
     missing = [name for name in COORDINATES if name not in lower]
@@ -42,15 +48,20 @@ def cloud_of_columns(path: Path, columns: Mapping[str, Scalars], triangles: Arra
         fields={name: _native(values) for name, values in columns.items() if name not in taken},
         triangles=triangles,
         source=path,
+        grid_shape=grid_shape,
+        grid_indices=grid_indices,
     )
 
 
-def cloud_of_table(path: Path, table: Scalars, names: Sequence[str] | None) -> Cloud:
+def cloud_of_table(
+    path: Path, table: Scalars, names: Sequence[str] | None, grid_shape: tuple[int, int] | None = None
+) -> Cloud:
     """The cloud of a table (n, k) of numbers whose columns are `names`, or guessed by `guessed_names`."""
     if table.ndim != 2 or table.shape[1] < len(COORDINATES) or table.dtype.kind not in "iuf":
         raise cloud_error(path, "table", f"{table.dtype} of shape {table.shape}", "numbers of shape (n, 3) or wider")
     chosen = guessed_names(table) if names is None else checked_names(path, names, table.shape[1])
-    return cloud_of_columns(path, {name: table[:, index] for index, name in enumerate(chosen) if name != SKIPPED})
+    named = {name: table[:, index] for index, name in enumerate(chosen) if name != SKIPPED}
+    return cloud_of_columns(path, named, grid_shape=grid_shape)
 
 
 def checked_names(path: Path, names: Sequence[str], width: int | None = None) -> list[str]:

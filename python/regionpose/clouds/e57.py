@@ -25,6 +25,10 @@ OTHERS = {"intensity": "intensity", "rowIndex": "row", "columnIndex": "column", 
 SCAN = "scan"
 """The field that numbers the scans of a file with several, from 0."""
 
+MOST_CELLS = 100
+"""Cells of a grid for each point that is there: fewer returns than one in a hundred are no scan's. A convention, which
+bounds what a damaged index makes of a grid."""
+
 
 def read_e57(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of an E57 file: all its scans in the file's frame, each by its own pose.
@@ -70,7 +74,23 @@ def _joined(path: Path, scans: list[dict[str, Scalars]]) -> Cloud:
     if len(scans) > 1:
         scans = [scan | {SCAN: np.full(len(scan["x"]), index)} for index, scan in enumerate(scans)]
     shared = [name for name in scans[0] if all(name in scan for scan in scans)]
-    return cloud_of_columns(path, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+    shape, cells = _grid(scans[0]) if len(scans) == 1 else (None, None)
+    columns = {name: np.concatenate([scan[name] for scan in scans]) for name in shared}
+    return cloud_of_columns(path, columns, grid_shape=shape, grid_indices=cells)
+
+
+def _grid(scan: dict[str, Scalars]) -> tuple[tuple[int, int] | None, Scalars | None]:
+    """Rows and columns of a scan's grid and the cell of each point, by its indices of rows and columns; None without,
+    and where several returns share a cell.
+    """
+    if "row" not in scan or "column" not in scan or not len(scan["row"]):
+        return None, None
+    row, column = (scan[name].astype(np.int64) for name in ("row", "column"))
+    row, column = row - row.min(), column - column.min()
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    cells = row * shape[1] + column
+    is_grid = min(shape) > 1 and len(np.unique(cells)) == len(cells) and shape[0] * shape[1] <= MOST_CELLS * len(cells)
+    return (shape, cells) if is_grid else (None, None)
 
 
 def _parts(headers: list[Any], progress: Progress | None) -> list[Progress | None]:
@@ -97,6 +117,8 @@ def _scan(pye57: Any, image: Any, header: Any, progress: Progress | None) -> dic
     for name in INVALID:
         if name in raw:
             points[raw[name] != 0] = np.nan
+    # In the scan's own frame zeros are beams without a return; in the file's they lie where the scanner stood.
+    points[~points.any(axis=1)] = np.nan
     if header.has_pose():
         points = points @ header.rotation_matrix.T + header.translation
     scan: dict[str, Scalars] = {axis: points[:, index] for index, axis in enumerate(COORDINATES)}

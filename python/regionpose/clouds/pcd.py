@@ -41,7 +41,7 @@ COMPRESSED_SIZES = np.dtype([("compressed", "<u4"), ("plain", "<u4")])
 @dataclass(frozen=True)
 class PcdHeader:
     """What the header says: the columns of a row, their number, how and where the rows are stored, where the scanner
-    stood.
+    stood, rows and columns of an organized scan.
     """
 
     row: np.dtype[np.void]
@@ -49,6 +49,7 @@ class PcdHeader:
     storage: str
     offset: int
     sensor_origin: list[float] | None
+    grid_shape: tuple[int, int] | None
 
 
 def is_pcd(start: bytes) -> bool:
@@ -63,7 +64,8 @@ def read_pcd(path: Path, *, progress: Progress | None = None) -> Cloud:
     readers = {"ascii": _text_columns, "binary": _binary_columns, "binary_compressed": _compressed_columns}
     if header.storage not in readers:
         raise cloud_error(path, "DATA", header.storage, "ascii, binary or binary_compressed")
-    cloud = cloud_of_columns(path, named_columns(readers[header.storage](path, header, progress)))
+    columns = named_columns(readers[header.storage](path, header, progress))
+    cloud = cloud_of_columns(path, columns, grid_shape=header.grid_shape)
     return cloud if header.sensor_origin is None else cloud.scanned_from(header.sensor_origin)
 
 
@@ -82,7 +84,8 @@ def _header(path: Path, start: bytes) -> PcdHeader:
         raise cloud_error(path, "FIELDS, SIZE, TYPE, COUNT", found, "as many of each, at least x, y and z")
     row = _row_type(path, names, list(zip(letters, sizes, strict=True)), counts)
     storage = data.group(1).decode().lower()
-    return PcdHeader(row, _point_count(path, entries), storage, data.end(), _sensor_origin(path, entries))
+    count, grid = _point_count(path, entries)
+    return PcdHeader(row, count, storage, data.end(), _sensor_origin(path, entries), grid)
 
 
 def _whole_numbers(path: Path, entries: dict[str, list[str]], key: str) -> list[int]:
@@ -108,8 +111,8 @@ def _sensor_origin(path: Path, entries: dict[str, list[str]]) -> list[float] | N
     return None if numbers == UNSET_VIEWPOINT else numbers[:3]
 
 
-def _point_count(path: Path, entries: dict[str, list[str]]) -> int:
-    """The number of points: POINTS, which agrees with WIDTH x HEIGHT."""
+def _point_count(path: Path, entries: dict[str, list[str]]) -> tuple[int, tuple[int, int] | None]:
+    """The number of points: POINTS, which agrees with WIDTH x HEIGHT; HEIGHT and WIDTH where these are a grid's."""
     numbers = {key: _whole_numbers(path, entries, key) for key in ("POINTS", "WIDTH", "HEIGHT") if key in entries}
     for key, values in numbers.items():
         if len(values) != 1:
@@ -118,7 +121,8 @@ def _point_count(path: Path, entries: dict[str, list[str]]) -> int:
     points = numbers["POINTS"][0] if "POINTS" in numbers else area
     if points is None or area not in (None, points):
         raise cloud_error(path, "POINTS", points, "WIDTH x HEIGHT" if area is None else f"{area}, WIDTH x HEIGHT")
-    return points
+    width, height = (numbers.get(key, [1])[0] for key in ("WIDTH", "HEIGHT"))
+    return points, (height, width) if width > 1 and height > 1 else None
 
 
 def _row_type(path: Path, names: list[str], kinds: list[tuple[str, int]], counts: list[int]) -> np.dtype[np.void]:

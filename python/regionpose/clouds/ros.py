@@ -43,8 +43,15 @@ def _joined(place: BagPlace, messages: list[Any]) -> Cloud:
     if len(scans) > 1:
         scans = [scan | {SCAN: np.full(len(scan["x"]), k)} for k, scan in enumerate(scans) if "x" in scan]
     shared = [name for name in scans[0] if all(name in scan for scan in scans)] if scans else []
-    cloud = cloud_of_columns(place.bag, {name: np.concatenate([scan[name] for scan in scans]) for name in shared})
+    columns = {name: np.concatenate([scan[name] for scan in scans]) for name in shared}
+    cloud = cloud_of_columns(place.bag, columns, grid_shape=_grid_shape(messages))
     return cloud.scanned_from(np.zeros(3))
+
+
+def _grid_shape(messages: list[Any]) -> tuple[int, int] | None:
+    """Rows and columns of a single organized scan."""
+    height, width = (int(getattr(messages[0], name)) for name in ("height", "width"))
+    return (height, width) if len(messages) == 1 and height > 1 and width > 1 else None
 
 
 def _columns(place: BagPlace, message: Any) -> dict[str, Scalars]:

@@ -277,7 +277,7 @@ class Session:
             before, held = held, on_plane[inside(points[on_plane])]
             if np.array_equal(held, before):
                 break
-        part = replace(self._world_part({"points": held.tolist()}, "cut out"), picked=True)
+        part = replace(self._world_part({"points": self.cloud.to_file_indices(held).tolist()}, "cut out"), picked=True)
         self._give("world", only(part), again=True)
 
     @property

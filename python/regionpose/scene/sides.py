@@ -302,7 +302,8 @@ def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
     values = read_array(path)
     if values.ndim == 2 and values.shape[1] == 3 and values.dtype.kind in "iuf":
         _refuse_label(item, f"the points of {path}")
-        return _placed(values.astype(np.float64) - scan.origin, item, scan)
+        other = Cloud.from_points(values, source=path)
+        return _placed(other.local_points + (other.origin - scan.origin), item, scan)
     return _indexed(_chosen(path, values, item, scan.cloud), item, scan)
 
 
@@ -354,11 +355,7 @@ def _indexed(indices: Indices, item: WorldPoints, scan: Scan) -> WorldSide:
     cloud = scan.cloud
     if cloud is None:
         raise ValueError("found indices without a cloud; needed the key cloud in the scene")
-    if cloud.dropped:
-        raise ValueError(
-            f"found indices into a cloud of which {cloud.dropped} points are not finite; needed a cloud without them"
-        )
-    if len(indices) < 3 or indices.min() < 0 or indices.max() >= len(cloud):
-        found = f"{len(indices)} indices" + (f" from {indices.min()} to {indices.max()}" if len(indices) else "")
-        raise ValueError(f"found {found}; needed at least 3 from 0 to {len(cloud) - 1}")
-    return _scanned(cloud.local_points, indices, item, scan)
+    kept = cloud.from_file_indices(indices)
+    if len(kept) < 3:
+        raise ValueError(f"found {len(indices)} indices, of {len(kept)} points; needed at least 3")
+    return _scanned(cloud.local_points, kept, item, scan)
