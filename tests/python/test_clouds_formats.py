@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bare_rows import scanned_rows
 from cloud_samples import (
     COLORS,
     CUT,
@@ -114,6 +115,27 @@ def test_the_grid_of_an_e57_is_that_of_its_rows_and_columns(tmp_path: Path) -> N
     assert (cloud.dropped, cloud.grid_shape) == (1, (2, 3)) and cloud.grid_indices is not None
     np.testing.assert_array_equal(cloud.grid_indices, [5, 1, 3])
     np.testing.assert_allclose(cloud.points, POINTS[:3] + UTM, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary"])
+def test_fields_of_no_values_take_no_bytes(tmp_path: Path, form: str) -> None:
+    head = (
+        "VERSION 0.7\nFIELDS x y z _ intensity _ ring _\nSIZE 4 4 4 1 4 1 2 1\nTYPE F F F U F U U U\n"
+        f"COUNT 1 1 1 4 1 0 1 2\nWIDTH 4\nHEIGHT 1\nPOINTS 4\nDATA {form}\n"
+    )
+    if form == "ascii":
+        rows = zip(POINTS, INTENSITY, strict=True)
+        body = "".join(f"{x} {y} {z} 0 0 0 0 {i} {k} 0 0\n" for k, ((x, y, z), i) in enumerate(rows))
+    else:
+        kinds = [("xyz", "<f4", 3), ("_", "u1", 4), ("i", "<f4"), ("ring", "<u2"), ("pad", "u1", 2)]
+        table = np.zeros(4, dtype=kinds)
+        table["xyz"], table["i"], table["ring"], table["_"] = POINTS, INTENSITY, range(4), 9
+        body = table.tobytes().decode("latin-1")
+    content = head.encode() + body.encode("latin-1")
+    cloud = read_cloud(written(tmp_path / "a.pcd", content))
+    assert_same(cloud, POINTS, None, INTENSITY)
+    assert list(cloud.fields) == ["ring"]
+    np.testing.assert_array_equal(cloud.fields["ring"], range(4))
 
 
 @pytest.mark.parametrize("encoding", ["ASCII", "BINARY", "BINARY_COMPRESSED"])
@@ -255,16 +277,17 @@ def test_the_pose_of_the_only_scan_of_an_e57_is_where_the_scanner_stood(
     assert world_sensor_origin(read_cloud(tmp_path / "a.e57")) == (None if place is None else list(place))
 
 
-def test_kitti_and_nuscenes_rows(tmp_path: Path) -> None:
+def test_columns_that_are_named_are_those_of_a_file_of_few_rows(tmp_path: Path) -> None:
     rows = np.column_stack([POINTS, INTENSITY, [0, 1, 30, 31]]).astype("<f4")
-    assert_same(read_cloud(written(tmp_path / "a.bin", rows[:, :4].tobytes())), POINTS, None, INTENSITY)
+    path = written(tmp_path / "a.bin", rows[:, :4].tobytes())
+    cloud = read_cloud(path, columns=("x", "y", "z", "intensity"))
+    assert_same(cloud, POINTS, None, INTENSITY)
+    assert world_sensor_origin(cloud) == [0.0, 0.0, 0.0]
+    named = read_cloud(written(tmp_path / "b.bin", rows.tobytes()), columns=("x", "y", "z", "_", "beam"))
+    assert list(named.fields) == ["beam"]
     cloud = read_cloud(written(tmp_path / "a.pcd.bin", rows.tobytes()))
     assert_same(cloud, POINTS, None, INTENSITY)
-    assert world_sensor_origin(cloud) == world_sensor_origin(read_cloud(tmp_path / "a.bin")) == [0.0, 0.0, 0.0]
     np.testing.assert_array_equal(cloud.fields["ring"], [0, 1, 30, 31])
-    assert "ring" in read_cloud(written(tmp_path / "b.bin", rows.tobytes())).fields
-    named = read_cloud(tmp_path / "b.bin", columns=("x", "y", "z", "_", "beam"))
-    assert list(named.fields) == ["beam"]
 
 
 def las_file(path: Path) -> None:
@@ -286,7 +309,7 @@ def e57_file(path: Path) -> None:
 
 
 def kitti_rows() -> bytes:
-    return np.column_stack([POINTS, INTENSITY]).astype("<f4").tobytes()
+    return scanned_rows(1000, "intensity").tobytes()
 
 
 FILES: dict[str, Callable[[Path], object]] = {

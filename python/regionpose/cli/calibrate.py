@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,11 +15,13 @@ from regionpose.cli.options import (
     AsJson,
     CameraModel,
     CameraName,
+    Columns,
     Force,
     Quiet,
     SegmenterName,
     Strict,
     asking,
+    names_of,
     numbers_of,
 )
 from regionpose.outputs import text_writer
@@ -37,6 +40,7 @@ def calibrate(
     ] = None,
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
+    columns: Columns = None,
     coco: Annotated[
         Path | None, typer.Option("--coco", help="COCO file with the regions of all photos.", show_default=False)
     ] = None,
@@ -74,7 +78,7 @@ def calibrate(
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
     with Progress(quiet) as progress:
         progress.begin("pairs of the folder")
-        options = _options(camera, camera_name, camera_model, origin, coco)
+        options = replace(_options(camera, camera_name, camera_model, origin, coco), columns=names_of(columns))
         scene, alone = folder_scene(folder, result / SCENE_FILE, options)
     if alone and not quiet:
         typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)

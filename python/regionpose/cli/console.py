@@ -96,14 +96,14 @@ class Progress:
             yield item
         self.count(len(items), len(items))
 
-    def read_cloud(self, path: Path) -> Cloud:
-        """The cloud of a file, as a stage that shows how much is read."""
+    def read_cloud(self, path: Path, columns: Sequence[str] | None = None) -> Cloud:
+        """The cloud of a file, as a stage that shows how much is read; `columns` as of `clouds.read_cloud`."""
         from regionpose.clouds import read_cloud
         from regionpose.clouds.kinds import file_size
 
         self.begin("read cloud")
         self.of_bytes(file_size(path))
-        return read_cloud(path, progress=self.share)
+        return read_cloud(path, columns=columns, progress=self.share)
 
 
 def say_json(values: object) -> None:

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.options import AsJson, CameraModel, CameraNames, CameraPaths, Force, PosePaths, Quiet
+from regionpose.cli.options import (
+    AsJson,
+    CameraModel,
+    CameraNames,
+    CameraPaths,
+    Columns,
+    Force,
+    PosePaths,
+    Quiet,
+    names_of,
+)
 from regionpose.outputs import refuse_existing, write_file
 
 
@@ -20,6 +30,7 @@ def fuse(
     out: Annotated[Path, typer.Option("--out", "-o", help="PLY file to write.")] = Path("colored.ply"),
     camera_name: CameraNames = None,
     camera_model: CameraModel = None,
+    columns: Columns = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -43,7 +54,7 @@ def fuse(
 
     files = view_files(images, camera, pose, camera_name or [], camera_model)
     with Progress(quiet) as progress:
-        points = progress.read_cloud(cloud)
+        points = progress.read_cloud(cloud, names_of(columns))
         views = (read_view(each) for each in progress.each(files, "colors of images"))
         colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")

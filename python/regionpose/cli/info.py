@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, CameraModel, CameraName, Quiet
+from regionpose.cli.options import AsJson, CameraModel, CameraName, Columns, Quiet, names_of
 
 if TYPE_CHECKING:
     from regionpose.bags.place import BagPlace
@@ -37,6 +37,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
+    columns: Columns = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -49,7 +50,7 @@ def info(
       regionpose info scene.yaml --json
     """
     with Progress(quiet) as progress:
-        facts = file_facts(file, camera_name, camera_model, progress)
+        facts = file_facts(file, camera_name, camera_model, progress, columns=names_of(columns))
     if as_json:
         say_json(facts)
     else:
@@ -62,6 +63,8 @@ def file_facts(
     camera_name: str | None = None,
     camera_model: str | None = None,
     progress: Progress | None = None,
+    *,
+    columns: list[str] | None = None,
 ) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
     from regionpose.bags.messages import kind_of
@@ -72,7 +75,7 @@ def file_facts(
     suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
     place = bag_place(path)
     if place is not None:
-        return _cloud_facts(path, said) if kind_of(place) in CLOUDS else _picture_facts(place)
+        return _cloud_facts(path, said, columns) if kind_of(place) in CLOUDS else _picture_facts(place)
     if path.is_dir():
         raise ValueError(f"{path}: found a directory; needed a file")
     if not path.exists():
@@ -80,11 +83,13 @@ def file_facts(
     if suffix in IMAGE_SUFFIXES:
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
-        return _cloud_facts(path, said)
-    return _text_facts(path, camera_name, camera_model, said)
+        return _cloud_facts(path, said, columns)
+    return _text_facts(path, camera_name, camera_model, said, columns)
 
 
-def _text_facts(path: Path, camera_name: str | None, camera_model: str | None, progress: Progress) -> Facts:
+def _text_facts(
+    path: Path, camera_name: str | None, camera_model: str | None, progress: Progress, columns: list[str] | None
+) -> Facts:
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
@@ -100,7 +105,7 @@ def _text_facts(path: Path, camera_name: str | None, camera_model: str | None, p
         return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
     if path.suffix.lower() == ".txt":
-        readers.append(lambda: _cloud_facts(path, progress))
+        readers.append(lambda: _cloud_facts(path, progress, columns))
     return _first_that_reads(readers)
 
 
@@ -138,8 +143,8 @@ def _picture_facts(place: BagPlace) -> Facts:
     return {"kind": "image of a bag", "width_px": width, "height_px": height}
 
 
-def _cloud_facts(path: Path, progress: Progress) -> Facts:
-    cloud = progress.read_cloud(path)
+def _cloud_facts(path: Path, progress: Progress, columns: list[str] | None = None) -> Facts:
+    cloud = progress.read_cloud(path, columns)
     progress.begin(f"spacing of {len(cloud)} points")
     spacing = _spacing(cloud.local_points, progress.share)
     low, high = cloud.local_points.min(axis=0), cloud.local_points.max(axis=0)

@@ -31,6 +31,14 @@ CameraModel = Annotated[
         show_default=False,
     ),
 ]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        help="Names of the columns of a .bin, .npy or text cloud, as x,y,z,intensity,_ (_ leaves one out).",
+        show_default=False,
+    ),
+]
 SegmenterName = Annotated[
     str | None,
     typer.Option(
@@ -75,6 +83,11 @@ def asking(scene: Scene, segmenter: str | None) -> Scene:
     from regionpose.segmentation.segmenters import load_segmenter
 
     return replace(scene, segmenter=load_segmenter(segmenter))
+
+
+def names_of(columns: str | None) -> list[str] | None:
+    """The names of columns that `--columns` gives, with commas between."""
+    return None if columns is None else [name.strip() for name in columns.split(",")]
 
 
 def numbers_of(option: str, text: str | None, count: int, needed: str) -> tuple[float, ...]:

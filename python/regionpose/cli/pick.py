@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress
-from regionpose.cli.options import CAMERA_HELP, Quiet, SegmenterName
+from regionpose.cli.options import CAMERA_HELP, Columns, Quiet, SegmenterName, names_of
 
 if TYPE_CHECKING:
     from regionpose.pick.session import Session
@@ -20,6 +20,7 @@ def pick(
     image: Annotated[Path | None, typer.Option("--image", help="Photo of a new scene.", show_default=False)] = None,
     camera: Annotated[Path | None, typer.Option("--camera", help=f"{CAMERA_HELP}", show_default=False)] = None,
     cloud: Annotated[Path | None, typer.Option("--cloud", help="Cloud of a new scene.", show_default=False)] = None,
+    columns: Columns = None,
     demo: Annotated[bool, typer.Option("--demo", help="A new scene of the demo's photo and cloud.")] = False,
     segmenter: SegmenterName = None,
     port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
@@ -43,7 +44,9 @@ def pick(
     from regionpose.segmentation.segmenters import load_segmenter
 
     with Progress(quiet) as progress:
-        session = _session(scene, {"--image": image, "--camera": camera, "--cloud": cloud}, demo, progress.stages)
+        session = _session(
+            scene, {"--image": image, "--camera": camera, "--cloud": cloud}, names_of(columns), demo, progress.stages
+        )
         if segmenter is not None:
             session.segmenter = load_segmenter(segmenter)
         progress.begin(f"pictures of {len(session.cloud)} points")
@@ -51,10 +54,14 @@ def pick(
     serve(desk, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
 
 
-def _session(scene: Path, files: dict[str, Path | None], demo: bool, stages: Stages) -> Session:
+def _session(
+    scene: Path, files: dict[str, Path | None], columns: list[str] | None, demo: bool, stages: Stages
+) -> Session:
     """The session of a scene file, or of the files of a new one."""
     from regionpose.pick.session import Session
 
+    if columns is not None and files["--cloud"] is None:
+        raise ValueError("--columns: found names of columns without --cloud; needed it beside")
     given = [*(name for name, path in files.items() if path is not None), *(["--demo"] if demo else [])]
     if given and scene.exists():
         raise FileExistsError(f"{scene}: the file exists; needed no {given[0]} to open it, or the name of a new one")
@@ -72,4 +79,4 @@ def _session(scene: Path, files: dict[str, Path | None], demo: bool, stages: Sta
     if len(paths) < len(files):
         missing = next(name for name, path in files.items() if path is None)
         raise ValueError(f"{missing}: found nothing; needed --image, --camera and --cloud for a new scene")
-    return Session.create(scene, **paths, stages=stages)
+    return Session.create(scene, **paths, columns=columns, stages=stages)

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress, say_json
-from regionpose.cli.options import AsJson, CameraModel, CameraName, CameraPath, Force, PosePath, Quiet
+from regionpose.cli.options import (
+    AsJson,
+    CameraModel,
+    CameraName,
+    CameraPath,
+    Columns,
+    Force,
+    PosePath,
+    Quiet,
+    names_of,
+)
 from regionpose.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
@@ -28,6 +38,7 @@ def project(
     ),
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
+    columns: Columns = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -35,7 +46,7 @@ def project(
     """Project a cloud into an image with a known pose.
 
     A PNG shows the points that the camera sees over the image, colored by their distance. A CSV lists, for each point
-    inside the image, hidden ones too, its index in the cloud, its pixel (an integer is a pixel's center) and its
+    inside the image, hidden ones too, its index in the cloud's file, its pixel (an integer is a pixel's center) and its
     distance along the optical axis.
 
     \b
@@ -50,7 +61,7 @@ def project(
     from regionpose.cli.views import ViewFiles, read_view
 
     with Progress(quiet) as progress:
-        points = progress.read_cloud(cloud)
+        points = progress.read_cloud(cloud, names_of(columns))
         view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model))
         progress.begin("projection")
         rows = _rows_inside(points, view)
@@ -62,7 +73,7 @@ def project(
 
 
 def _rows_inside(cloud: Cloud, view: PosedImage) -> list[tuple[int, float, float, float]]:
-    """Index, pixel and depth of each point inside the image."""
+    """Index in the file, pixel and depth of each point inside the image."""
     import numpy as np
 
     seen = view.pose.transform(cloud.points)
@@ -70,7 +81,11 @@ def _rows_inside(cloud: Cloud, view: PosedImage) -> list[tuple[int, float, float
     height, width = np.shape(view.image)[:2]
     with np.errstate(invalid="ignore"):
         inside = np.flatnonzero(((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1))
-    return [(int(k), float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2])) for k in inside]
+    numbers = cloud.to_file_indices(inside).tolist()
+    return [
+        (number, float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2]))
+        for number, k in zip(numbers, inside, strict=True)
+    ]
 
 
 def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud, view: PosedImage) -> None:

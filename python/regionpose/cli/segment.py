@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, numbers_of, scene_with
+from regionpose.cli.options import AsJson, Columns, Force, Quiet, SegmenterName, names_of, numbers_of, scene_with
 from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def segment(
     tolerance: Annotated[
         float | None, typer.Option("--tolerance", help="In an image: how far the color may differ.")
     ] = None,
+    columns: Columns = None,
     segmenter: SegmenterName = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -71,7 +72,9 @@ def segment(
             source, numbers_of("--seed", seed, 2, "x,y"), out or Path("mask.png"), grow, force, quiet
         )
     else:
-        facts = _segment_cloud(source, numbers_of("--seed", seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet)
+        facts = _segment_cloud(
+            source, names_of(columns), numbers_of("--seed", seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet
+        )
     if as_json:
         say_json(facts)
     else:
@@ -131,7 +134,9 @@ def _segment_image(
     return {"written": str(out), "pixels": int(np.count_nonzero(mask))}
 
 
-def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, quiet: bool) -> dict[str, Any]:
+def _segment_cloud(
+    path: Path, columns: list[str] | None, seed: tuple[float, ...], out: Path, force: bool, quiet: bool
+) -> dict[str, Any]:
     _check_ending(out, {".npy", ".ply"})
     refuse_existing([out], force)
     import numpy as np
@@ -140,7 +145,7 @@ def _segment_cloud(path: Path, seed: tuple[float, ...], out: Path, force: bool, 
     from regionpose.segmentation.cloud import grow_plane
 
     with Progress(quiet) as progress:
-        cloud = progress.read_cloud(path)
+        cloud = progress.read_cloud(path, columns)
         progress.begin("world region")
         start = np.asarray(seed) - cloud.origin
         indices = np.asarray(grow_plane(cloud.local_points, start, progress=progress.share))

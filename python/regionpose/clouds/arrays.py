@@ -1,4 +1,4 @@
-"""Clouds as arrays: .npy, .npz, and the bare float32 rows of KITTI and nuScenes."""
+"""Clouds as arrays: .npy and .npz."""
 
 from __future__ import annotations
 
@@ -9,18 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.clouds.cloud import Cloud, Scalars
-from regionpose.clouds.columns import are_bytes, checked_names, cloud_of_columns, cloud_of_table
+from regionpose.clouds.columns import cloud_of_columns, cloud_of_table
 from regionpose.clouds.errors import CloudError, cloud_error
-from regionpose.clouds.pieces import file_bytes
-from regionpose.progress import Progress
 from regionpose.reading import FileError, read_archive, unfolding_error
-
-KITTI_COLUMNS = ("x", "y", "z", "intensity")
-NUSCENES_COLUMNS = ("x", "y", "z", "intensity", "ring")
-NUSCENES_ENDING = ".pcd.bin"
-
-FARTHEST_RETURN = 100_000.0
-"""Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
 POINT_KEYS = ("points", "xyz", "vertices", "pts")
 COLOR_KEYS = ("colors", "colours", "rgb")
@@ -112,34 +103,3 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
         triangles=first(TRIANGLE_KEYS),
         source=path,
     )
-
-
-def read_bin(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:
-    """The cloud of bare little-endian float32 rows: x, y, z, intensity as KITTI's, with a ring as nuScenes' own.
-
-    Rows have a ring where the name ends in .pcd.bin, or where every fifth number is a whole one from 0 to 255. Both
-    kinds hold one turn of a scanner in its own frame: it stood at zero.
-    """
-    data = file_bytes(path, progress=progress)
-    values = data[: len(data) // 4 * 4].view("<f4")
-    names = checked_names(path, _bin_columns(path, values) if columns is None else columns)
-    size, row = len(data), values.itemsize * len(names)
-    if size % row:
-        raise cloud_error(path, "size", f"{size} bytes", f"a multiple of {row}: rows of {', '.join(names)} as float32")
-    cloud = cloud_of_table(path, values.reshape(-1, len(names)), names)
-    points = cloud.points
-    farthest = float(max(points.max(), -points.min()))
-    if farthest > FARTHEST_RETURN:
-        needed = f"float32 within {FARTHEST_RETURN:.0f} m of the scanner"
-        raise cloud_error(path, "coordinates", f"{farthest:.3g}", needed)
-    return cloud.scanned_from(np.zeros(3))
-
-
-def _bin_columns(path: Path, values: Scalars) -> tuple[str, ...]:
-    """The columns of bare rows, by the name's ending and the values."""
-    width = len(NUSCENES_COLUMNS)
-    rings = values[width - 1 :: width]
-    named = path.name.lower().endswith(NUSCENES_ENDING)
-    if named or (len(values) % width == 0 and len(rings) and are_bytes(rings)):
-        return NUSCENES_COLUMNS
-    return KITTI_COLUMNS

@@ -174,7 +174,8 @@ class Cloud:
         """The cloud of world coordinates without the points that are none, the rest kept about a local origin.
 
         Points that are not finite are dropped, and points at (0, 0, 0), which scanners write of beams without a return,
-        unless there are triangles: a mesh may have a vertex there. An axis whose median lies beyond 10 km gets the nearest multiple of 100 m as its origin, every other axis zero.
+        unless there are triangles: a mesh may have a vertex there. An axis whose median lies beyond 10 km gets the
+        nearest multiple of 100 m as its origin, every other axis zero.
 
         Parameters
         ----------
@@ -206,7 +207,7 @@ class Cloud:
         world = np.asarray(world, dtype=np.float64)
         kept_rows = _are_points(world, of_scan=triangles is None)
         if not kept_rows.any():
-            found = f"{len(world)} points, none with finite coordinates that are not zero" if len(world) else "no points"
+            found = f"{len(world)} points, none with finite coordinates but zeros" if len(world) else "no points"
             raise cloud_error(source, "points", found, "at least 1 with finite coordinates, not all zero")
 
         def kept(name: str, values: ArrayLike) -> Scalars:

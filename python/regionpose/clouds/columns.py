@@ -28,7 +28,8 @@ def cloud_of_columns(
 ) -> Cloud:
     """The cloud of columns (n,) by name: x, y, z, colors and intensity under their usual names, the rest as fields.
 
-    `grid_shape` and `grid_indices` as of `Cloud.from_points`. Names are compared without regard to case. CloudError where a coordinate is missing.
+    Names are compared without regard to case. `grid_shape` and `grid_indices` as of `Cloud.from_points`. CloudError
+    where a coordinate is missing.
     """
     lower = {name.lower(): name for name in reversed(list(columns))}
     missing = [name for name in COORDINATES if name not in lower]

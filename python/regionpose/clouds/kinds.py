@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from regionpose.bags.place import bag_place
-from regionpose.clouds.arrays import read_bin, read_npy, read_npz
+from regionpose.clouds.arrays import read_npy, read_npz
+from regionpose.clouds.bare_rows import read_bin
 from regionpose.clouds.cloud import Cloud
 from regionpose.clouds.e57 import read_e57
 from regionpose.clouds.errors import cloud_error
@@ -63,7 +64,8 @@ PIECEWISE_READERS: frozenset[Reader] = frozenset((read_ply, read_pcd, read_las, 
 def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progress: Progress | None = None) -> Cloud:
     """The cloud in a file: PLY, PCD, LAS/LAZ, E57, .npy, .npz, KITTI .bin, text, a mesh (OBJ, STL, GLB, PLY), or a bag.
 
-    The content decides the kind, or the name's ending where it cannot. Points that are not finite are dropped.
+    The content decides the kind, or the name's ending where it cannot. Points that are not finite
+    are dropped, and those at (0, 0, 0) of files without triangles.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
         number. They are joined as they are, in the scanner's frame.
     columns : sequence of str, optional
         Names of the columns of files that don't name them (text, .npy, .bin), as in `("x", "y", "z", "intensity",
-        "ring")`; "_" leaves one out.
+        "ring")`; "_" leaves one out. A .bin doesn't even say how many there are: its values do, or CloudError asks.
     progress : callable, optional
         Called with the share of the file that is read, in [0, 1]; not for meshes of other kinds than PLY, .npy and
         .npz, which are read at once.

@@ -126,17 +126,21 @@ def _point_count(path: Path, entries: dict[str, list[str]]) -> tuple[int, tuple[
 
 
 def _row_type(path: Path, names: list[str], kinds: list[tuple[str, int]], counts: list[int]) -> np.dtype[np.void]:
-    """The type of a row; padding fields get names of their own, and other names may come once."""
+    """The type of a row; padding fields get names of their own, and other names may come once.
+
+    Fields of no values, which some drivers write where others pad, take no bytes.
+    """
     parts: list[tuple[str, str, tuple[int, ...]]] = []
     for index, (name, kind, count) in enumerate(zip(names, kinds, counts, strict=True)):
-        if kind not in KINDS or not 1 <= count <= MOST_VALUES:
+        if kind not in KINDS or not 0 <= count <= MOST_VALUES:
             found = f"TYPE {kind[0]}, SIZE {kind[1]}, COUNT {count}"
-            needed = f"F of 4 or 8, or I or U of 1, 2, 4 or 8, 1 to {MOST_VALUES} times"
+            needed = f"F of 4 or 8, or I or U of 1, 2, 4 or 8, 0 to {MOST_VALUES} times"
             raise cloud_error(path, f"field {name}", found, needed)
         own = f"{SKIPPED}{index}" if name == SKIPPED else name
         if own in {part[0] for part in parts}:
             raise cloud_error(path, "FIELDS", f"{name} twice", "each name once")
-        parts.append((own, KINDS[kind], (count,) if count > 1 else ()))
+        if count:
+            parts.append((own, KINDS[kind], (count,) if count > 1 else ()))
     if sum(counts) > MOST_VALUES:
         raise cloud_error(path, "COUNT", f"{sum(counts)} values a row", f"at most {MOST_VALUES}")
     return np.dtype(parts)

@@ -73,15 +73,26 @@ class Session:
 
     @classmethod
     def create(
-        cls, path: Path, *, image: Path, camera: Path, cloud: Path, stages: Stages | None = None, **extra: Any
+        cls,
+        path: Path,
+        *,
+        image: Path,
+        camera: Path,
+        cloud: Path,
+        columns: Sequence[str] | None = None,
+        stages: Stages | None = None,
+        **extra: Any,
     ) -> Session:
         """A session without regions, to be saved at `path`; errors as of reading a scene's files.
 
-        `stages` is told how much of the files is read.
+        `columns`: names of the cloud's columns, where its file has none. `stages` is told how much of the files is
+        read.
         """
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
-        base = {key: relative(file, folder) for key, file in files.items()}
+        base: dict[str, Any] = {key: relative(file, folder) for key, file in files.items()}
+        if columns is not None:
+            base["cloud"] = {"file": base["cloud"], "columns": list(columns)}
         return cls._with_sensors(path, {**base, **extra}, stages or Stages())
 
     @classmethod

@@ -66,12 +66,14 @@ class FolderOptions:
     """What holds for all pairs of a folder.
 
     `camera`: the scene's key, its file relative to the working folder. `sensor_origin` (3,): where the scanner stood,
-    of pairs that say nothing else. `coco`: a file with the regions of all photos.
+    of pairs that say nothing else. `coco`: a file with the regions of all photos. `columns`: names of the columns of
+    clouds whose files have none.
     """
 
     camera: str | dict[str, str] | None = None
     sensor_origin: list[float] | None = None
     coco: Path | None = None
+    columns: Sequence[str] | None = None
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,8 @@ def _document(folder: Path, name: str) -> Document | None:
 
 
 def _names_cloud(document: Document | None) -> bool:
-    return document is not None and isinstance(document.value, dict) and isinstance(document.value.get("cloud"), str)
+    held = document.value if document is not None else None
+    return isinstance(held, dict) and isinstance(held.get("cloud"), str | dict)
 
 
 def _pair(name: str, photos: list[Path], clouds: list[Path], document: Document | None, masks: list[Path]) -> Pair:
@@ -199,7 +202,9 @@ def _frame(pair: Pair, out: Path, options: FolderOptions) -> tuple[Values, Sourc
     values: Values = {"name": pair.name, "image": relative(pair.photo, out)}
     sources: Sources = {(): Source(pair.photo), ("image",): Source(pair.photo)}
     if pair.cloud is not None:
-        values["cloud"], sources["cloud",] = relative(pair.cloud, out), Source(pair.cloud)
+        file = relative(pair.cloud, out)
+        values["cloud"] = file if options.columns is None else {"file": file, "columns": list(options.columns)}
+        sources["cloud",] = Source(pair.cloud)
     if options.sensor_origin is not None:
         values["sensor_origin"] = list(options.sensor_origin)
     if pair.document is not None:

@@ -47,8 +47,8 @@ def named_files(scene: Scene) -> dict[str, str]:
 def _frame_files(scene: Scene, tail: str) -> dict[str, str]:
     """Those of one photo and its cloud, by their role."""
     files = {f"image{tail}": scene.image}
-    if scene.model.cloud is not None:
-        files[f"cloud{tail}"] = scene.model.cloud
+    if scene.cloud is not None:
+        files[f"cloud{tail}"] = scene.cloud.file
     for region in named_regions(scene):
         whose = f"of {region.name}{tail}"
         if isinstance(region.image, ImageMask):

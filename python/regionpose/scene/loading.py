@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
-from regionpose.scene.models import EXPOSURE_KEYS, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
+from regionpose.scene.models import EXPOSURE_KEYS, CloudFile, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
 from regionpose.segmentation.segmenters import Segmenter
 
 
@@ -40,6 +40,12 @@ class Scene:
     def image(self) -> str:
         """The photo's name; of a scene without frames."""
         return self.model.image or ""
+
+    @property
+    def cloud(self) -> CloudFile | None:
+        """The cloud's file as the scene names it, columns None where it names none; None without a cloud."""
+        named = self.model.cloud
+        return CloudFile(file=named, columns=None) if isinstance(named, str) else named
 
     @property
     def frames(self) -> tuple[Scene, ...]:

@@ -406,6 +406,25 @@ class SolverItem(Item):
     ] = Solver.max_translation_sigma
 
 
+class CloudFile(Item):
+    """A cloud's file, and what it doesn't say itself: the names of its columns."""
+
+    file: FileName
+    columns: list[Annotated[str, Field(min_length=1)]] | None = Field(
+        None,
+        description="names of the columns of a .bin, .npy or text file, x, y and z among them; _ leaves one out",
+        min_length=3,
+    )
+
+
+CloudItem = Annotated[
+    Annotated[FileName, Tag("<path>")] | Annotated[CloudFile, Tag("<file>")],
+    choice(
+        lambda value: "<path>" if isinstance(value, str) else key_among("file")(value),
+        "a path, or {file, columns} for a file that doesn't name its columns",
+    ),
+]
+
 PLANES = "planes"
 """In place of a list of world regions: all that the cloud holds."""
 
@@ -413,7 +432,9 @@ PLANES = "planes"
 class _Exposure(Item):
     """What one photo and one cloud show."""
 
-    cloud: FileName | None = Field(None, description="not needed when every region's world side is a polygon or a mesh")
+    cloud: CloudItem | None = Field(
+        None, description="not needed when every region's world side is a polygon or a mesh"
+    )
     sensor_origin: Annotated[
         Point | None,
         Field(

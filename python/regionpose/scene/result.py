@@ -236,7 +236,7 @@ def frame_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
         {
             "name": fit.name,
             "image": view.sides.scene.image,
-            "cloud": view.sides.scene.model.cloud,
+            "cloud": None if view.sides.scene.cloud is None else view.sides.scene.cloud.file,
             "overlap_error": fit.overlap_error,
             "residual_px": fit.residual_px,
             "without_it": {

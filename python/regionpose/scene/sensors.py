@@ -86,14 +86,16 @@ def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
 
 def cloud_bytes(scene: Scene) -> int:
     """The bytes of the file of the scene's cloud; 0 where it names none, or one that isn't there."""
-    name = scene.model.cloud
-    return 0 if name is None else file_size(scene.file(name))
+    return 0 if scene.cloud is None else file_size(scene.file(scene.cloud.file))
 
 
 def scene_cloud(scene: Scene, *, progress: Progress | None = None) -> Cloud | None:
     """The scene's cloud, None when it names none; `progress` as of `read_cloud`."""
-    name = scene.model.cloud
-    return None if name is None else named(scene, ("cloud",), lambda: read_cloud(scene.file(name), progress=progress))
+    held = scene.cloud
+    if held is None:
+        return None
+    path, columns = scene.file(held.file), held.columns
+    return named(scene, ("cloud",), lambda: read_cloud(path, columns=columns, progress=progress))
 
 
 def read_sensors(scene: Scene, stages: Stages) -> tuple[Picture, Camera, Cloud | None]:
