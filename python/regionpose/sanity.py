@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from itertools import combinations
@@ -11,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionpose.cameras import Camera
+from regionpose.cameras import Camera, PinholeCamera
 from regionpose.clouds import Cloud
 from regionpose.estimation.warning import PoseWarning
 from regionpose.regions.image import ImageRegion
@@ -50,6 +51,16 @@ LEAST_EXTENT = 1000.0
 MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
 """Where in the photo, as a share of each side, the optical axis is looked for. Of a photo made smaller or larger by
 half and more than the calibrated one it is elsewhere; cameras have it within a twentieth of the middle."""
+
+CIRCLE_ANGLE = math.radians(60.0)
+"""Angle off the axis beyond which the picture of a fisheye or omnidirectional lens may end as a circle in the photo:
+those that are made so see 140 degrees across or more. A convention."""
+
+FOLD_GRID = 65
+"""Pixels along each side of the photo at which a lens is tried: a fold is a circle, and the corners are among them."""
+
+COMES_BACK_PX = 1e-3
+"""Largest distance of a pixel from the projection of its bearing: far above rounding, far below any contour's noise."""
 
 MILLIMETER = 0.001
 
@@ -90,10 +101,11 @@ def check_regions(
 
 
 def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
-    """A warning where a calibration without a size does not seem to be that of a photo.
+    """Warnings where a calibration does not seem to be that of a photo, or to be one at all.
 
-    `odd-center`: its optical axis meets the photo outside of the middle third, as that of a calibration for photos of
-    another size.
+    `odd-center`: the optical axis of a calibration without a size meets the photo outside of the middle third, as that
+    of a calibration for photos of another size. `folding-lens`: pixels of the photo have no bearing, or one that the
+    model does not tell apart from others, as its distortion folds inside the photo.
 
     Parameters
     ----------
@@ -106,12 +118,17 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
     -------
     tuple of PoseWarning
     """
+    return (*_odd_center(camera, image_size), *_folding(camera, image_size))
+
+
+def _odd_center(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarning]:
+    """A warning where a calibration without a size has its axis far from the photo's middle."""
     if camera.width is not None and camera.height is not None:
-        return ()
+        return
     center = camera.project([[0.0, 0.0, 1.0]])[0]
     share = (center + 0.5) / image_size
     if (share >= MIDDLE_THIRD[0]).all() and (share <= MIDDLE_THIRD[1]).all():
-        return ()
+        return
     text = (
         "the camera's optical axis meets the photo of {width_px} x {height_px} pixels at ({x_px:.0f}, {y_px:.0f}), far"
         " from its middle: the calibration seems to be for photos of about {calibrated_width_px:.0f} x"
@@ -121,7 +138,28 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
     x, y = center.tolist()
     values = {"width_px": image_size[0], "height_px": image_size[1], "x_px": x, "y_px": y}
     calibrated = {"calibrated_width_px": 2.0 * x + 1.0, "calibrated_height_px": 2.0 * y + 1.0}
-    return (PoseWarning("odd-center", text, values={**values, **calibrated}),)
+    yield PoseWarning("odd-center", text, values={**values, **calibrated})
+
+
+def _folding(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarning]:
+    """A warning where the lens model folds inside the photo."""
+    if not isinstance(camera, PinholeCamera) and camera.max_angle > CIRCLE_ANGLE:
+        return
+    sides = (np.linspace(-0.5, size - 0.5, FOLD_GRID) for size in image_size)
+    pixels = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    bearings = camera.bearings(pixels)
+    back = np.linalg.norm(camera.project(bearings) - pixels, axis=1)
+    angles = np.arctan2(np.hypot(bearings[:, 0], bearings[:, 1]), bearings[:, 2])
+    unique = (back <= COMES_BACK_PX) & (angles <= camera.max_angle)
+    if unique.all():
+        return
+    text = (
+        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {percent:.2g} % of its pixels see"
+        " beyond that, where a direction is not sure or missing; check the coefficients and their order, calibrate with"
+        " targets out to the corners, or keep regions away from there"
+    )
+    values = {"angle_deg": math.degrees(camera.max_angle), "percent": 100.0 * float(np.mean(~unique))}
+    yield PoseWarning("folding-lens", text, values=values)
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:

@@ -43,6 +43,9 @@ CAMERAS = [
     UnifiedCamera(700.0, 710.0, *CENTER, xi=0.7),
     UnifiedCamera(600.0, 610.0, *CENTER, xi=1.0, distortion=(-0.2, 0.05, 1e-3, 1e-3)),
     UnifiedCamera(900.0, 910.0, *CENTER, xi=1.8, distortion=(-0.1, 0.02, 1e-3, -1e-3, 0.001)),
+    PinholeCamera(700.0, 710.0, *CENTER, distortion=(-0.2, 0.05, 1e-3, -2e-3, 0, 0, 0, 0, 4e-3, -2e-3, -3e-3, 1e-3)),
+    PinholeCamera(700.0, 710.0, *CENTER, distortion=(-0.2, 0.05, 1e-3, 0, 0, 0, 0, 0, 0.01, 0, 0, 0.02, 0.04, -0.06)),
+    PinholeCamera(700.0, 710.0, *CENTER, distortion=(*(0.0,) * 12, 0.1, 0.2)),
 ]
 
 
@@ -364,7 +367,7 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         (lambda: PinholeCamera(1, 1, 0, "middle"), "cy: found 'middle'; needed a number"),  # type: ignore[arg-type]
         (
             lambda: PinholeCamera(1, 1, 0, 0, distortion=(1, 2, 3)),
-            "distortion: found 3 coefficients; needed 0, 4, 5 or 8",
+            "distortion: found 3 coefficients; needed 0, 4, 5, 8, 12 or 14",
         ),
         (lambda: PinholeCamera(1, 1, 0, 0, distortion=(0, 0, math.inf, 0)), r"distortion\[2\]: found inf"),
         (
@@ -401,7 +404,14 @@ def test_bad_parameters_are_named(make: object, message: str) -> None:
 
 @pytest.mark.parametrize(
     "distortion",
-    [(), (-0.3, 0.1, 1e-3, -2e-3), (-0.3, 0.1, 1e-3, -2e-3, 0.02), (0.3, 0.1, 1e-3, -2e-3, 0.02, 0.4, 0.1, 0.01)],
+    [
+        (),
+        (-0.3, 0.1, 1e-3, -2e-3),
+        (-0.3, 0.1, 1e-3, -2e-3, 0.02),
+        (0.3, 0.1, 1e-3, -2e-3, 0.02, 0.4, 0.1, 0.01),
+        (0.3, 0.1, 1e-3, -2e-3, 0.02, 0.4, 0.1, 0.01, 0.01, -0.02, 0.03, 0.005),
+        (0.3, 0.1, 1e-3, -2e-3, 0.02, 0.4, 0.1, 0.01, 0.01, -0.02, 0.03, 0.005, 0.07, -0.11),
+    ],
 )
 def test_pinhole_pixels_are_those_of_opencv(distortion: tuple[float, ...]) -> None:
     cv2 = pytest.importorskip("cv2")
@@ -409,6 +419,41 @@ def test_pinhole_pixels_are_those_of_opencv(distortion: tuple[float, ...]) -> No
     points = np.random.default_rng(1).uniform((-2, -2, 4), (2, 2, 6), (200, 3))
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(distortion or (0.0,) * 4))
     assert np.abs(camera.project(points) - expected[:, 0]).max() < 1e-9
+
+
+def doublet(center: float, width: float, shifted: float) -> tuple[float, ...]:
+    """Coefficients of a rational polynomial with a zero and a pole beside one another, around a squared radius."""
+    under = np.convolve((1.0, 0.4), ((center**2 + width**2), -2.0 * center, 1.0))
+    over = np.convolve((1.0, 0.3), ((center**2 + width**2), -2.0 * (center + shifted), 1.0))
+    (_, k4, k5, k6), (k0, k1, k2, k3) = under / under[0], over / under[0]
+    assert k0 == 1.0
+    return (k1, k2, 1e-3, -5e-4, k3, k4, k5, k6)
+
+
+def test_a_lens_that_folds_in_a_narrow_ring_is_used_on_both_sides() -> None:
+    """As numerators and denominators that nearly cancel do: over the whole image as OpenCV, but for the ring."""
+    cv2 = pytest.importorskip("cv2")
+    size = {"width": WIDTH, "height": HEIGHT}
+    camera = PinholeCamera(1500.0, 1510.0, *CENTER, distortion=doublet(0.09, 1.2e-3, 1e-5), **size)
+    assert 0.28 < math.tan(camera.max_angle) < 0.29
+    slopes = np.stack(np.meshgrid(np.linspace(-0.42, 0.42, 43), np.linspace(-0.31, 0.31, 31)), axis=-1).reshape(-1, 2)
+    rays = np.c_[slopes, np.ones(len(slopes))]
+    expected, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera.matrix, np.array(camera.distortion))
+    pixels, seen = camera.project(rays), np.isfinite(camera.project(rays)).all(axis=1)
+    assert (np.hypot(*slopes[~seen].T) > 0.28).all() and (np.hypot(*slopes[~seen].T) < 0.32).all()
+    assert (np.hypot(*slopes[seen].T) > 0.32).any()
+    assert np.abs(pixels[seen] - expected[seen, 0]).max() < 1e-9
+    assert np.allclose(camera.bearings(pixels[seen])[:, :2] / camera.bearings(pixels[seen])[:, 2:], slopes[seen])
+    corners = camera.bearings([[-0.5, -0.5], [WIDTH - 0.5, HEIGHT - 0.5]])
+    assert np.isfinite(corners).all()
+    without = replace(camera, width=None, height=None)
+    assert np.isnan(without.bearings([[-0.5, -0.5]])).all()
+
+
+def test_a_fold_without_a_return_ends_the_model() -> None:
+    camera = PinholeCamera(900.0, 900.0, *CENTER, distortion=(-2.0, 1.5, 0, 0), width=WIDTH, height=HEIGHT)
+    assert math.tan(camera.max_angle) < 0.5
+    assert np.isnan(camera.bearings([[-0.5, -0.5]])).all()
 
 
 def test_fisheye_pixels_are_those_of_opencv() -> None:

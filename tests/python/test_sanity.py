@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import regionpose as rp
 from PIL import Image
+from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.cli.app import main
 from regionpose.demo import scene as demo_scene
-from regionpose.sanity import unit_remark
+from regionpose.sanity import check_camera, unit_remark
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_sides
 from regionpose.yaml_text import plain_value, to_yaml, yaml_node
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
@@ -130,6 +131,32 @@ FISHEYE = {
 }
 AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768)
 AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, width=1024, height=768, distortion=(2e-2, -4e-3, 1e-3, -2e-4))
+
+
+SIZE = {"width": 1280, "height": 960}
+
+
+@pytest.mark.parametrize(
+    ("camera", "angle_deg", "percent"),
+    [
+        (PinholeCamera(900, 900, 639.5, 479.5, **SIZE), None, 0.0),
+        (PinholeCamera(900, 900, 639.5, 479.5, distortion=(-0.3, 0.11, 4e-4, -6e-4, -0.02), **SIZE), None, 0.0),
+        # r (1 - r^2 / (3 r0^2)) folds at r0 and is 2 r0 / 3 there.
+        (PinholeCamera(900, 900, 639.5, 479.5, distortion=(-1 / (3 * 0.75**2), 0, 0, 0), **SIZE), 36.87, 48.2),
+        (PinholeCamera(900, 900, 639.5, 479.5, distortion=(9.0, -700.0, 90.0, -110.0, 2900.0), **SIZE), 0.067, 100.0),
+        (FisheyeCamera(300, 300, 639.5, 479.5, distortion=(-0.1, -0.05, 0, 0), **SIZE), None, 0.0),
+        (FisheyeCamera(900, 900, 639.5, 479.5, distortion=(-1 / (3 * 0.5**2), 0, 0, 0), **SIZE), 28.65, 77.0),
+    ],
+)
+def test_a_lens_that_folds_inside_the_photo_is_warned_of(
+    camera: Camera, angle_deg: float | None, percent: float
+) -> None:
+    """Nothing is said of a lens that folds beyond the corners, nor of a fisheye's circle inside the photo."""
+    warnings = check_camera(camera, (1280, 960))
+    assert [warning.code for warning in warnings] == ([] if angle_deg is None else ["folding-lens"])
+    for warning in warnings:
+        assert warning.values["angle_deg"] == pytest.approx(angle_deg, rel=0.01)
+        assert warning.values["percent"] == pytest.approx(percent, abs=2.0)
 
 
 def calibration(folder: Path, **more: object) -> Path:

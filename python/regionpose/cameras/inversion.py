@@ -12,7 +12,7 @@ from regionpose.cameras.base import Array
 
 Rows = NDArray[np.intp]
 Residual = Callable[[Array, Rows], tuple[Array, Array]]
-PlaneMapping = tuple[Array, tuple[Array, Array, Array]]
+PlaneMapping = tuple[Array, tuple[Array, Array, Array, Array]]
 
 REAL_ROOT_TOLERANCE = 1e-7
 """Imaginary part, relative to the modulus, up to which a computed root is real: a double root splits by sqrt(eps)."""
@@ -60,7 +60,13 @@ def derivative(coefficients: Sequence[float] | Array) -> Array:
 
 
 def first_positive_root(coefficients: Sequence[float] | Array) -> float:
-    """Smallest root above zero of the polynomial with ascending `coefficients`; infinity when there is none.
+    """Smallest root above zero of the polynomial with ascending `coefficients`; infinity when there is none."""
+    roots = positive_roots(coefficients)
+    return roots[0] if roots else math.inf
+
+
+def positive_roots(coefficients: Sequence[float] | Array) -> list[float]:
+    """Roots above zero of the polynomial with ascending `coefficients`, ascending.
 
     The constant coefficient must not be zero. The roots are found as reciprocals, so that vanishing leading
     coefficients send roots to infinity and disturb nothing.
@@ -69,9 +75,7 @@ def first_positive_root(coefficients: Sequence[float] | Array) -> float:
     reciprocal = np.roots(ascending / ascending[0])
     real = np.abs(reciprocal.imag) <= REAL_ROOT_TOLERANCE * np.abs(reciprocal)
     positive = reciprocal.real[real & (reciprocal.real > np.finfo(np.float64).tiny)]
-    if positive.size == 0:
-        return math.inf
-    return _polished_root(ascending, 1.0 / float(positive.max()))
+    return [_polished_root(ascending, 1.0 / value) for value in sorted(positive.tolist(), reverse=True)]
 
 
 def _polished_root(coefficients: Array, root: float) -> float:
@@ -85,8 +89,8 @@ def _polished_root(coefficients: Array, root: float) -> float:
     return float(polished) if moved <= REAL_ROOT_TOLERANCE * root else root
 
 
-def bracketed_roots(residual: Residual, start: Array, upper: float) -> Array:
-    """Roots (n,) in [0, upper] of n functions, each negative below its root and positive above it.
+def bracketed_roots(residual: Residual, start: Array, upper: float, lower: float = 0.0) -> Array:
+    """Roots (n,) in [lower, upper] of n functions, each negative below its root and positive above it.
 
     `residual(x, rows)` gives value and slope of the functions numbered `rows` at `x`; `start` (n,) are first guesses.
     Newton steps (docs/math.md, eq. 9.10) that leave the bracket or do not halve are replaced by bisection, so a slope
@@ -94,8 +98,9 @@ def bracketed_roots(residual: Residual, start: Array, upper: float) -> Array:
     it holds the root.
     """
     # Next to a pole at the end Newton steps are as small as rounding noise, and would be taken for it.
-    root = np.where(start < START_INSIDE * upper, start, 0.5 * upper)
-    low = np.zeros_like(root)
+    middle = 0.5 * (lower + upper) if math.isfinite(upper) else 2.0 * lower
+    root = np.where((start >= lower) & (start < START_INSIDE * upper), start, middle)
+    low = np.full_like(root, lower)
     high = np.full_like(root, upper) if math.isfinite(upper) else _upper_ends(residual, root)
     step_before = np.full_like(root, np.inf)
     rows = np.arange(root.size)
@@ -141,15 +146,18 @@ def _upper_ends(residual: Residual, start: Array) -> Array:
     return ends
 
 
-def inverses_in_disc(mapping: Callable[[Array], PlaneMapping], target: Array, start: Array, radius: float) -> Array:
-    """Points (2, n) of the disc about 0 that `mapping` takes to `target` (2, n); NaN where there is none.
+def inverses_in_ring(
+    mapping: Callable[[Array], PlaneMapping], target: Array, start: Array, radii: tuple[float, float]
+) -> Array:
+    """Points (2, n) between two radii about 0 that `mapping` takes to `target` (2, n); NaN where there is none.
 
-    `mapping` gives the images of points and the entries xx, xy, yy of its symmetric Jacobian, positive definite
-    inside the disc. Each Newton step is halved until it stays in the disc and the distance to the target falls, so
-    the iteration cannot leave the disc. Points are NaN where `start` is.
+    `mapping` gives the images of points and the entries xx, xy, yx, yy of its Jacobian, whose symmetric part is
+    positive definite between the radii. Each Newton step is halved until it stays there and the distance to the target
+    falls, so the iteration cannot leave. Points are NaN where `start` is.
     """
+    inner, outer = radii
     start_radius = np.maximum(np.hypot(*start), np.finfo(np.float64).tiny)
-    point = start * np.minimum(1.0, START_INSIDE * radius / start_radius)
+    point = start * np.minimum(1.0, max(inner, START_INSIDE * outer) / start_radius)
     distance, step, size = _towards(mapping, point, target)
     fraction = np.ones_like(distance)
     rows = np.flatnonzero(np.isfinite(distance))
@@ -159,7 +167,8 @@ def inverses_in_disc(mapping: Callable[[Array], PlaneMapping], target: Array, st
             break
         trial = point[:, rows] + fraction[rows] * step[:, rows]
         trial_distance, trial_step, trial_size = _towards(mapping, trial, target[:, rows])
-        better = (trial_distance < distance[rows]) & (np.hypot(*trial) <= radius)
+        radius = np.hypot(*trial)
+        better = (trial_distance < distance[rows]) & (radius >= inner) & (radius <= outer)
         moved = rows[better]
         point[:, moved], step[:, moved] = trial[:, better], trial_step[:, better]
         distance[moved], size[moved] = trial_distance[better], trial_size[better]
@@ -174,9 +183,9 @@ def _towards(mapping: Callable[[Array], PlaneMapping], point: Array, target: Arr
     A point's own rounding moves its image by the Jacobian's norm times its radius, which is far more than the image's
     rounding next to a pole.
     """
-    image, (xx, xy, yy) = mapping(point)
+    image, (xx, xy, yx, yy) = mapping(point)
     dx, dy = target - image
-    determinant = xx * yy - xy * xy
-    step: Array = np.stack([yy * dx - xy * dy, xx * dy - xy * dx]) / determinant
-    size: Array = 1.0 + np.hypot(*target) + np.hypot(np.hypot(xx, yy), xy) * np.hypot(*point)
+    determinant = xx * yy - xy * yx
+    step: Array = np.stack([yy * dx - xy * dy, xx * dy - yx * dx]) / determinant
+    size: Array = 1.0 + np.hypot(*target) + np.hypot(np.hypot(xx, yy), np.hypot(xy, yx)) * np.hypot(*point)
     return np.hypot(dx, dy), step, size

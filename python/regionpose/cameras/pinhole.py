@@ -1,4 +1,4 @@
-"""The pinhole camera with OpenCV's radial and tangential distortion."""
+"""The pinhole camera with OpenCV's distortion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class PinholeCamera(MatrixCamera):
     cx, cy : float
         Where the optical axis meets the image, pixels.
     distortion : tuple of float
-        0 (default), 4, 5 or 8 coefficients in OpenCV's order `(k1, k2, p1, p2, k3, k4, k5, k6)`.
+        0 (default), 4, 5, 8, 12 or 14 coefficients in OpenCV's order
+        `(k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y)`.
     width, height : int, optional
         Of the image, pixels; None where unknown.
 
@@ -70,17 +71,28 @@ class PinholeCamera(MatrixCamera):
 
     @property
     def max_angle(self) -> float:
-        """Largest angle off the optical axis, in radians: pi / 2, or the fold of the distortion."""
+        """Largest angle off the optical axis, in radians: pi / 2, or the first fold of the distortion.
+
+        Where the fold lies inside an image of known size and is narrow, directions beyond it are projected as well.
+        """
         return math.atan(self._distortion.limit)
 
     @property
     def straight_lines(self) -> bool:
-        """Whether there is no distortion."""
-        return self._distortion.is_identity
+        """Whether there is no distortion but that of a tilted sensor."""
+        return self._distortion.keeps_lines
 
     @cached_property
     def _distortion(self) -> RadialTangential:
-        return distortion_of(self.distortion)
+        return distortion_of(self.distortion, self._reach())
+
+    def _reach(self) -> float:
+        """Largest distance of the image's corners from the center, on the normalized plane; 0 for an unknown size."""
+        if self.width is None or self.height is None:
+            return 0.0
+        x = max(abs(-0.5 - self.cx), abs(self.width - 0.5 - self.cx)) / self.fx
+        y = max(abs(-0.5 - self.cy), abs(self.height - 0.5 - self.cy)) / self.fy
+        return math.hypot(x, y)
 
     def _bearings(self, u: Array, v: Array) -> Components:
         x, y = self._distortion.undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)

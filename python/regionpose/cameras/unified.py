@@ -31,7 +31,7 @@ class UnifiedCamera(MatrixCamera):
     xi : float
         Of the mirror, at least 0; 0 is a pinhole camera.
     distortion : tuple of float
-        0 (default), 4, 5 or 8 coefficients, as of `PinholeCamera`.
+        0 (default), 4, 5, 8, 12 or 14 coefficients, as of `PinholeCamera`.
     width, height : int, optional
         Of the image, pixels; None where unknown.
 
@@ -92,7 +92,7 @@ class UnifiedCamera(MatrixCamera):
     @property
     def straight_lines(self) -> bool:
         """Whether the camera is a pinhole camera without distortion."""
-        return self.xi == 0.0 and self._distortion.is_identity
+        return self.xi == 0.0 and self._distortion.keeps_lines
 
     @cached_property
     def _distortion(self) -> RadialTangential:

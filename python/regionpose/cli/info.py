@@ -208,6 +208,7 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
     import numpy as np
 
     from regionpose.calibration import load_camera
+    from regionpose.sanity import check_camera
 
     camera = load_camera(path, camera_name, model=camera_model)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
@@ -218,6 +219,7 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
         left, right = camera.bearings(middle)
         angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
         facts["angle_between_left_and_right_edge_deg"] = angle if np.isfinite(angle) else None
+        facts["warnings"] = [str(warning) for warning in check_camera(camera, (camera.width, camera.height))]
     return facts
 
 

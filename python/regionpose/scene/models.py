@@ -51,7 +51,7 @@ class _Intrinsics(_Camera):
 
 
 class InlinePinhole(_Intrinsics):
-    """A perspective camera; OpenCV's distortion coefficients (0, 4, 5 or 8)."""
+    """A perspective camera; OpenCV's distortion coefficients (0, 4, 5, 8, 12 or 14)."""
 
     model: Literal["pinhole"]
     distortion: list[Number] = Field(default_factory=list)
