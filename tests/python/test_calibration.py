@@ -180,8 +180,8 @@ CAM0 = (SAMPLES / "kalibr_camchain.yaml").read_text().partition("cam1:")[0]
         (b"\x89PNG\r\n\x1a\n\x00\x01", "found a binary file"),
         (b"abc\x00def", "found a binary file"),
         (b"#" * (5 * 2**20), "found 5242880 bytes; needed a calibration file of at most"),
-        ("hello world", "found text that starts with 'hello world'; needed OpenCV YAML"),
-        ("a: 1\nb: 2\n", "found the items a, b; needed OpenCV YAML"),
+        ("hello world", "found text that starts with 'hello world'; needed one of these: COLMAP"),
+        ("a: 1\nb: 2\n", "found the items a, b; needed one of these: COLMAP"),
         ("# only a comment\n", "found text that starts with"),
         ("[" * 5000, "found brackets nested too deep; needed fewer"),
         (
@@ -206,8 +206,8 @@ CAM0 = (SAMPLES / "kalibr_camchain.yaml").read_text().partition("cam1:")[0]
         ),
         (ROS.replace("plumb_bob", "magic"), "distortion_model: found 'magic'; needed one of plumb_bob, rational"),
         (ROS.replace("plumb_bob", "equidistant"), "distortion_coefficients: found 5 numbers; needed 4 numbers"),
-        (MESSAGE.replace("binning_x: 0", "binning_x: 2"), "line 14: binning_x: found 2; needed at most 1"),
-        (MESSAGE.replace("x_offset: 0", "x_offset: 8"), "roi.x_offset: found 8; needed at most 0"),
+        (MESSAGE.replace("binning_x: 0", "binning_x: -2"), "line 14: binning_x: found -2; needed a number of at least"),
+        (MESSAGE.replace("x_offset: 0", "x_offset: 8"), "roi: found the offset 8, 0 without width and height; needed"),
         (MESSAGE.replace("K: [610.0, ", "K: ["), "line 11: K: found 8 numbers; needed 9 numbers"),
         (CAM0.replace("458.5, ", ""), "cam0.intrinsics: found 3 numbers; needed 4 numbers"),
         (
@@ -313,7 +313,7 @@ def test_an_odometry_file_holds_the_rectified_lidar_pose() -> None:
 @pytest.mark.parametrize(
     ("file", "name", "message"),
     [
-        ("kitti_raw.txt", None, "Tr: found no such line; needed 12 numbers"),
+        ("kitti_raw.txt", None, "lidar's pose: found the cameras of raw data; needed calib_velo_to_cam.txt"),
         ("kitti_odometry.txt", None, "needed name= one of P0, P1"),
         ("opencv.yml", None, "projection matrices: found none"),
     ],

@@ -133,7 +133,7 @@ AS_FISHEYE = rp.FisheyeCamera(310, 311, 512, 384, distortion=(2e-2, -4e-3, 1e-3,
 AS_PINHOLE = rp.PinholeCamera(310, 311, 512, 384, width=1024, height=768, distortion=(2e-2, -4e-3, 1e-3, -2e-4))
 
 
-SIZE = {"width": 1280, "height": 960}
+SIZE: dict[str, Any] = {"width": 1280, "height": 960}
 
 
 @pytest.mark.parametrize(

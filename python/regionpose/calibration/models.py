@@ -3,33 +3,50 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from regionpose.calibration.text import CalibrationError
 from regionpose.calibration.yaml_items import YamlItem, YamlMapping
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import (
+    Camera,
+    EquirectangularCamera,
+    FisheyeCamera,
+    OcamCamera,
+    PinholeCamera,
+    UnifiedCamera,
+)
+from regionpose.cameras.distortion import COEFFICIENT_COUNTS
 
-CameraModel = Literal["pinhole", "fisheye", "unified", "ocam"]
+CameraModel = Literal["pinhole", "fisheye", "unified", "ocam", "equirectangular"]
 
 CLASSES: dict[CameraModel, type[Camera]] = {
     "pinhole": PinholeCamera,
     "fisheye": FisheyeCamera,
     "unified": UnifiedCamera,
     "ocam": OcamCamera,
+    "equirectangular": EquirectangularCamera,
 }
 
 MODEL_KEYS = ("model", "cameramodel", "distortionmodel", "modeltype", "cameratype", "lensmodel")
 """Keys, in lower case and without separators, under which files name a model."""
 
 SPELLINGS: dict[CameraModel, str] = {
-    "pinhole": "pinhole perspective opencv plumbbob radtan radialtangential rationalpolynomial brownconrady none",
-    "fisheye": "fisheye opencvfisheye cv2fisheye equidistant kannalabrandt kannalabrandt4 kb4",
+    "pinhole": "pinhole perspective opencv plumbbob radtan radialtangential rationalpolynomial brownconrady none"
+    " pinholeradtan frame simplepinhole simpleradial radial fullopencv rectified",
+    "fisheye": "fisheye opencvfisheye cv2fisheye equidistant kannalabrandt kannalabrandt4 kannalabrandt8 kb4 kb8"
+    " equidistantcamera simpleradialfisheye radialfisheye",
     "unified": "unified omni omnidir opencvomnidir cv2omnidir mei",
+    "equirectangular": "equirectangular spherical",
 }
 WORDS = {word: model for model, words in SPELLINGS.items() for word in words.split()}
 """What OpenCV, ROS, Kalibr, COLMAP and their like call each model, written as the keys are."""
+
+OPENCV_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+"""Coefficients in OpenCV's order."""
 
 SWITCHED_OFF = ("0", "false", "no", "off")
 
@@ -67,8 +84,8 @@ def matrix_camera(
             height=size[1],
             xi=document.need("xi").number(),
         )
-    if model == "ocam":
-        raise matrix.error("a camera matrix", "an OCamCalib file for model=ocam")
+    if model in {"ocam", "equirectangular"}:
+        raise matrix.error("a camera matrix", f"a file without one for model={model}")
     return PinholeCamera.from_matrix(k, distortion=_radial_tangential(coefficients), width=size[0], height=size[1])
 
 
@@ -108,11 +125,62 @@ def _implied(document: YamlMapping, coefficients: YamlItem) -> CameraModel:
 
 
 def _radial_tangential(item: YamlItem) -> list[float]:
-    """0, 4, 5 or 8 coefficients; 12 or 14 when the thin prism and tilt terms are zero."""
-    values = item.counted(0, 4, 5, 8, 12, 14)
-    if any(values[8:]):
-        raise item.error("thin prism or tilt coefficients other than 0", "up to 8 coefficients")
-    return values[:8]
+    """OpenCV's coefficients, without thin prism and tilt where these are zero."""
+    values = item.counted(*COEFFICIENT_COUNTS)
+    return values if any(values[8:]) else values[:8]
+
+
+@dataclass(frozen=True)
+class NamedLens:
+    """Intrinsics and coefficients that a file gives one by one: fx, fy, cx, cy, then k1, k2, p1, ... by name.
+
+    `item` is named in errors; `word` is what the file calls the model, None where it does not.
+    """
+
+    item: YamlItem
+    intrinsics: tuple[float, float, float, float]
+    coefficients: Mapping[str, float]
+    size: tuple[int | None, int | None] = (None, None)
+    word: str | None = None
+
+    def camera(self) -> PinholeCamera | FisheyeCamera:
+        """The camera; CalibrationError for a model that is unknown, or that neither names nor caller tell."""
+        model = self.model or self._implied()
+        width, height = self.size
+        if model == "fisheye":
+            self._refuse_others("k1 k2 k3 k4")
+            angular = tuple(self.coefficients.get(name, 0.0) for name in ("k1", "k2", "k3", "k4"))
+            return FisheyeCamera(*self.intrinsics, distortion=angular, width=width, height=height)
+        if model != "pinhole":
+            raise self.item.error(f"fx, fy, cx, cy for a camera that is {model}", "a pinhole or fisheye camera")
+        self._refuse_others(" ".join(OPENCV_NAMES))
+        values = [self.coefficients.get(name, 0.0) for name in OPENCV_NAMES]
+        count = 8 if any(values[5:]) else 5 if "k3" in self.coefficients else 4 if self.coefficients else 0
+        return PinholeCamera(*self.intrinsics, distortion=tuple(values[:count]), width=width, height=height)
+
+    @property
+    def model(self) -> CameraModel | None:
+        """The model that the caller or the file names; CalibrationError for an unknown name."""
+        asked = checked_model(self.item.source.model)
+        if asked is not None or self.word is None:
+            return asked
+        model = WORDS.get(_plain(self.word))
+        if model is None:
+            raise self.item.error(f"the model {self.word!r}", f"one of {', '.join(SPELLINGS)}, or model= to choose")
+        return model
+
+    def _implied(self) -> CameraModel:
+        """The model that the names of the coefficients tell: only a pinhole's are tangential."""
+        if any(self.coefficients.values()) and not {"p1", "p2"} <= self.coefficients.keys():
+            found = f"the coefficients {', '.join(self.coefficients)} and no model"
+            raise self.item.error(found, "model=pinhole or model=fisheye")
+        return "pinhole"
+
+    def _refuse_others(self, known: str) -> None:
+        """CalibrationError for coefficients other than 0 that the model has no place for."""
+        other = [name for name, value in self.coefficients.items() if value and name not in known.split()]
+        if other:
+            raise self.item.error(f"a coefficient {other[0]} of {self.coefficients[other[0]]:g}", f"{known} alone")
 
 
 def _plain(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Calibrations that OpenCV's FileStorage writes as YAML, and JSON with the same keys."""
+"""Calibrations that OpenCV's FileStorage writes as YAML or XML, and JSON or YAML of others with the same keys."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from regionpose.calibration.models import matrix_camera
 from regionpose.calibration.yaml_items import YamlMapping
 from regionpose.cameras import Camera
 
+COEFFICIENT_KEYS = ("distortion_coefficients", "dist_coeffs", "distCoeffs", "Distortion_Coefficients", "dist", "D")
 MATRIX_KEYS = {
-    "camera_matrix": ("distortion_coefficients", "dist_coeffs"),
-    "Camera_Matrix": ("Distortion_Coefficients",),
-    "cameraMatrix": ("distCoeffs",),
-    "K": ("D",),
+    "camera_matrix": COEFFICIENT_KEYS,
+    "Camera_Matrix": COEFFICIENT_KEYS,
+    "cameraMatrix": COEFFICIENT_KEYS,
+    "K": COEFFICIENT_KEYS,
     "M1": ("D1",),
     "M2": ("D2",),
     "K1": ("D1",),
@@ -25,14 +26,23 @@ HEIGHT_KEYS = ("image_height", "image_Height", "height")
 
 
 def describes(document: YamlMapping) -> bool:
-    """Whether there is a camera matrix under one of OpenCV's names."""
-    return document.get(*MATRIX_KEYS) is not None
+    """Whether there is a camera matrix under one of OpenCV's names, or one in the item `camera`."""
+    return _holder(document).get(*MATRIX_KEYS) is not None
 
 
 def read_camera(document: YamlMapping, name: str | None) -> Camera:
     """The camera whose matrix is called `name`."""
-    builders = {key: partial(_camera, document, key) for key in MATRIX_KEYS if key in document}
+    held = _holder(document)
+    builders = {key: partial(_camera, held, key) for key in MATRIX_KEYS if key in held}
     return document.source.camera(builders, name)
+
+
+def _holder(document: YamlMapping) -> YamlMapping:
+    """The mapping that holds the matrix: livox_camera_calib has it in an item `camera`."""
+    inner = document.get("camera")
+    if document.get(*MATRIX_KEYS) is None and inner is not None and inner.is_mapping:
+        return inner.mapping()
+    return document
 
 
 def _camera(document: YamlMapping, key: str) -> Camera:

@@ -13,6 +13,9 @@ from regionpose.cameras import Camera
 MAX_BYTES = 4 * 2**20
 """Largest file read, in bytes; calibrations hold some kilobytes."""
 
+MOST_NAMES = 20
+"""Names of cameras that a message lists at most: photogrammetry has one for each photo."""
+
 Builder = Callable[[], Camera]
 
 
@@ -22,14 +25,19 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class CalibrationText:
-    """The text of a calibration file with its path, and the model that its reader's caller says it is of."""
+    """The text of a calibration file with its path, the model that its reader's caller says it is of, and whether the
+    camera of the rectified photo is wanted.
+    """
 
     path: Path
     text: str
     model: str | None = None
+    rectified: bool = False
 
     @classmethod
-    def read(cls, path: str | Path, model: str | None = None, *, what: str = "calibration") -> CalibrationText:
+    def read(
+        cls, path: str | Path, model: str | None = None, *, rectified: bool = False, what: str = "calibration"
+    ) -> CalibrationText:
         """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large.
 
         `what`: the kind of file that messages ask for.
@@ -51,7 +59,7 @@ class CalibrationText:
             raise CalibrationError(f"{location}: found a binary file; needed {what} text in UTF-8")
         if not text.strip():
             raise CalibrationError(f"{location}: found an empty file; needed a {what}")
-        return cls(location, text, model)
+        return cls(location, text, model, rectified)
 
     @property
     def lines(self) -> list[str]:
@@ -63,7 +71,7 @@ class CalibrationText:
         place = "" if line is None else f"line {line}: "
         return CalibrationError(f"{self.path}: {place}{item}: found {found}; needed {needed}")
 
-    def number(self, item: str, word: str, line: int) -> float:
+    def number(self, item: str, word: str, line: int | None) -> float:
         """`word` as a finite number."""
         try:
             value = float(word)
@@ -73,13 +81,13 @@ class CalibrationText:
             raise self.error(item, repr(word), "a finite number", line)
         return value
 
-    def numbers(self, item: str, words: Sequence[str], count: int, line: int) -> list[float]:
+    def numbers(self, item: str, words: Sequence[str], count: int, line: int | None) -> list[float]:
         """`count` words as finite numbers."""
         if len(words) != count:
             raise self.error(item, f"{len(words)} numbers", f"{count} numbers", line)
         return [self.number(f"{item}[{index}]", word, line) for index, word in enumerate(words)]
 
-    def whole_number(self, item: str, word: str, line: int) -> int:
+    def whole_number(self, item: str, word: str, line: int | None) -> int:
         """`word` as a whole number."""
         value = self.number(item, word, line)
         if not value.is_integer():
@@ -98,7 +106,7 @@ class CalibrationText:
 
     def choice(self, names: Sequence[str], name: str | None, default: str | None = None) -> str:
         """`name` where it is one of `names`, else `default`, else the only one."""
-        listed = ", ".join(names)
+        listed = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
         if name is not None:
             if name not in names:
                 raise self.error("camera name", repr(name), f"one of {listed}")

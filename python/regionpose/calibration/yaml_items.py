@@ -66,6 +66,12 @@ class YamlItem:
                 raise self.error("more numbers than characters in the file", "numbers written out")
         return values
 
+    def entries(self) -> list[YamlItem]:
+        """The items of a sequence; CalibrationError for anything else."""
+        if not isinstance(self.node, SequenceNode):
+            raise self.error(self._kind(), "a sequence")
+        return self._children()
+
     def _children(self) -> list[YamlItem]:
         """The items of a sequence, numbered."""
         return [YamlItem(self.source, f"{self.name}[{index}]", child) for index, child in enumerate(self.node.value)]
@@ -89,6 +95,11 @@ class YamlItem:
         return isinstance(self.node, MappingNode)
 
     @property
+    def is_sequence(self) -> bool:
+        """Whether the item is a list."""
+        return isinstance(self.node, SequenceNode)
+
+    @property
     def is_scalar(self) -> bool:
         """Whether the item is a single value."""
         return isinstance(self.node, ScalarNode)
@@ -110,12 +121,8 @@ class YamlMapping:
     @classmethod
     def parse(cls, source: CalibrationText) -> YamlMapping | None:
         """The first document of the file, None when it is not a mapping; CalibrationError when it is not YAML."""
-        text = source.text
-        if text.startswith(DIRECTIVES):
-            text = text[text.find("\n") :] if "\n" in text else ""
-        # JSON is YAML but for tabs between values.
-        node = _node(source, text.replace("\t", " ") if _looks_like_json(source) else text)
-        return cls.of(source, "", node) if isinstance(node, MappingNode) else None
+        root = parsed(source)
+        return root.mapping() if root is not None and root.is_mapping else None
 
     @classmethod
     def of(cls, source: CalibrationText, name: str, node: MappingNode) -> YamlMapping:
@@ -161,6 +168,16 @@ class YamlMapping:
         if rows < 1 or columns < 1:
             raise self.source.error(self.name, f"{rows} rows and {columns} columns", "at least one of each", self.line)
         return self.need("data").counted(rows * columns)
+
+
+def parsed(source: CalibrationText) -> YamlItem | None:
+    """The first document of the file, None of one without any; CalibrationError when it is not YAML."""
+    text = source.text
+    if text.startswith(DIRECTIVES):
+        text = text[text.find("\n") :] if "\n" in text else ""
+    # JSON is YAML but for tabs between values.
+    node = _node(source, text.replace("\t", " ") if _looks_like_json(source) else text)
+    return None if node is None else YamlItem(source, "", node)
 
 
 def _node(source: CalibrationText, text: str) -> Node | None:

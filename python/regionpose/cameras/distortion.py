@@ -96,7 +96,7 @@ class RadialTangential:
         if self.is_identity:
             return x, y
         if self.tilt is not None:
-            x, y = mapped(np.linalg.inv(self.tilt), x, y)
+            x, y = mapped(np.asarray(np.linalg.inv(self.tilt), dtype=np.float64), x, y)
         distorted = np.hypot(x, y)
         point = np.full((2, len(distorted)), np.nan)
         for branch in self.branches:

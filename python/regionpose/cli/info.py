@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from regionpose.clouds import Cloud
     from regionpose.scene.loading import NamedRegion
 
-TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt"}
+TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt", ".xml", ".cameramodel"}
 """Files that may be scenes, results or calibrations; what is none of these is read as a cloud."""
 
 SHOWN_OF_RESULT = (
@@ -208,11 +208,13 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
     import numpy as np
 
     from regionpose.calibration import load_camera
+    from regionpose.calibration.kinds import calibration_kind
     from regionpose.sanity import check_camera
 
     camera = load_camera(path, camera_name, model=camera_model)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
-    facts: Facts = {"kind": "calibration", "model": type(camera).__name__, **json.loads(json.dumps(parameters))}
+    facts: Facts = {"kind": "calibration", "written_as": calibration_kind(path), "model": type(camera).__name__}
+    facts |= json.loads(json.dumps(parameters))
     facts["largest_angle_off_axis_deg"] = float(np.degrees(camera.max_angle))
     if camera.width is not None and camera.height is not None:
         middle = np.array([[-0.5, camera.height / 2], [camera.width - 0.5, camera.height / 2]])
