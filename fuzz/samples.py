@@ -20,6 +20,8 @@ from regionpose.yaml_text import to_yaml
 # What writes bags is the tests'.
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
 from bag_files import filled
+from calibration_files import FILES as CAMERAS
+from pose_files import FILES as POSES
 
 Reader = Callable[[Path], object]
 
@@ -144,8 +146,8 @@ def _pictures() -> list[Sample]:
 
 
 def _texts() -> list[Sample]:
+    from regionpose.calibration.poses import read_pose
     from regionpose.cli.info import file_facts
-    from regionpose.cli.poses import read_pose
     from regionpose.scene import load_scene
     from regionpose.segmentation.masks import regions_from_file
 
@@ -162,11 +164,12 @@ def _texts() -> list[Sample]:
         Sample("lidar.json", _json(lidar), read_pose),
         Sample("result.json", _json(POSE), file_facts),
         Sample("pose.txt", matrix.encode(), read_pose),
+        *(Sample(f"pose_{name}", text.encode(), read_pose) for name, (text, _) in POSES.items()),
     ]
 
 
 def _arrays() -> list[Sample]:
-    from regionpose.cli.poses import read_pose
+    from regionpose.calibration.poses import read_pose
     from regionpose.reading import read_array
 
     return [
@@ -204,7 +207,11 @@ def _calibrations(folder: Path) -> list[Sample]:
     lidar = [
         each._replace(name=f"lidar_{each.name}", read=load_lidar_pose) for each in held if each.name.startswith("kitti")
     ]
-    return [*held, *lidar, Sample("opencv.json", _json(CALIBRATION | {"model": "pinhole"}), load_camera)]
+    others = [
+        Sample(f"camera_{file}", text.encode(), partial(load_camera, name=name))
+        for file, (text, name, _, _) in CAMERAS.items()
+    ]
+    return [*held, *others, *lidar, Sample("opencv.json", _json(CALIBRATION | {"model": "pinhole"}), load_camera)]
 
 
 def _bag(kind: str, packed: str | None = None) -> bytes:

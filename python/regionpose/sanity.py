@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from itertools import combinations
@@ -12,7 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionpose.cameras import Camera, PinholeCamera
+from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.clouds import Cloud
 from regionpose.estimation.warning import PoseWarning
 from regionpose.regions.image import ImageRegion
@@ -61,6 +62,9 @@ FOLD_GRID = 65
 
 COMES_BACK_PX = 1e-3
 """Largest distance of a pixel from the projection of its bearing: far above rounding, far below any contour's noise."""
+
+RECTIFIED = re.compile(r"(?<![a-z])rect(ified)?(?![a-z])", re.IGNORECASE)
+"""What ROS calls rectified photos (image_rect, image_rect_color), and what people do; not `direct` or `rectangle`."""
 
 MILLIMETER = 0.001
 
@@ -160,6 +164,20 @@ def _folding(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarnin
     )
     values = {"angle_deg": math.degrees(camera.max_angle), "percent": 100.0 * float(np.mean(~unique))}
     yield PoseWarning("folding-lens", text, values=values)
+
+
+def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
+    """A warning where a photo is called rectified, as ROS' image_rect is, and its camera has distortion.
+
+    `rectified-photo`: rectified photos have none; their camera is not that of the photos as they were taken.
+    """
+    if not (isinstance(camera, PinholeCamera | FisheyeCamera) and any(camera.distortion) and RECTIFIED.search(name)):
+        return ()
+    text = (
+        "the photo is called {name}, as rectified ones are, but its camera has distortion: where it is rectified, say"
+        " so (camera: {{file, rectified: true}} in a scene, --rectified); otherwise rename it"
+    )
+    return (PoseWarning("rectified-photo", text, values={"name": name}),)
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:

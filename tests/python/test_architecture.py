@@ -21,6 +21,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("effort", "error", "lanes"),
     ("batch", "geometry", "moments"),
     ("mesh", "prior", "region"),
+    ("options",),
     ("view",),
     ("equations",),
     ("contour",),

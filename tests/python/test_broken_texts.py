@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from regionpose.calibration import load_camera
-from regionpose.cli.poses import read_pose
+from regionpose.calibration.poses import read_pose
 from regionpose.clouds import read_cloud
 from regionpose.json_text import joined_pairs, json_value
 from regionpose.scene import load_scene
@@ -57,7 +57,7 @@ CASES: list[tuple[str, str, Reader, str]] = [
     ("f.json", CAMERA.replace("610, 0", "610 0"), load_camera, "f.json: line 2: camera_matrix[0][0]: found '610 0'"),
     ("g.json", CAMERA.replace("1]],", "1]]"), load_camera, f"g.json: line 3, column 3: found '\"'; {JSON_COMMA}"),
     ("h.json", CAMERA + "}", load_camera, "h.json: line 5, column 1: found '}'; needed nothing after the end"),
-    ("i.json", "[1, 2]", load_camera, "i.json: found text that starts with '[1, 2]'; needed OpenCV YAML"),
+    ("i.json", "[1, 2]", load_camera, "i.json: found text that starts with '[1, 2]'; needed one of these: COLMAP"),
     # In YAML
     ("j.yml", cut(OPENCV, "4.795e+02"), load_camera, "j.yml: line 13, column 1: found the end of the text; need"),
     ("k.yml", OPENCV.replace("camera_matrix", "matrix"), load_camera, "k.yml: found the items calibration_time, im"),

@@ -13,8 +13,8 @@ from commands import run
 from PIL import Image
 from regionpose import Pose, __version__
 from regionpose.calibration import load_camera
+from regionpose.calibration.poses import read_pose
 from regionpose.cli import main
-from regionpose.cli.poses import read_pose
 from regionpose.clouds import read_cloud
 from regionpose.demo.scene import folder as demo_folder
 from scene_files import POSE, scene_values, write_scene

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from PIL import Image
 from regionpose.calibration import CalibrationError, load_lidar_pose
+from regionpose.calibration.poses import read_pose
 from regionpose.cameras import PinholeCamera
 from regionpose.cli.info import file_facts
-from regionpose.cli.poses import read_pose
 from regionpose.clouds import CloudError, cloud_from_depth, read_cloud
 from regionpose.reading import FileError, read_array, read_json
 from regionpose.scene import SceneError, load_scene, scene_sides

@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt."""
+"""COLMAP's cameras.txt and images.txt."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import re
 from collections.abc import Iterator
 from functools import partial
 
+import numpy as np
+
+from regionpose.calibration.pose_values import chosen, pose_of_quaternion
 from regionpose.calibration.text import Builder, CalibrationText
 from regionpose.cameras import Camera, camera_from_colmap
 from regionpose.cameras.colmap import COLMAP_MODELS
+from regionpose.pose import Pose
 
+IMAGE_LINE = re.compile(r"\d+(\s+[-+.\deE]+){7}\s+\d+\s+\S")
 CAMERA_LINE = re.compile(r"\d+\s+[A-Z][A-Z_]+(\s|$)")
 
 
@@ -47,3 +52,22 @@ def _camera(source: CalibrationText, line: int, words: list[str]) -> Camera:
     width, height = (source.whole_number(f"{item} size", word, line) for word in words[2:4])
     count = len(COLMAP_MODELS[model].split())
     return camera_from_colmap(model, width, height, source.numbers(f"{item} {model}", words[4:], count, line))
+
+
+def describes_images(source: CalibrationText) -> bool:
+    """Whether the first line that is not a comment is an image with its pose."""
+    first = next(_camera_lines(source), None)
+    return first is not None and IMAGE_LINE.match(" ".join(first[1])) is not None
+
+
+def image_pose(source: CalibrationText, name: str | None) -> Pose:
+    """The pose of the image whose name, or id, is `name`; of the only one without."""
+    images = {}
+    for line, words in _camera_lines(source):
+        # Every other line holds the points of the image before it.
+        if IMAGE_LINE.match(" ".join(words)) and not words[9].replace(".", "").isdecimal():
+            images[" ".join(words[9:])] = (line, words[1:8])
+    held = chosen(source.path, images, () if name is None else (name,), "images")
+    line, words = held
+    w, x, y, z, *shift = source.numbers("pose", words, 7, line)
+    return pose_of_quaternion(source.path, "pose", np.array([x, y, z, w]), np.array(shift))

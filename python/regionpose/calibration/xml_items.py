@@ -74,7 +74,7 @@ def xml_root(source: CalibrationText) -> Element:
     def refuse(*_: object) -> None:
         raise source.error("XML", "a document type", "none", parser.CurrentLineNumber)
 
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")  # The text is decoded already, whatever it declares.
     parser.buffer_text = True
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda _: stack.pop()

@@ -18,6 +18,7 @@ from regionpose.cli.options import (
     Columns,
     Force,
     Quiet,
+    Rectified,
     SegmenterName,
     Strict,
     asking,
@@ -41,6 +42,7 @@ def calibrate(
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     columns: Columns = None,
+    rectified: Rectified = False,
     coco: Annotated[
         Path | None, typer.Option("--coco", help="COCO file with the regions of all photos.", show_default=False)
     ] = None,
@@ -78,7 +80,8 @@ def calibrate(
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
     with Progress(quiet) as progress:
         progress.begin("pairs of the folder")
-        options = replace(_options(camera, camera_name, camera_model, origin, coco), columns=names_of(columns))
+        chosen = {"name": camera_name, "model": camera_model, "rectified": rectified}
+        options = replace(_options(camera, chosen, origin, coco), columns=names_of(columns))
         scene, alone = folder_scene(folder, result / SCENE_FILE, options)
     if alone and not quiet:
         typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)
@@ -94,14 +97,15 @@ def calibrate(
 
 
 def _options(
-    camera: Path | None, name: str | None, model: str | None, origin: list[float] | None, coco: Path | None
+    camera: Path | None, words: dict[str, str | bool | None], origin: list[float] | None, coco: Path | None
 ) -> FolderOptions:
     """What the command line says of all pairs; ValueError for words about a camera that isn't given."""
     from regionpose.scene.folder import FolderOptions
 
-    said = {key: value for key, value in (("name", name), ("model", model)) if value is not None}
+    said = {key: value for key, value in words.items() if value}
     if camera is None:
         if said:
-            raise ValueError(f"--camera-{next(iter(said))}: found it without --camera; needed both")
+            option = next(iter(said)) if "rectified" in said and len(said) == 1 else f"camera-{next(iter(said))}"
+            raise ValueError(f"--{option}: found it without --camera; needed both")
         return FolderOptions(None, origin, coco)
     return FolderOptions({"file": str(camera), **said} if said else str(camera), origin, coco)

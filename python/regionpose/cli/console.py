@@ -106,6 +106,13 @@ class Progress:
         return read_cloud(path, columns=columns, progress=self.share)
 
 
+def say_remarks(remarks: Sequence[str], quiet: bool) -> None:
+    """Print what is to be known of files to standard error; warnings also where no progress is wanted."""
+    for remark in remarks:
+        if not quiet or remark.startswith("warning:"):
+            typer.echo(remark, err=True)
+
+
 def say_json(values: object) -> None:
     """Print values as JSON."""
     typer.echo(json.dumps(values, indent=2, allow_nan=False))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionpose.cli.options import CAMERA_HELP, CameraModel, CameraName, Force
+from regionpose.cli.console import say_remarks
+from regionpose.cli.options import CAMERA_HELP, CameraModel, CameraName, Force, Rectified
 from regionpose.outputs import text_writer, write_files
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def export(
     camera: Annotated[Path | None, typer.Option("--camera", help=CAMERA_HELP, show_default=False)] = None,
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
+    rectified: Rectified = False,
     image: Annotated[str | None, typer.Option("--image", help="The photo's name.", show_default=False)] = None,
     world_frame: Annotated[str, typer.Option("--world-frame", help="Name of the cloud's frame.")] = "lidar",
     camera_frame: Annotated[str, typer.Option("--camera-frame", help="Name of the camera's frame.")] = "camera",
@@ -60,13 +62,15 @@ def export(
       regionpose export result/result.json --format colmap --out sparse
       regionpose export pose.txt --format opencv --camera camera_info.yaml
     """
-    from regionpose.cli.poses import read_pose
+    from regionpose.calibration.poses import PoseSource, read_pose_file
     from regionpose.exporting import ExportedView, exported
 
     held = _held(pose)
+    placed = read_pose_file(pose, PoseSource(camera_name, camera, image))
+    say_remarks([f"pose: {pose}: {placed.remark}"] if placed.remark else [], quiet=False)
     view = ExportedView(
-        read_pose(pose),
-        _camera(held, camera, camera_name, camera_model),
+        placed.pose,
+        _camera(held, camera, camera_name, camera_model, rectified),
         image or held.get("image"),
         _frame("--world-frame", world_frame),
         _frame("--camera-frame", camera_frame),
@@ -88,13 +92,15 @@ def _held(path: Path) -> dict[str, Any]:
     return held if isinstance(held, dict) else {}
 
 
-def _camera(held: dict[str, Any], path: Path | None, name: str | None, model: str | None) -> Camera | None:
+def _camera(
+    held: dict[str, Any], path: Path | None, name: str | None, model: str | None, rectified: bool
+) -> Camera | None:
     """The camera that is given, or the result's."""
     from regionpose.calibration import load_camera
     from regionpose.exporting.view import camera_of_values
 
     if path is not None:
-        return load_camera(path, name, model=model)
+        return load_camera(path, name, model=model, rectified=rectified)
     values = held.get("camera")
     return camera_of_values(values) if isinstance(values, dict) else None
 

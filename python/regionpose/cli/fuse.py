@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from regionpose.cli.console import Progress, say_json
+from regionpose.cli.console import Progress, say_json, say_remarks
 from regionpose.cli.options import (
     AsJson,
     CameraModel,
@@ -17,6 +17,7 @@ from regionpose.cli.options import (
     Force,
     PosePaths,
     Quiet,
+    Rectified,
     names_of,
 )
 from regionpose.outputs import refuse_existing, write_file
@@ -31,6 +32,7 @@ def fuse(
     camera_name: CameraNames = None,
     camera_model: CameraModel = None,
     columns: Columns = None,
+    rectified: Rectified = False,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -52,13 +54,15 @@ def fuse(
     from regionpose.clouds import write_ply
     from regionpose.pictures.colors import colored_cloud
 
-    files = view_files(images, camera, pose, camera_name or [], camera_model)
+    files = view_files(images, camera, pose, camera_name or [], camera_model, rectified)
+    remarks: list[str] = []
     with Progress(quiet) as progress:
         points = progress.read_cloud(cloud, names_of(columns))
-        views = (read_view(each) for each in progress.each(files, "colors of images"))
+        views = (read_view(each, remarks) for each in progress.each(files, "colors of images"))
         colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)
+    say_remarks(list(dict.fromkeys(remarks)), quiet)
     total, seen = len(colored), int(visible.sum())
     if as_json:
         say_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
-from regionpose.cli.options import AsJson, CameraModel, CameraName, Columns, Quiet, names_of
+from regionpose.cli.options import AsJson, CameraModel, CameraName, Columns, Quiet, Rectified, names_of
 
 if TYPE_CHECKING:
     from regionpose.bags.place import BagPlace
@@ -33,15 +34,24 @@ SHOWN_OF_RESULT = (
 Facts = dict[str, Any]
 
 
+class CameraChoice(NamedTuple):
+    """Which camera of a calibration is described: its name, its model, and whether of rectified photos."""
+
+    name: str | None = None
+    model: str | None = None
+    rectified: bool = False
+
+
 def info(
-    file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, image, scene file or result.json.")],
+    file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, pose, image, scene file or result.json.")],
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     columns: Columns = None,
+    rectified: Rectified = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Describe a cloud, calibration, image, scene file or result.
+    """Describe a cloud, calibration, pose, image, scene file or result.
 
     \b
     Examples:
@@ -50,7 +60,8 @@ def info(
       regionpose info scene.yaml --json
     """
     with Progress(quiet) as progress:
-        facts = file_facts(file, camera_name, camera_model, progress, columns=names_of(columns))
+        choice = CameraChoice(camera_name, camera_model, rectified)
+        facts = file_facts(file, progress, choice, columns=names_of(columns))
     if as_json:
         say_json(facts)
     else:
@@ -60,9 +71,8 @@ def info(
 
 def file_facts(
     path: Path,
-    camera_name: str | None = None,
-    camera_model: str | None = None,
     progress: Progress | None = None,
+    choice: CameraChoice | None = None,
     *,
     columns: list[str] | None = None,
 ) -> Facts:
@@ -84,12 +94,10 @@ def file_facts(
         return _image_facts(path)
     if suffix not in TEXT_SUFFIXES:
         return _cloud_facts(path, said, columns)
-    return _text_facts(path, camera_name, camera_model, said, columns)
+    return _text_facts(path, choice or CameraChoice(), said, columns)
 
 
-def _text_facts(
-    path: Path, camera_name: str | None, camera_model: str | None, progress: Progress, columns: list[str] | None
-) -> Facts:
+def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: list[str] | None) -> Facts:
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
@@ -103,7 +111,7 @@ def _text_facts(
         return _result_facts(path)
     if isinstance(held, dict) and _is_scene(held):
         return _scene_facts(path)
-    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, camera_name, camera_model)]
+    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, choice), lambda: pose_facts(path, choice.name)]
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path, progress, columns))
     return _first_that_reads(readers)
@@ -202,7 +210,7 @@ def _spacing(points: Any, progress: Callable[[float], object]) -> float | None:
     return float(np.median(nearest[:, 1]))
 
 
-def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None) -> Facts:
+def _camera_facts(path: Path, choice: CameraChoice) -> Facts:
     from dataclasses import asdict
 
     import numpy as np
@@ -211,7 +219,7 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
     from regionpose.calibration.kinds import calibration_kind
     from regionpose.sanity import check_camera
 
-    camera = load_camera(path, camera_name, model=camera_model)
+    camera = load_camera(path, choice.name, model=choice.model, rectified=choice.rectified)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
     facts: Facts = {"kind": "calibration", "written_as": calibration_kind(path), "model": type(camera).__name__}
     facts |= json.loads(json.dumps(parameters))
@@ -221,8 +229,24 @@ def _camera_facts(path: Path, camera_name: str | None, camera_model: str | None)
         left, right = camera.bearings(middle)
         angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
         facts["angle_between_left_and_right_edge_deg"] = angle if np.isfinite(angle) else None
-        facts["warnings"] = [str(warning) for warning in check_camera(camera, (camera.width, camera.height))]
+        facts["lens_warnings"] = [str(warning) for warning in check_camera(camera, (camera.width, camera.height))]
+    with suppress(ValueError, FileNotFoundError):
+        facts |= {f"pose_{key}": value for key, value in pose_facts(path, choice.name).items() if key != "kind"}
     return facts
+
+
+def pose_facts(path: Path, camera_name: str | None) -> Facts:
+    """The facts about a file that holds a pose; ValueError where it holds none of a known kind."""
+    from regionpose.calibration.poses import PoseSource, read_pose_file
+
+    held = read_pose_file(path, PoseSource(camera_name))
+    return {
+        "kind": "pose",
+        "written_as": held.kind,
+        "meaning": held.convention,
+        "camera_from_world": held.pose.matrix.tolist(),
+        "camera_center_m": held.pose.camera_center.tolist(),
+    }
 
 
 def _scene_facts(path: Path) -> Facts:

@@ -14,11 +14,8 @@ Force = Annotated[bool, typer.Option("--force", help="Replace files that are the
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 1 when the pose has warnings.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
-CAMERA_HELP = "Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, OCamCalib or KITTI."
-POSE_HELP = (
-    "result.json, a matrix camera_from_world (.txt, .npy), KITTI's Tr, "
-    "or calib.json of direct_visual_lidar_calibration."
-)
+CAMERA_HELP = "Calibration: OpenCV, ROS camera_info, Kalibr, COLMAP, KITTI, Metashape and others."
+POSE_HELP = "result.json, a matrix camera_from_world (.txt, .npy), or a pose of KITTI, Kalibr, tf, nuScenes and others."
 CameraPath = Annotated[Path, typer.Option("--camera", help=CAMERA_HELP, show_default=False)]
 CameraName = Annotated[
     str | None, typer.Option("--camera-name", help="Which camera, where the calibration holds several.")
@@ -27,7 +24,7 @@ CameraModel = Annotated[
     str | None,
     typer.Option(
         "--camera-model",
-        help="pinhole, fisheye, unified or ocam, where the calibration doesn't say.",
+        help="pinhole, fisheye, unified, ocam or equirectangular, where the calibration doesn't say.",
         show_default=False,
     ),
 ]
@@ -38,6 +35,9 @@ Columns = Annotated[
         help="Names of the columns of a .bin, .npy or text cloud, as x,y,z,intensity,_ (_ leaves one out).",
         show_default=False,
     ),
+]
+Rectified = Annotated[
+    bool, typer.Option("--rectified", help="The photo was rectified: its camera has P of camera_info, no distortion.")
 ]
 SegmenterName = Annotated[
     str | None,

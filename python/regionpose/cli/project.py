@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from regionpose.cli.console import Progress, say_json
+from regionpose.cli.console import Progress, say_json, say_remarks
 from regionpose.cli.options import (
     AsJson,
     CameraModel,
@@ -17,6 +17,7 @@ from regionpose.cli.options import (
     Force,
     PosePath,
     Quiet,
+    Rectified,
     names_of,
 )
 from regionpose.outputs import refuse_existing, write_file
@@ -39,6 +40,7 @@ def project(
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     columns: Columns = None,
+    rectified: Rectified = False,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -60,12 +62,14 @@ def project(
     refuse_existing([out], force)
     from regionpose.cli.views import ViewFiles, read_view
 
+    remarks: list[str] = []
     with Progress(quiet) as progress:
         points = progress.read_cloud(cloud, names_of(columns))
-        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model))
+        view = read_view(ViewFiles(image, camera, pose, camera_name, camera_model, rectified), remarks)
         progress.begin("projection")
         rows = _rows_inside(points, view)
         write_file(out, lambda path: _write(path, rows, points, view), force=force)
+    say_remarks(remarks, quiet)
     if as_json:
         say_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
     else:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from regionpose.calibration import load_camera
-from regionpose.cli.poses import read_pose
+from regionpose.calibration.poses import PoseSource, read_pose_file
 from regionpose.pictures.colors import PosedImage
+from regionpose.sanity import check_camera, check_photo_name
 from regionpose.scene.sensors import read_picture
 
 Item = TypeVar("Item")
@@ -22,6 +23,7 @@ class ViewFiles(NamedTuple):
     pose: Path
     camera_name: str | None
     camera_model: str | None = None
+    rectified: bool = False
 
 
 def view_files(
@@ -30,9 +32,11 @@ def view_files(
     poses: Sequence[Path],
     names: Sequence[str],
     model: str | None = None,
+    rectified: bool = False,
 ) -> list[ViewFiles]:
-    """The files of each image; one camera, and one name, may be that of all,
-    `model` is that of all. ValueError for other counts.
+    """The files of each image; one camera, and one name, may be that of all, `model` and `rectified` are those of all.
+
+    ValueError for other counts.
     """
     if len(poses) != len(images):
         raise ValueError(f"--pose: found {len(poses)} for {len(images)} images; needed one for each, in their order")
@@ -40,7 +44,7 @@ def view_files(
     chosen = zip(
         images, _one_each("--camera", cameras, images), poses, _one_each("--camera-name", named, images), strict=True
     )
-    return [ViewFiles(*files, model) for files in chosen]
+    return [ViewFiles(*files, model, rectified) for files in chosen]
 
 
 def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Sequence[Item]:
@@ -49,10 +53,17 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
     return given if len(given) == len(images) else list(given) * len(images)
 
 
-def read_view(files: ViewFiles) -> PosedImage:
-    """The image, its camera, and its pose."""
-    camera, picture = load_camera(files.camera, files.camera_name, model=files.camera_model), read_picture(files.image)
-    remark = camera.other_size(picture.shape[1], picture.shape[0])
+def read_view(files: ViewFiles, remarks: list[str] | None = None) -> PosedImage:
+    """The image, its camera, and its pose; what is to be said of them is added to `remarks`."""
+    camera = load_camera(files.camera, files.camera_name, model=files.camera_model, rectified=files.rectified)
+    picture = read_picture(files.image)
+    size = (picture.shape[1], picture.shape[0])
+    remark = camera.other_size(*size)
     if remark is not None:
         raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
-    return PosedImage(picture, camera, read_pose(files.pose, files.camera_name))
+    pose = read_pose_file(files.pose, PoseSource(files.camera_name, files.camera, files.image.name))
+    if remarks is not None:
+        warnings = (*check_camera(camera, size), *check_photo_name(camera, files.image.name))
+        remarks += [f"warning: {files.camera}: {warning}" for warning in warnings]
+        remarks += [f"pose: {files.pose}: {pose.remark}"] if pose.remark else []
+    return PosedImage(picture, camera, pose.pose)

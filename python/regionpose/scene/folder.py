@@ -70,7 +70,7 @@ class FolderOptions:
     clouds whose files have none.
     """
 
-    camera: str | dict[str, str] | None = None
+    camera: str | dict[str, Any] | None = None
     sensor_origin: list[float] | None = None
     coco: Path | None = None
     columns: Sequence[str] | None = None

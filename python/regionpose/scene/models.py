@@ -36,8 +36,11 @@ class CameraFile(_Camera):
 
     file: FileName
     name: str | None = Field(None, description="which camera, where the file holds several")
-    model: Literal["pinhole", "fisheye", "unified", "ocam"] | None = Field(
+    model: Literal["pinhole", "fisheye", "unified", "ocam", "equirectangular"] | None = Field(
         None, description="the camera model, where the file doesn't say"
+    )
+    rectified: bool = Field(
+        False, description="the image was rectified (ROS: image_rect): its camera has P of camera_info, no distortion"
     )
 
 

@@ -56,7 +56,10 @@ def scene_camera(scene: Scene) -> Camera:
     if isinstance(item, str):
         return named(scene, ("camera",), lambda: load_camera(scene.file(item)))
     if isinstance(item, CameraFile):
-        return named(scene, ("camera", "file"), lambda: load_camera(scene.file(item.file), item.name, model=item.model))
+        file, rectified = scene.file(item.file), item.rectified
+        return named(
+            scene, ("camera", "file"), lambda: load_camera(file, item.name, model=item.model, rectified=rectified)
+        )
     parameters: dict[str, Any] = item.model_dump(exclude={"model", "resized"})
     tupled = {key: _tupled(value) for key, value in parameters.items()}
     return named(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
