@@ -46,6 +46,20 @@ def test_nothing_is_overwritten_without_force(
     assert (out / "report.html").read_text(encoding="utf-8") != "mine"
 
 
+def test_scenes_of_one_name_in_three_folders_have_results_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = [tmp_path / name for name in ("one", "other", "third")]
+    for folder in folders:
+        folder.mkdir()
+        write_scene(folder)
+    monkeypatch.chdir(tmp_path)
+    for folder in folders:
+        assert run(capsys, "estimate", f"{folder.name}/scene.yaml")[0] == 0
+        assert (folder / "scene-result" / "result.json").is_file()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one", "other", "third"]
+
+
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     def fails(path: Path) -> None:
         path.write_text("half", encoding="utf-8")

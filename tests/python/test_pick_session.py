@@ -12,10 +12,13 @@ from pick_sessions import BOARD, CHALKBOARD, DOOR, demo_files, demo_session
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.demo.scene import folder
 from regionpose.pick.desk import Desk
+from regionpose.pick.outcome import Outcome
 from regionpose.pick.scanner import proposed_scanner
 from regionpose.pick.session import Session
+from regionpose.pick.texts import outcome_html
 from regionpose.scene import estimate_scene, load_scene
 from regionpose.scene.bundle import read_truth, truth_errors
+from regionpose.scene.fit import scene_fit
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 
@@ -44,6 +47,20 @@ def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(se
     again = Session.open(session.path)
     assert not again.is_changed
     np.testing.assert_array_equal(again.estimate().estimate.pose.matrix, run.estimate.pose.matrix)
+
+
+def test_the_measure_that_counts_is_shown(session: Session) -> None:
+    for pixel, place in (DOOR, BOARD, CHALKBOARD):
+        session.click_photo(pixel)
+        session.click_cloud(place)
+    run = session.estimate()
+    outcome = Outcome.of(run, session.keys_of(run.sides.names), 1.0)
+    assert all(fit.on_their_side is not None for fit in outcome.fits.values())
+    told = [fit.count for fit in run.sample_fits if fit is not None]
+    share = np.average([fit.share for fit in run.sample_fits if fit is not None], weights=told)
+    assert scene_fit(run).on_their_side == pytest.approx(share)
+    html = outcome_html(outcome)
+    assert f"{100.0 * share:.1f} %" in html and f"{100.0 * run.estimate.overlap_error:.1f} %" not in html
 
 
 def test_a_click_on_a_sign_takes_its_intensity_and_proposes_the_wall_beside_it(session: Session) -> None:
@@ -156,6 +173,12 @@ def test_what_goes_wrong_changes_nothing(session: Session) -> None:
     with pytest.raises(ValueError, match="no pair"):
         session.estimate()
     assert session.sketch is before
+
+
+def test_a_missing_folder_is_not_called_a_missing_image(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as raised:
+        demo_session(tmp_path / "nowhere" / "scene.yaml")
+    assert str(raised.value).startswith(f"{tmp_path / 'nowhere'}: ") and "image" not in str(raised.value)
 
 
 def test_nothing_is_saved_of_an_empty_list(session: Session) -> None:

@@ -172,6 +172,35 @@ def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
     assert codes(rp.estimate_rig(camera, frames[:2])) == ["outlier-frame"] * 2
 
 
+def told(rig: rp.RigEstimate) -> list[tuple[int, ...]]:
+    return [warning.regions for warning in rig.warnings if warning.code == "outlier-frame"]
+
+
+def test_the_wrong_region_of_a_frame_that_disagrees_is_named() -> None:
+    camera, frames = fisheye_frames(0, 4)
+    wrong = moved(frames[2], (0.05, 0.0, 0.0)).world_regions[0]
+    frames[2] = replace(frames[2], world_regions=[wrong, frames[2].world_regions[1]], name="the third")
+    rig = rp.estimate_rig(camera, frames)
+    assert told(rig) == [(4,)]
+    assert "(face 4)" in rig.warnings[-1].message_for([f"face {index}" for index in range(8)])
+
+
+def test_a_frame_all_of_whose_regions_disagree_is_named_alone() -> None:
+    camera, frames = fisheye_frames(0, 4)
+    frames[2] = moved(frames[2], (0.05, 0.0, 0.0))
+    assert told(rp.estimate_rig(camera, frames)) == [()]
+
+
+def test_a_contour_that_is_not_in_view_lies_no_infinite_number_of_pixels_off() -> None:
+    camera, frames = perspective_frames(0, 4)
+    behind = [rp.WorldRegion.from_polygon([-ring for ring in region.rings]) for region in frames[1].world_regions]
+    rig = rp.estimate_rig(camera, [frames[0], replace(frames[1], world_regions=behind), *frames[2:]])
+    warning = next(warning for warning in rig.warnings if warning.code == "outlier-frame")
+    assert rig.influence[1].residual_px == np.inf
+    assert all(np.isfinite(value) for value in warning.values.values() if not isinstance(value, str))
+    assert "inf" not in warning.message.split()
+
+
 @pytest.mark.parametrize("first", [0, 2])
 def test_a_wrong_focal_length_and_center_are_recovered(first: int) -> None:
     """One per cent and 5 px put the scene 5 cm off; the refined camera's pose is within millimeters."""

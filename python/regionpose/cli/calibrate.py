@@ -53,7 +53,8 @@ def calibrate(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the files.  [default: FOLDER's name with -result]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder for the files.  [default: beside FOLDER, its name with -result]"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -76,7 +77,7 @@ def calibrate(
     """
     from regionpose.scene.folder import folder_scene
 
-    result = out or Path(f"{folder.resolve().name}-result")
+    result = out or folder.parent / f"{folder.resolve().name}-result"
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
     with Progress(quiet) as progress:
         progress.begin("pairs of the folder")

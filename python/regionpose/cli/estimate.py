@@ -11,9 +11,9 @@ import typer
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, Strict, scene_with
 from regionpose.outputs import Writer, claimed
+from regionpose.units import angle_text, length_text
 
 if TYPE_CHECKING:
-    from regionpose.estimation.answer import PoseEstimate
     from regionpose.scene import Scene, SceneEstimate
     from regionpose.scene.bundle import Truth
 
@@ -24,7 +24,8 @@ WARNED, DOUBTED = 1, 3
 def estimate(
     scene: Annotated[Path, typer.Argument(help="Scene file, YAML or JSON; docs/scene-file.md says what it holds.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE's name with -result]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE without its ending, with -result]"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -45,7 +46,7 @@ def estimate(
       regionpose estimate scene.yaml --segmenter my_sam:predictor
       regionpose estimate scene.yaml --strict && echo "no warnings"
     """
-    result = out or Path(f"{scene.stem}-result")
+    result = out or scene.with_name(f"{scene.stem}-result")
     run_scene(scene_with(scene, segmenter), result, force=force, as_json=as_json, quiet=quiet, strict=strict)
 
 
@@ -84,7 +85,7 @@ def run_scene(
 def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
     from regionpose.scene.verdict import verdict
 
-    _say_pose(run.estimate)
+    _say_pose(run)
     _say_matching(result)
     typer.echo("overlap error by region")
     say_rows([(region["name"], _errors(region)) for region in result["regions"]])
@@ -100,7 +101,10 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
-def _say_pose(estimate: PoseEstimate) -> None:
+def _say_pose(run: SceneEstimate) -> None:
+    from regionpose.scene.fit import scene_fit
+
+    estimate, fit = run.estimate, scene_fit(run)
     quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
     typer.echo("camera_from_world (x_camera = R x_world + t)")
     say_rows(
@@ -111,14 +115,20 @@ def _say_pose(estimate: PoseEstimate) -> None:
             ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
             ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
-            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %"),
+            *([] if fit.on_their_side is None else [(fit.measure, fit.value)]),
+            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %{_counts_less(fit.on_their_side)}"),
         ]
     )
 
 
+def _counts_less(on_their_side: float | None) -> str:
+    """What to say of an overlap error beside the share of samples that are on their side, if there is one."""
+    return "" if on_their_side is None else " (of outlines that the scan doesn't know; its samples count)"
+
+
 def _errors(region: dict[str, Any]) -> str:
     """A region's overlap error, after that of the initial pose where there is one."""
-    after = f"{100.0 * region['overlap_error']:.2f} %"
+    after = f"{100.0 * region['overlap_error']:.2f} %{_counts_less(region['samples_on_their_side'])}"
     if "overlap_error_before" not in region:
         return after
     before = region["overlap_error_before"]
@@ -148,8 +158,8 @@ def _say_frames(result: dict[str, Any]) -> None:
         say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
         scatter = result["frame_scatter"]
         if scatter is not None:
-            turn, shift = scatter["rotation_sigma_deg"], 1e3 * scatter["center_sigma_m"]
-            typer.echo(f"a frame is off as a whole by {turn:.2g} deg and {shift:.2g} mm; the pose allows for that")
+            turn, shift = angle_text(scatter["rotation_sigma_deg"]), length_text(scatter["center_sigma_m"])
+            typer.echo(f"a frame is off as a whole by {turn} and {shift}; the pose allows for that")
 
 
 def _frame_fit(frame: dict[str, Any]) -> str:
@@ -172,8 +182,8 @@ def _say_known(result: dict[str, Any]) -> None:
 def _say_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
-        center = 1000.0 * errors["camera_center_m"]
-        typer.echo(f"error against the truth: {errors['rotation_deg']:.4f} deg, {center:.2f} mm (camera center)")
+        turn, shift = angle_text(errors["rotation_deg"]), length_text(errors["camera_center_m"])
+        typer.echo(f"error against the truth: {turn}, {shift} (camera center)")
 
 
 def _vector(values: object, digits: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -361,14 +361,29 @@ class _Rig:
         Of two frames that disagree nothing tells which is wrong, so both are named.
         """
         warnings: list[PoseWarning] = []
+        places = _places(frames)
         while disagreeing := [one for one in influence if one.is_outlier]:
             if len(frames) == 2:
-                return warnings + [_outlier_warning(one) for one in disagreeing]
+                return warnings + [self._outlier_warning(one, frames, places) for one in disagreeing]
             worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
-            warnings.append(_outlier_warning(worst))
+            warnings.append(self._outlier_warning(worst, frames, places))
             frames = [frame for frame in frames if frame.name != worst.name]
             influence = self.influence(frames, worst.pose)
         return warnings
+
+    def _outlier_warning(self, one: Influence, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
+        """The warning of a frame that disagrees, with those of its regions that do where others of it agree."""
+        frame = next(frame for frame in frames if frame.name == one.name)
+        others = [other for other in frames if other.name != one.name]
+        found = []
+        for place, (image, world) in enumerate(zip(frame.image_regions, frame.world_regions, strict=True)):
+            own = replace(frame, image_regions=[image], world_regions=[world])
+            residual, expected = _held_out(self.camera, one, own, others)
+            found.append((places[one.name] + place, residual, expected))
+        off = [(place, residual) for place, residual, expected in found if residual > OUTLIER_RATIO * expected]
+        if not off or len(off) == len(found) > 1:
+            return _frame_warning(one, [])
+        return _frame_warning(one, off)
 
 
 def _checked_frames(
@@ -445,7 +460,15 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     return tuple(fits)
 
 
-def _held_out(camera: Camera, without: PoseEstimate, frame: Frame, others: Sequence[Frame]) -> tuple[float, float]:
+def _places(frames: Sequence[Frame]) -> dict[str, int]:
+    """The place of each frame's first region among those of all, by the frame's name."""
+    starts = np.cumsum([0, *(len(frame.image_regions) for frame in frames)])[:-1].tolist()
+    return dict(zip((frame.name for frame in frames), starts, strict=True))
+
+
+def _held_out(
+    camera: Camera, without: PoseEstimate | Influence, frame: Frame, others: Sequence[Frame]
+) -> tuple[float, float]:
     """Size of a frame's distances at the pose of the others, and the one to expect, pixels.
 
     `expected^2 = s^2 + mean of diag(J C J^T)`: the median over the others of their distances' root mean square, and
@@ -489,13 +512,17 @@ def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _outlier_warning(one: Influence) -> PoseWarning:
-    return PoseWarning(
-        "outlier-frame",
-        "{name} disagrees with the others: its contours lie {residual_px:.1f} px from where their pose puts them,"
-        " {expected_px:.1f} px are to be expected; leave it out or check its pairs",
-        values={"name": one.name, "residual_px": one.residual_px, "expected_px": one.expected_px},
-    )
+def _frame_warning(one: Influence, off: Sequence[tuple[int, float]]) -> PoseWarning:
+    """The warning of a frame, whose regions at these places, as far off in pixels, are what disagrees."""
+    whose = " and ".join(f"{{{index}}}" for index in range(len(off))) or "its contours"
+    residual = max((residual for _, residual in off), default=one.residual_px)
+    values: dict[str, float | str] = {"name": one.name, "expected_px": one.expected_px}
+    said = f"{{name}} disagrees with the others: at their pose {whose} can't be wholly seen"
+    if np.isfinite(residual):
+        values["residual_px"] = residual
+        said = f"{{name}} disagrees with the others: at their pose {whose} would be {{residual_px:.1f}} px off"
+    text = f"{said}, {{expected_px:.1f}} px are to be expected; check its pairs, or leave it out"
+    return PoseWarning("outlier-frame", text, tuple(place for place, _ in off), values)
 
 
 def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:

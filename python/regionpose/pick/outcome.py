@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from regionpose.pictures.overlays import projected_lines
 from regionpose.scene import SceneEstimate
+from regionpose.scene.fit import Fit, region_fits
 from regionpose.scene.verdict import Verdict, verdict
 
 Lines = list[list[list[float]]]
@@ -19,7 +20,7 @@ class Outcome:
     """The last estimate, or why there is none.
 
     `state`: "empty" without a pair, "busy", "ready" or "failed". `message`: what went wrong. `run`: the estimate.
-    `projected`: by the regions' keys, outlines in the photo as lines of pixels. `errors`: overlap errors by key.
+    `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
     """
 
     state: str = "empty"
@@ -27,7 +28,7 @@ class Outcome:
     run: SceneEstimate | None = None
     judged: Verdict | None = None
     projected: dict[int, Lines] = field(default_factory=dict)
-    errors: dict[int, float] = field(default_factory=dict)
+    fits: dict[int, Fit] = field(default_factory=dict)
     seconds: float = 0.0
 
     @classmethod
@@ -36,8 +37,8 @@ class Outcome:
         sides, pose = run.sides, run.local_pose
         lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
         projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
-        errors = dict(zip(keys, run.estimate.region_overlap_errors.tolist(), strict=True))
-        return cls("ready", "", run, verdict(run), projected, errors, seconds)
+        fits = dict(zip(keys, region_fits(run), strict=True))
+        return cls("ready", "", run, verdict(run), projected, fits, seconds)
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:

@@ -172,8 +172,8 @@ class Page:
                 ui.html(EMPTY_LIST, sanitize=False)
                 return
             with ui.element("div").classes("rp-row rp-rows-head"):
-                for title in ("", "Name", "Photo", "Cloud", "Overlap error", ""):
-                    ui.label(title).classes("rp-number" if title == "Overlap error" else "")
+                for title in ("", "Name", "Photo", "Cloud", "Fit", ""):
+                    ui.label(title).classes("rp-number" if title == "Fit" else "")
             for picked in regions:
                 self._row(picked)
 
@@ -188,10 +188,16 @@ class Page:
             name.on("click.stop")
             self._photo_side(picked)
             self._cloud_side(picked)
-            error = self.desk.outcome.errors.get(key)
-            ui.label("" if error is None or not picked.is_paired else f"{100.0 * error:.1f} %").classes("rp-number")
+            self._fit(picked)
             with ui.element("div").classes("rp-tools"):
                 self._tools(picked)
+
+    def _fit(self, picked: Picked) -> None:
+        fit = self.desk.outcome.fits.get(picked.key) if picked.is_paired else None
+        with ui.element("div").classes("rp-side rp-number"):
+            if fit is not None:
+                ui.label(fit.value)
+                ui.label(fit.measure).classes("rp-soft").tooltip(f"{fit.value} {fit.measure}")
 
     def _photo_side(self, picked: Picked) -> None:
         with ui.element("div").classes("rp-side"):

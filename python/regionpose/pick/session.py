@@ -86,8 +86,10 @@ class Session:
         """A session without regions, to be saved at `path`; errors as of reading a scene's files.
 
         `columns`: names of the cloud's columns, where its file has none. `stages` is told how much of the files is
-        read.
+        read. FileNotFoundError where the folder is missing that it is to be saved in.
         """
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"{path.parent}: no such folder; needed one to save {path.name} in")
         folder = path.resolve().parent
         files = {"camera": camera, "image": image, "cloud": cloud}
         base: dict[str, Any] = {key: relative(file, folder) for key, file in files.items()}

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from regionpose.pick.outcome import Outcome
 from regionpose.pick.parts import Picked
+from regionpose.scene.fit import scene_fit
+from regionpose.units import angle_text, length_text
 
 HEADINGS = {"trusted": "Trusted", "check": "Check before use", "doubtful": "Do not trust yet"}
 
@@ -42,7 +44,7 @@ def outcome_html(outcome: Outcome) -> str:
     if outcome.run is None or outcome.judged is None:
         waiting = '<div class="rp-empty"><span class="rp-spin"></span>Estimating the pose …</div>'
         return waiting if outcome.state == "busy" else EMPTY_POSE
-    judged, estimate = outcome.judged, outcome.run.estimate
+    judged, estimate, fit = outcome.judged, outcome.run.estimate, scene_fit(outcome.run)
     heading = HEADINGS[judged.level]
     busy = outcome.state == "busy"
     spin = '<span class="rp-spin"></span>' if busy else ""
@@ -54,9 +56,9 @@ def outcome_html(outcome: Outcome) -> str:
     facts = [
         # No pose is certain.
         (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
-        (f"{np.max(estimate.rotation_sigma_deg):.3f}°", "rotation, 1 sigma"),
-        (f"{1000.0 * np.max(estimate.translation_sigma_m):.0f} mm", "place, 1 sigma"),
-        (f"{100.0 * estimate.overlap_error:.1f} %", "overlap error"),
+        (angle_text(float(np.max(estimate.rotation_sigma_deg)), "°"), "rotation, 1 sigma"),
+        (length_text(float(np.max(estimate.translation_sigma_m))), "place, 1 sigma"),
+        (fit.value, fit.measure),
     ]
     told = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
     rows = "\n".join("  ".join(f"{value:10.5f}" for value in row) for row in estimate.pose.matrix[:3])

@@ -13,6 +13,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 from PIL import Image
 
+from regionpose.units import angle_text, length_text
+
 LARGEST_SIDE = 1600
 """Pictures are scaled down to this, pixels: wide enough to judge edges by, small enough to mail."""
 
@@ -80,12 +82,23 @@ def data_url(picture: NDArray[np.uint8]) -> str:
 def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         (_percent(result["confidence"]), "confidence: the pose is within 5 deg"),
-        (_percent(result["overlap_error"]), "overlap error, all regions"),
-        (f"{_worst(result['rotation_sigma_deg'], 1.0)} deg", "rotation, 1 sigma, worst axis"),
-        (f"{_worst(result['translation_sigma_m'], 1000.0)} mm", "translation, 1 sigma, worst axis"),
+        *_fit(result),
+        (angle_text(_worst(result["rotation_sigma_deg"])), "rotation, 1 sigma, worst axis"),
+        (length_text(_worst(result["translation_sigma_m"])), "translation, 1 sigma, worst axis"),
         (f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours"),
         (f"{sum(result['seconds'].values()):.1f} s", "for all stages"),
     ]
+
+
+def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How the regions fit: first by their samples, where all are known by such, since areas say little of these."""
+    shares = [region["samples_on_their_side"] for region in result["regions"]]
+    error = _percent(result["overlap_error"])
+    known = [share for share in shares if share is not None]
+    if len(known) < len(shares) or not known:
+        return [(error, "overlap error, all regions")]
+    less = "overlap error of outlines that the scan doesn't know; its samples count"
+    return [(_percent(min(known)), "samples on their side, worst region"), (error, less)]
 
 
 def _regions(regions: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
@@ -178,9 +191,9 @@ def _fixed(value: float | None, digits: int) -> str:
     return "unknown" if value is None else f"{value:.{digits}f}"
 
 
-def _worst(values: Sequence[float | None], scale: float) -> str:
+def _worst(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
-    return "unknown" if len(known) < len(values) else f"{scale * max(known):.3g}"
+    return None if len(known) < len(values) else max(known)
 
 
 def _numbers(values: Iterable[float], digits: int = 9) -> str:

@@ -141,10 +141,20 @@ def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
     try:
         return action()
     except FileNotFoundError as error:
-        missing = error.filename or str(error)
-        raise scene.error(place, f"{missing}: no such file; needed a path relative to the scene file") from error
+        raise scene.error(place, _missing(error)) from error
     except (ValueError, ImportError, OSError) as error:
         raise scene.error(place, str(error)) from error
+
+
+def _missing(error: FileNotFoundError) -> str:
+    """What is not there: the file, or the first of the folders that lead to it."""
+    needed = "needed a path relative to the scene file"
+    if error.filename is None:
+        return f"{error}: no such file; {needed}"
+    folder = next((place for place in reversed(Path(error.filename).parents) if not place.exists()), None)
+    if folder is not None:
+        return f"{error.filename}: no such folder as {folder}; {needed}"
+    return f"{error.filename}: no such file; {needed}"
 
 
 def _tupled(value: object) -> object:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from regionpose.scene.estimate import SceneEstimate
+from regionpose.scene.fit import scene_fit
 from regionpose.scene.known import scene_solver
+from regionpose.units import angle_text, length_text
 
 ADVICE = {
     "ambiguous-matching": "Pair the regions yourself (regions with both sides), or add one whose shape is its own.",
@@ -85,8 +87,8 @@ def verdict(run: SceneEstimate) -> Verdict:
     codes = {warning.code for warning in estimate.warnings}
     remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
     fit = _fit(run) + _heard(run)
-    turn, shift = float(np.max(estimate.rotation_sigma_deg)), 1000.0 * float(np.max(estimate.translation_sigma_m))
-    sigma = f"{turn:.3f} deg and {shift:.1f} mm (1 sigma; {_limits(run)}){_by_focal(run)}"
+    turn, shift = float(np.max(estimate.rotation_sigma_deg)), float(np.max(estimate.translation_sigma_m))
+    sigma = f"{angle_text(turn)} and {length_text(shift)} (1 sigma; {_limits(run)}){_by_focal(run)}"
     if not codes:
         return Verdict(TRUSTED, f"{fit}; the pose is known to about {sigma}.", ())
     if codes & DOUBTS:
@@ -104,7 +106,7 @@ def limits(run: SceneEstimate) -> tuple[float, float]:
 
 def _limits(run: SceneEstimate) -> str:
     most_deg, most_m = limits(run)
-    return f"trusted up to {most_deg:g} deg and {1000.0 * most_m:.0f} mm"
+    return f"trusted up to {angle_text(most_deg)} and {length_text(most_m)}"
 
 
 def _heard(run: SceneEstimate) -> str:
@@ -118,7 +120,7 @@ def _heard(run: SceneEstimate) -> str:
         said.append(f"choose this pose of {witness.answers} that fit")
     refinement = witness.refinement
     if refinement is not None and refinement.refined:
-        said.append(f"move it by {refinement.turned_deg:.3f} deg and {1000.0 * refinement.moved_m:.1f} mm")
+        said.append(f"move it by {angle_text(refinement.turned_deg)} and {length_text(refinement.moved_m)}")
     return f"; photo and cloud away from the regions {' and '.join(said)}" if said else ""
 
 
@@ -127,15 +129,13 @@ def _by_focal(run: SceneEstimate) -> str:
     refinement = None if run.witness is None else run.witness.refinement
     if refinement is None or refinement.focal is None:
         return ""
-    return f"; focal lengths 1 % off would move it by {1000.0 * refinement.focal.shift_m:.1f} mm"
+    return f"; focal lengths 1 % off would move it by {length_text(refinement.focal.shift_m)}"
 
 
 def _fit(run: SceneEstimate) -> str:
     """How the projected regions fit the observed ones: by their samples where all have such, else by their areas."""
-    fits = [fit for fit in run.sample_fits if fit is not None]
-    told = sum(fit.count for fit in fits)
-    if len(fits) < len(run.names) or not told:
-        share = 100.0 * run.estimate.overlap_error
+    fit = scene_fit(run)
+    if fit.on_their_side is None:
+        share = 100.0 * fit.overlap_error
         return f"The projected regions differ from the observed ones by {share:.2f} % of their area"
-    wrong = sum(len(fit.beyond) + len(fit.within) for fit in fits)
-    return f"Of the scan's samples {100.0 * (1.0 - wrong / told):.1f} % lie on their side of the observed outlines"
+    return f"Of the scan's samples {100.0 * fit.on_their_side:.1f} % lie on their side of the observed outlines"

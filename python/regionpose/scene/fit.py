@@ -1,0 +1,51 @@
+"""How the projected regions fit the observed ones, by the measure that counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from regionpose.estimation.sample_fit import SampleFit
+from regionpose.scene.estimate import SceneEstimate
+
+
+class Fit(NamedTuple):
+    """`on_their_side`: the share of a scan's samples that lie on their side of the observed outlines, which counts where
+    regions are known by samples; None elsewhere. `overlap_error`: what counts elsewhere. Both are fractions.
+
+    A scan that knows a wall by its samples doesn't know how far the wall reaches between them: then areas differ at the
+    true pose, too.
+    """
+
+    on_their_side: float | None
+    overlap_error: float
+
+    @property
+    def value(self) -> str:
+        """The share that counts, in percent."""
+        return f"{100.0 * (self.overlap_error if self.on_their_side is None else self.on_their_side):.1f} %"
+
+    @property
+    def measure(self) -> str:
+        """What that is the share of."""
+        return "overlap error" if self.on_their_side is None else "samples on their side"
+
+
+def scene_fit(run: SceneEstimate) -> Fit:
+    """How all regions of a run fit: by their samples where all have such, else by their areas."""
+    return Fit(_share(run.sample_fits), float(run.estimate.overlap_error))
+
+
+def region_fits(run: SceneEstimate) -> list[Fit]:
+    """How each region of a run fits."""
+    errors = run.estimate.region_overlap_errors.tolist()
+    return [Fit(_share([fit]), error) for fit, error in zip(run.sample_fits, errors, strict=True)]
+
+
+def _share(fits: Sequence[SampleFit | None]) -> float | None:
+    """The share of the telling samples of all regions that lie on their side; None where a region has none."""
+    known = [fit for fit in fits if fit is not None]
+    told = sum(fit.count for fit in known)
+    if len(known) < len(fits) or not told:
+        return None
+    return 1.0 - sum(len(fit.beyond) + len(fit.within) for fit in known) / told
