@@ -54,7 +54,7 @@ def calibrate(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder for the files.  [default: beside FOLDER, its name with -result]"),
+        typer.Option("--out", "-o", help="Folder for the files.  [default: FOLDER-result, beside it]"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

@@ -25,7 +25,7 @@ def estimate(
     scene: Annotated[Path, typer.Argument(help="Scene file, YAML or JSON; docs/scene-file.md says what it holds.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE without its ending, with -result]"),
+        typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE-result, beside it]"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

@@ -10,8 +10,8 @@ from regionpose.scene.estimate import SceneEstimate
 
 
 class Fit(NamedTuple):
-    """`on_their_side`: the share of a scan's samples that lie on their side of the observed outlines, which counts where
-    regions are known by samples; None elsewhere. `overlap_error`: what counts elsewhere. Both are fractions.
+    """Two measures. `on_their_side`: the share of a scan's samples that lie on their side of the observed outlines; it
+    counts where regions are known by samples, and is None elsewhere. `overlap_error`: it counts there.
 
     A scan that knows a wall by its samples doesn't know how far the wall reaches between them: then areas differ at the
     true pose, too.
