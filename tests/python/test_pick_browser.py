@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,13 @@ class Hand:
 @pytest.fixture
 def browser() -> Iterator[Any]:
     """A browser without a screen."""
+    with launched() as chromium:
+        yield chromium
+
+
+@contextmanager
+def launched() -> Iterator[Any]:
+    """A browser without a screen, closed at the end."""
     arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     with playwright.sync_playwright() as player:
         chromium = player.chromium.launch(executable_path=CHROMIUM, args=arguments)

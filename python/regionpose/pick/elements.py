@@ -1,17 +1,22 @@
-"""The page's own two elements: a picture to click on and a cloud to turn."""
+"""The page's own elements: a picture to click on, a cloud to turn, small buttons, and what is said in passing."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from nicegui import ui
 from nicegui.element import Element
+
+TOASTS = "bottom-left"
+"""Where messages appear: over the end of the list of regions, and no tool."""
 
 
 class PictureView(Element, component="picture_view.js"):
     """A picture with outlines over it, for clicks, polygons and their vertices.
 
     Events: `pick` {x, y, again}, `polygon` {ring, hidden}, `rings` {key, rings, hidden}; pixels, an integer a pixel's
-    center.
+    center. `choose` {key}: a click on a region's name.
     """
 
     def __init__(self, size: tuple[int, int], *, least: float = 0.0) -> None:
@@ -47,3 +52,23 @@ class CloudView(Element, component="cloud_view.js"):
         if any(self._props.get(key) != value for key, value in props.items()):
             self._props.update(props)
             self.update()
+
+
+def small_button(icon: str, title: str, action: Callable[[], Any] | None, *, stop: bool = False) -> ui.button:
+    """A small button with an icon; `stop`: a click on it is not one on what is around it."""
+    button = ui.button(icon=icon).props("flat dense round size=sm color=grey-8").tooltip(title)
+    if action is not None:
+        button.on("click.stop" if stop else "click", action)
+    elif stop:
+        button.on("click.stop")
+    return button
+
+
+def say(message: str) -> None:
+    """Say that something is done."""
+    ui.notify(message, type="positive", position=TOASTS)
+
+
+def complain(message: str) -> None:
+    """Say what went wrong, long enough to be read."""
+    ui.notify(message, type="negative", position=TOASTS, multi_line=True, timeout=7000, close_button="OK")

@@ -11,21 +11,19 @@ import numpy as np
 from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
-from regionpose.pick.desk import Desk, color_of
-from regionpose.pick.elements import CloudView, PictureView
+from regionpose.pick.desk import Desk
+from regionpose.pick.elements import CloudView, PictureView, complain, say, small_button
 from regionpose.pick.parts import Picked
+from regionpose.pick.region_list import RegionList
 from regionpose.pick.scanner_dialog import ScannerDialog
 from regionpose.pick.session import Session
-from regionpose.pick.texts import EMPTY_LIST, HELP, cloud_hint, outcome_html, photo_hint
+from regionpose.pick.texts import HELP, cloud_hint, outcome_html, photo_hint
 
 REFRESH_S = 0.12
 """Seconds between looks at whether the desk has changed: other pages and the estimate do so on their own."""
 
 STRIP_SHARE = 0.45
 """Share of the view's height that the range image takes at least: that of a lidar is a long strip."""
-
-MASK_TO_POLYGON_PX = 1.0
-"""Pixels that a polygon made of a mask may differ from its contour."""
 
 STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 MODES = {"click": "Click", "polygon": "Polygon", "hide": "Hidden edges"}
@@ -65,11 +63,11 @@ class Page:
             ui.html('<span class="rp-brand">regionpose</span>', sanitize=False)
             self.file = ui.html("", sanitize=False).classes("rp-file")
             ui.element("div").classes("rp-grow")
-            self.undo = _button("undo", "Undo (Ctrl Z)", lambda: self._edit(Session.undo))
-            self.redo = _button("redo", "Redo (Ctrl Y)", lambda: self._edit(Session.redo))
+            self.undo = small_button("undo", "Undo (Ctrl Z)", lambda: self._edit(Session.undo))
+            self.redo = small_button("redo", "Redo (Ctrl Y)", lambda: self._edit(Session.redo))
             with ui.dialog() as help_page, ui.card().style("max-width:720px;padding:20px 26px"):
                 ui.html(HELP, sanitize=False)
-            _button("help_outline", "Help", help_page.open)
+            small_button("help_outline", "Help", help_page.open)
             self.save = ui.button("Save", icon="save", on_click=self._save).props("unelevated dense no-caps")
             self.save.tooltip("Save the scene file and its masks (Ctrl S)").mark("save")
 
@@ -87,6 +85,7 @@ class Page:
                 self.photo.on("pick", lambda e: self._click_photo(e.args))
                 self.photo.on("polygon", lambda e: self._drawn(e.args))
                 self.photo.on("rings", lambda e: self._moved(e.args))
+                self.photo.on("choose", lambda e: self._select(e.args))
             self.photo_hint = ui.html("", sanitize=False).classes("rp-hint")
 
     def _cloud(self) -> None:
@@ -106,6 +105,7 @@ class Page:
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
                 self.range.on("polygon", lambda e: self._cut(e.args))
+                self.range.on("choose", lambda e: self._select(e.args))
                 self.solid = CloudView(eye=eye.tolist(), zenith=up.tolist(), reach=reach)
                 self.solid.on("pick", lambda e: self._click_solid(e.args))
                 self.solid.set_visibility(False)
@@ -120,7 +120,7 @@ class Page:
                 self.new = ui.button("New region", icon="add", on_click=self._new).props("flat dense no-caps")
                 self.new.tooltip("The next click begins a new region (N)")
             with ui.element("div").classes("rp-scroll"):
-                self.rows = ui.element("div")
+                self.rows = RegionList(self.desk, self._edit, self._choose)
 
     def _pose(self) -> None:
         with ui.element("div").classes("rp-card"):
@@ -162,99 +162,10 @@ class Page:
         self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.desk.solid_shapes())
         self.cloud_hint.set_content(cloud_hint(self.selected, self.cloud_modes.value == "cut"))
 
-    def _show_rows(self) -> None:
-        regions = self.session.regions
-        pairs = len(self.session.pairs)
+    def _show_rows(self, *, anew: bool = False) -> None:
+        regions, pairs = self.session.regions, len(self.session.pairs)
         self.count.set_content(f"{pairs} of {len(regions)} paired" if regions else "")
-        self.rows.clear()
-        with self.rows:
-            if not regions:
-                ui.html(EMPTY_LIST, sanitize=False)
-                return
-            with ui.element("div").classes("rp-row rp-rows-head"):
-                for title in ("", "Name", "Photo", "Cloud", "Fit", ""):
-                    ui.label(title).classes("rp-number" if title == "Fit" else "")
-            for picked in regions:
-                self._row(picked)
-
-    def _row(self, picked: Picked) -> None:
-        key = picked.key
-        row = ui.element("div").classes("rp-row" + (" rp-on" if key == self.session.sketch.selected else ""))
-        row.on("click", lambda: self._edit(lambda session: session.select(key)))
-        with row:
-            ui.element("div").classes("rp-dot").style(f"background:{color_of(key)}")
-            name = ui.input(value=picked.name).props("dense borderless").classes("rp-name")
-            name.on("change", lambda: self._edit(lambda session: session.rename(key, name.value)))
-            name.on("click.stop")
-            self._photo_side(picked)
-            self._cloud_side(picked)
-            self._fit(picked)
-            with ui.element("div").classes("rp-tools"):
-                self._tools(picked)
-
-    def _fit(self, picked: Picked) -> None:
-        fit = self.desk.outcome.fits.get(picked.key) if picked.is_paired else None
-        with ui.element("div").classes("rp-side rp-number"):
-            if fit is not None:
-                ui.label(fit.value)
-                ui.label(fit.measure).classes("rp-soft").tooltip(f"{fit.value} {fit.measure}")
-
-    def _photo_side(self, picked: Picked) -> None:
-        with ui.element("div").classes("rp-side"):
-            if picked.image is None:
-                ui.label("click it in the photo").classes("rp-none")
-                return
-            part = picked.image.chosen
-            with ui.element("div").classes("rp-stops"):
-                ui.label("polygon" if part.is_polygon else "mask")
-                self._stops(picked.key, "image", len(picked.image), picked.image.index)
-            ui.label(f"{part.region.area:,.0f} px").classes("rp-soft")
-
-    def _cloud_side(self, picked: Picked) -> None:
-        with ui.element("div").classes("rp-side"):
-            if picked.world is None:
-                ui.label("click it in the cloud").classes("rp-none")
-                return
-            side = picked.world.chosen.side
-            with ui.element("div").classes("rp-stops"):
-                count = "outline" if side.indices is None else f"{len(side.indices):,} points"
-                ui.label(count)
-                self._stops(picked.key, "world", len(picked.world), picked.world.index)
-            ui.label(picked.world.chosen.label or f"{side.region.area:.2f} m²").classes("rp-soft")
-
-    def _stops(self, key: int, side: str, count: int, index: int) -> None:
-        if count > 1:
-            slider = ui.slider(min=0, max=count - 1, value=index).props("snap markers dense")
-            slider.on("change", lambda e: self._choose(key, side, int(e.args)), js_handler="(v) => emit(v)")
-            slider.on("click.stop").tooltip("from small to large")
-
-    def _tools(self, picked: Picked) -> None:
-        key = picked.key
-        if picked.image is not None and not picked.image.chosen.is_polygon:
-            _button(
-                "polyline",
-                "Make the mask a polygon, to move its vertices",
-                lambda: self._edit(lambda session: session.as_polygon(key, MASK_TO_POLYGON_PX)),
-                stop=True,
-            )
-        if picked.is_paired:
-            _button(
-                "link_off",
-                "Unpair: two regions of one",
-                lambda: self._edit(lambda session: session.unpair(key)),
-                stop=True,
-            )
-        else:
-            self._pair_menu(picked)
-        _button("delete_outline", "Remove (Delete)", lambda: self._edit(lambda session: session.remove(key)), stop=True)
-
-    def _pair_menu(self, picked: Picked) -> None:
-        others = [o for o in self.session.regions if not o.is_paired and (o.image is None) != (picked.image is None)]
-        if not others:
-            return
-        with _button("link", "Pair with …", None, stop=True), ui.menu():
-            for other in others:
-                ui.menu_item(other.name, lambda key=other.key: self._edit(lambda s: s.pair(picked.key, key)))
+        self.rows.show(anew=anew)
 
     async def _click_photo(self, args: dict[str, Any]) -> None:
         again, pixel = bool(args.get("again")), _numbers(args, "x", "y")
@@ -303,8 +214,9 @@ class Page:
         try:
             await run.io_bound(self.desk.edit, action)
         except (ValueError, TypeError, KeyError) as error:
-            _complain(str(error))
+            complain(str(error))
             self.shown = -1
+            self._show_rows(anew=True)  # A name that was refused goes.
         self._refresh()
 
     async def _save(self) -> None:
@@ -312,10 +224,13 @@ class Page:
             written = await run.io_bound(self.desk.save)
             count = len(written or []) - 1
             masks = f" and {count} mask{'s' if count != 1 else ''}" if count else ""
-            ui.notify(f"Saved {self.session.path.name}{masks}", type="positive", position="top")
+            say(f"Saved {self.session.path.name}{masks}")
         except (ValueError, OSError) as error:
-            _complain(str(error))
+            complain(str(error))
         self._refresh()
+
+    async def _select(self, args: dict[str, Any]) -> None:
+        await self._edit(lambda session: session.select(int(args["key"])))
 
     async def _new(self) -> None:
         await self._edit(lambda session: session.select(None))
@@ -372,16 +287,6 @@ class Page:
             await self._choose(selected.key, "image", int(key) - 1)
 
 
-def _button(icon: str, title: str, action: Callable[[], Any] | None, *, stop: bool = False) -> ui.button:
-    """A small button with an icon; `stop`: a click on it is not one on what is around it."""
-    button = ui.button(icon=icon).props("flat dense round size=sm color=grey-8").tooltip(title)
-    if action is not None:
-        button.on("click.stop" if stop else "click", action)
-    elif stop:
-        button.on("click.stop")
-    return button
-
-
 def _toggle(options: dict[str, str], value: str, action: Callable[[], Any]) -> ui.toggle:
     toggle = ui.toggle(options, value=value, on_change=action)
     return toggle.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
@@ -393,7 +298,3 @@ def _switch(title: str, hint: str, action: Callable[[], Any]) -> ui.switch:
 
 def _numbers(args: dict[str, Any], *names: str) -> tuple[float, ...]:
     return tuple(float(args[name]) for name in names)
-
-
-def _complain(message: str) -> None:
-    ui.notify(message, type="negative", position="top", multi_line=True, timeout=7000, close_button="OK")

@@ -31,7 +31,7 @@ export default {
       <template v-for="(v, i) in draft" :key="'d' + i">
         <div v-if="!(covered.includes(i - 1) && covered.includes(i))" class="pv-dot pv-first" :style="at(v)" :class="{'pv-big': i === 0 && draft.length > 2}"></div>
       </template>
-      <template v-if="edited && mode !== 'hide'">
+      <template v-if="edited && mode === 'click'">
         <template v-for="(ring, r) in edited.rings">
           <div v-for="(v, i) in ring" :key="'v' + r + '_' + i" class="pv-dot pv-vertex" :style="at(v)"
                :data-ring="r" :data-index="i" title="drag to move, right-click to remove"></div>
@@ -39,7 +39,7 @@ export default {
                :data-ring="r" :data-index="i" data-insert="1" title="drag to add a vertex"></div>
         </template>
       </template>
-      <div v-for="s in labeled" :key="'n' + s.key" class="pv-name" :style="{...at(s.place), '--c': s.color}" :class="{'pv-on': s.selected}">{{ s.name }}</div>
+      <div v-for="s in labeled" :key="'n' + s.key" class="pv-name" :data-key="s.key" :style="{...at(s.place), '--c': s.color}" :class="{'pv-on': s.selected}">{{ s.name }}</div>
     </div>
     <canvas v-show="loupe && glass" ref="loupe" class="pv-loupe" :class="{'pv-left': glassLeft}" width="${LOUPE}" height="${LOUPE}"></canvas>
     <div v-if="busy" class="pv-busy"><span></span>{{ busy }}</div>
@@ -98,6 +98,11 @@ export default {
     },
     inside(p) { return p[0] >= -0.5 && p[1] >= -0.5 && p[0] <= this.width - 0.5 && p[1] <= this.height - 0.5; },
     clamped(p) { return [Math.min(Math.max(p[0], -0.5), this.width - 0.5), Math.min(Math.max(p[1], -0.5), this.height - 0.5)]; },
+    // Who aims at the border misses it by some pixels of the screen: that is a click on the pixel at the border.
+    near(p) {
+      const q = [Math.min(Math.max(p[0], 0), this.width - 1), Math.min(Math.max(p[1], 0), this.height - 1)];
+      return this.inside(p) || Math.hypot(q[0] - p[0], q[1] - p[1]) * this.zoom <= NEAR + this.zoom ? q : null;
+    },
     at(v) { return {left: (v[0] + 0.5) * this.zoom + 'px', top: (v[1] + 0.5) * this.zoom + 'px'}; },
     middle(ring, i) { const n = ring[(i + 1) % ring.length]; return [(ring[i][0] + n[0]) / 2, (ring[i][1] + n[1]) / 2]; },
     topOf(rings) {
@@ -122,14 +127,15 @@ export default {
     },
     down(e) {
       this.$refs.box.setPointerCapture(e.pointerId);
-      const dot = e.target.closest('.pv-vertex, .pv-middle');
-      const draws = this.drafts && e.shiftKey && e.button === 0 && this.inside(this.place(e));
-      this.held = {x: e.clientX, y: e.clientY, left: this.left, top: this.top, moved: false, button: e.button, draws};
+      const dot = e.target.closest('.pv-vertex, .pv-middle'), name = e.target.closest('.pv-name');
+      // A stroke may begin beside the picture: it is drawn along the border there.
+      const draws = this.drafts && e.shiftKey && e.button === 0;
+      this.held = {x: e.clientX, y: e.clientY, left: this.left, top: this.top, moved: false, button: e.button, draws, name};
       if (!dot || !this.edited) return;
       const ring = +dot.dataset.ring, index = +dot.dataset.index;
       if (e.button === 2) { this.drop(ring, index, !dot.dataset.insert); this.held = null; return; }
-      if (dot.dataset.insert) this.insert(ring, index);
-      this.held.vertex = [ring, dot.dataset.insert ? index + 1 : index];
+      this.held.inserts = !!dot.dataset.insert;
+      this.held.vertex = [ring, this.held.inserts ? index + 1 : index];
     },
     insert(ring, index) {
       this.edited.rings[ring].splice(index + 1, 0, this.middle(this.edited.rings[ring], index));
@@ -151,6 +157,7 @@ export default {
       h.moved = h.moved || Math.hypot(dx, dy) > STILL;
       if (!h.moved) return;
       if (h.draws) { this.stroke(h, e); return; }
+      if (h.inserts) { this.insert(h.vertex[0], h.vertex[1] - 1); h.inserts = false; }
       if (h.vertex) this.edited.rings[h.vertex[0]][h.vertex[1]] = this.clamped(this.place(e));
       else { this.left = h.left + dx; this.top = h.top + dy; this.touched = true; }
     },
@@ -160,10 +167,12 @@ export default {
       if (!h) return;
       if (h.vertex) { if (h.moved) this.send(); return; }
       if (h.draws && h.moved) { this.lifted(h, p); return; }
-      if (h.moved || h.button !== 0 || !this.inside(p)) return;
-      if (this.drafts) this.corner(p, e.shiftKey);
-      else if (this.mode === 'hide') this.mark(p);
-      else this.$emit('pick', {x: p[0], y: p[1], again: e.shiftKey});
+      if (h.moved || h.button !== 0) return;
+      if (this.drafts) { this.corner(this.clamped(p), e.shiftKey); return; }
+      if (this.mode === 'hide') { this.mark(p); return; }
+      if (h.name) { this.$emit('choose', {key: +h.name.dataset.key}); return; }
+      const q = this.near(p);
+      if (q) this.$emit('pick', {x: q[0], y: q[1], again: e.shiftKey});
     },
     // With Shift, the edge that ends at the corner is hidden.
     corner(p, hidden) {
@@ -224,7 +233,7 @@ export default {
     leave() { this.glass = false; this.cursor = null; },
     look(e) {
       const p = this.place(e), canvas = this.$refs.loupe, img = this.$refs.img;
-      this.glass = this.inside(p) && !(this.held && this.held.moved && !this.held.vertex && !this.held.draws);
+      this.glass = (this.drafts || this.inside(p)) && !(this.held && this.held.moved && !this.held.vertex && !this.held.draws);
       if (!this.loupe || !this.glass || !img.naturalWidth) return;
       const b = this.$refs.box.getBoundingClientRect();
       this.glassLeft = e.clientX - b.left > b.width - LOUPE - 40 && e.clientY - b.top < LOUPE + 40;

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from nicegui import ui
 
 from regionpose.pick.desk import Desk
+from regionpose.pick.elements import complain
 from regionpose.pick.texts import SCANNER_QUESTION, scanner_text
 
 Answered = Callable[[list[float] | None], Awaitable[None]]
@@ -48,7 +49,7 @@ class ScannerDialog:
     async def _there(self) -> None:
         values = [number.value for number in self._numbers]
         if any(value is None for value in values):
-            ui.notify("needed three numbers, meters", type="negative", position="top")
+            complain("needed three numbers, meters")
             return
         self._dialog.close()
         await self._answered([float(value) for value in values])
