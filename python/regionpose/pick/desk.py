@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import threading
-import time
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from regionpose.clouds import Cloud
+from regionpose.pick.estimator import Estimator
 from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
 from regionpose.pick.range_view import RangeView, depth_and_intensity, grays
@@ -27,9 +27,6 @@ from regionpose.pictures.colors import colored_cloud
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
-
-DEBOUNCE_S = 0.35
-"""Seconds without an edit after which the pose is estimated: a pause, not the time between two clicks."""
 
 LARGEST_SIDE = 4096
 """Pixels of the longer side of the photo as it is sent."""
@@ -68,19 +65,15 @@ class Desk:
         self.coloring = "depth"
         self.files: dict[str, Served] = {}
         self._lock = threading.RLock()
-        self._wake = threading.Event()
-        self._ended = False
-        self._layered: dict[int, Any] = {}
         self._rays: RayIndex | None = None
         self.proposal = proposed_scanner(session.cloud) if session.asks_for_scanner else None
         self._look()
         self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._serve_still()
         self._serve_cloud()
-        self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
-        self._worker.start()
+        self._estimator = Estimator(self._lock, self._snapshot, self._show)
         if session.can_estimate:
-            self._wake.set()
+            self._estimator.begin()
 
     def _look(self) -> None:
         """Look at the cloud from the scanner's place, or from the cloud's zero where that isn't known."""
@@ -96,15 +89,14 @@ class Desk:
 
     def close(self) -> None:
         """End the background work."""
-        self._ended = True
-        self._wake.set()
+        self._estimator.close()
 
     @property
     def colorings(self) -> dict[str, str]:
         """The ways to color the cloud that there are now, and what the page calls them."""
         cloud = self.cloud
         there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colors is not None}
-        there["photo"] = self.outcome.state == "ready" or "photo" in self._colors
+        there["photo"] = self.outcome.is_of_regions
         return {key: title for key, title in COLORINGS.items() if there[key]}
 
     def edit(self, action: Callable[[Session], object]) -> None:
@@ -120,7 +112,7 @@ class Desk:
         # First of all: no page may show the pose of other regions as that of these.
         if looked or not is_solved:
             self.outcome = replace(self.outcome, state="busy") if self.session.can_estimate else Outcome()
-            self._wake.set()
+            self._estimator.begin()
         self.revision += 1
         if looked:
             self._look()
@@ -246,36 +238,36 @@ class Desk:
         dark = np.round(UNSEEN_LIGHT * self._colors_of("depth")).astype(np.uint8)
         return dark if cloud.colors is None else np.where(visible[:, None], cloud.colors, dark).astype(np.uint8)
 
-    def _work(self) -> None:
-        """Estimate whenever what it is made of has changed and no edit came for a moment."""
-        while not self._ended:
-            self._wake.wait()
-            self._wake.clear()
-            while not self._ended and self._wake.wait(DEBOUNCE_S):
-                self._wake.clear()
-            if not self._ended:
-                self._estimate()
+    def _snapshot(self) -> Session:
+        return copy(self.session)
 
-    def _estimate(self) -> None:
+    def _show(self, outcome: Outcome) -> None:
+        """Show what came of an estimate of the regions as they are."""
+        self.outcome = outcome
+        self.revision += 1
+        if self.coloring == "photo":
+            self._serve_cloud()
+
+    @property
+    def stage(self) -> str:
+        """What the estimate that runs does, and for how long it has run; nothing where none runs."""
+        return self._estimator.stage
+
+    def stop(self) -> None:
+        """Wait no longer for the estimate that runs; the regions' own pose stays where it is there."""
         with self._lock:
-            session = copy(self.session)
-        if not session.can_estimate:
-            return
-        start = time.perf_counter()
-        try:
-            run = session.estimate()
-            outcome = Outcome.of(run, session.keys_of(run.sides.names), time.perf_counter() - start)
-        except ValueError as error:
-            outcome = Outcome("failed", str(error))
-        except Exception as error:
-            # The page would wait for ever for a worker that is gone.
-            outcome = Outcome("failed", f"{type(error).__name__}: {error}")
-        with self._lock:
-            if session.scan is self.session.scan and session.basis == self.session.basis:
-                self.outcome = outcome
+            if self._estimator.abandon():
+                stopped = replace(self.outcome, state="stopped")
+                self.outcome = stopped if self.outcome.state == "regions" else Outcome("stopped")
                 self.revision += 1
-                if self.coloring == "photo":
-                    self._serve_cloud()
+
+    def estimate_again(self) -> None:
+        """Estimate what was stopped."""
+        with self._lock:
+            if self.session.can_estimate:
+                self.outcome = replace(self.outcome, state="busy")
+                self.revision += 1
+                self._estimator.begin()
 
 
 def color_of(key: int) -> str:

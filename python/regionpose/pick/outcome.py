@@ -19,7 +19,9 @@ Lines = list[list[list[float]]]
 class Outcome:
     """The last estimate, or why there is none.
 
-    `state`: "empty" without a pair, "busy", "ready" or "failed". `message`: what went wrong. `run`: the estimate.
+    `state`: "empty" without a pair; "busy", `run` being that of earlier regions, if any; "regions", `run` being by the
+    regions alone and the rest of the scene being heard; "stopped", nobody having waited for that; "ready" or "failed".
+    `message`: what went wrong. `run`: the estimate.
     `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
     """
 
@@ -29,16 +31,20 @@ class Outcome:
     judged: Verdict | None = None
     projected: dict[int, Lines] = field(default_factory=dict)
     fits: dict[int, Fit] = field(default_factory=dict)
-    seconds: float = 0.0
+
+    @property
+    def is_of_regions(self) -> bool:
+        """Whether there is a pose of the regions as they are, by them alone or with the rest of the scene."""
+        return self.run is not None and self.state in ("regions", "stopped", "ready")
 
     @classmethod
-    def of(cls, run: SceneEstimate, keys: list[int], seconds: float) -> Outcome:
+    def of(cls, run: SceneEstimate, keys: list[int], state: str = "ready") -> Outcome:
         """The outcome of an estimate of the pairs with these keys."""
         sides, pose = run.sides, run.local_pose
         lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
         projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
         fits = dict(zip(keys, region_fits(run), strict=True))
-        return cls("ready", "", run, verdict(run), projected, fits, seconds)
+        return cls(state, "", run, verdict(run), projected, fits)
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:

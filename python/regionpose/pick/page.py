@@ -126,11 +126,21 @@ class Page:
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Pose</span>', sanitize=False)
+                ui.element("div").classes("rp-grow")
+                self.stage = ui.label().classes("rp-stage").mark("stage")
+                self.stop = ui.button("Stop", icon="stop", on_click=self.desk.stop).props("flat dense no-caps")
+                self.stop.tooltip("Wait no longer: the pose of the regions alone stays (Esc)")
+                self.again = ui.button("Estimate", icon="play_arrow", on_click=self.desk.estimate_again)
+                self.again.props("flat dense no-caps").tooltip("Ask the rest of photo and cloud")
             with ui.element("div").classes("rp-scroll"):
                 self.verdict = ui.html("", sanitize=False).classes("rp-pose").mark("verdict")
 
     def _refresh(self) -> None:
         """Show what has changed since the last look."""
+        stage = self.desk.stage
+        self.stage.set_text(stage)
+        self.stop.set_visibility(bool(stage))
+        self.again.set_visibility(not stage and self.desk.outcome.state == "stopped")
         stamp = self.desk.revision
         if stamp == self.shown:
             return
@@ -271,6 +281,8 @@ class Page:
             self.outlines.set_value(not self.outlines.value)
         elif key == "n":
             await self._new()
+        elif key == "escape":
+            self.desk.stop()
         elif self.selected is not None:
             await self._key_of_region(self.selected, key)
 

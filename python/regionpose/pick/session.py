@@ -21,6 +21,7 @@ from regionpose.pick.scene_text import mask_name, points_name, region_lists, sce
 from regionpose.pick.sketch import Sketch
 from regionpose.progress import told_each
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
+from regionpose.scene.estimate import estimate_regions
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
@@ -443,11 +444,16 @@ class Session:
         names = tuple(picked.name for picked in images)
         return Unpaired(names, image_regions, tuple(worlds), tuple(worlds.values()))
 
-    def estimate(self) -> SceneEstimate:
+    def estimate(self, stages: Stages | None = None) -> SceneEstimate:
         """The pose by the pairs and by what matches of the rest, as `regionpose estimate` on the saved file gives it;
         PoseError where there is none.
         """
-        return estimate_sides(self.sides())
+        return estimate_sides(self.sides(), stages)
+
+    def estimate_regions(self, stages: Stages | None = None) -> SceneEstimate:
+        """The pose by the regions alone, which is there soon; `scene.estimate.heard` goes on with it."""
+        sides = self.sides()
+        return estimate_regions(sides.scene, [sides], stages)
 
     def keys_of(self, names: Sequence[str]) -> list[int]:
         """The keys of regions by their names."""

@@ -27,6 +27,18 @@ EMPTY_POSE = (
     "</div>"
 )
 
+WITHOUT_POSE = {
+    "busy": '<div class="rp-empty"><span class="rp-spin"></span>Estimating the pose …</div>',
+    "stopped": '<div class="rp-empty">The estimate was stopped before there was a pose.</div>',
+}
+"""What is said instead of a pose where there is none."""
+
+OF_REGIONS = {
+    "regions": ("regions", "By the regions so far; the rest of photo and cloud is being asked"),
+    "stopped": ("regions", "By the regions alone; the rest of photo and cloud was not asked"),
+}
+"""The levels and headings of poses that the regions alone gave."""
+
 SCANNER_QUESTION = (
     '<div class="rp-help"><h3>Where did the scanner stand?</h3>In the frame of the cloud, mostly 0, 0, 0. That is'
     " proposed where the cloud looks like one scan around its zero. With the place the regions are known far better: by"
@@ -42,13 +54,13 @@ def outcome_html(outcome: Outcome) -> str:
         advice = "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause."
         return f'<div class="rp-verdict rp-failed"><b>No pose</b>{escape(outcome.message)} <span>{advice}</span></div>'
     if outcome.run is None or outcome.judged is None:
-        waiting = '<div class="rp-empty"><span class="rp-spin"></span>Estimating the pose …</div>'
-        return waiting if outcome.state == "busy" else EMPTY_POSE
+        return WITHOUT_POSE.get(outcome.state, EMPTY_POSE)
     judged, estimate, fit = outcome.judged, outcome.run.estimate, scene_fit(outcome.run)
-    heading = HEADINGS[judged.level]
+    # By the regions alone nothing is trusted yet: the rest of the scene may choose another pose.
+    level, heading = OF_REGIONS.get(outcome.state, (judged.level, HEADINGS[judged.level]))
     busy = outcome.state == "busy"
-    spin = '<span class="rp-spin"></span>' if busy else ""
-    said = f'<div class="rp-verdict rp-{judged.level}"><b>{spin}{heading}</b>{escape(judged.headline)}</div>'
+    spin = '<span class="rp-spin"></span>' if busy or outcome.state == "regions" else ""
+    said = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(judged.headline)}</div>'
     remarks = "".join(
         f'<div class="rp-warn">{escape(_sentence(what))}<em>{escape(advice)}</em></div>'
         for what, advice in judged.remarks

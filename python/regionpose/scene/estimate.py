@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from regionpose.estimation.sample_fit import SampleFit, sample_fit
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
+from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.exposure import SceneSides, matched, scene_sides
@@ -179,10 +181,15 @@ def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEsti
 def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of the camera in all frames of a scene; errors as of `estimate_scene`."""
     stages = stages or Stages()
+    return heard(estimate_regions(scene, given, stages), stages)
+
+
+def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
+    """The one pose of all frames by their regions alone, before the rest of the scene is `heard`; errors as above."""
+    stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
-        run = _explained(lambda: _run(scene, frames, stages.seconds), frames)
-    return _heard(run, stages)
+        return _explained(lambda: _run(scene, frames, stages.seconds), frames)
 
 
 def frame_label(frame: Scene, index: int, count: int) -> str:
@@ -217,27 +224,40 @@ def _run(
     )
 
 
-def _heard(run: SceneEstimate, stages: Stages) -> SceneEstimate:
-    """The run after the rest of the scene was heard, as far as the scene asks for that."""
-    solver = run.scene.model.solver
-    if not solver.witness or all(sides.cloud is None for sides in run.frames):
+def asks_rest(run: SceneEstimate) -> bool:
+    """Whether the rest of the scene is to be heard: the scene wants it, and there is a cloud."""
+    return run.scene.model.solver.witness and any(sides.cloud is not None for sides in run.frames)
+
+
+def heard(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimate:
+    """The run of regions alone after the rest of the scene was heard, as far as the scene asks for that.
+
+    It takes far longer than the regions' pose; `progress.while_wanted` ends it.
+    """
+    stages = stages or Stages()
+    if not asks_rest(run):
         return run
     rest = RestOfScene(run.frames)
 
     def settled(pose: Pose) -> PoseEstimate:
         nonlocal run
+        check_wanted()
         run = _run(run.scene, run.frames, run.seconds, pose)
         return run.estimate
 
     def zoomed(camera: Camera, pose: Pose) -> PoseEstimate:
+        check_wanted()
+        stages.tell("focal lengths")
         frames = tuple(replace(sides, camera=camera) for sides in run.frames)
         return _run(run.scene, frames, run.seconds, pose).estimate
 
     with stages.stage("witness"):
-        refine = (lambda given: rest.refined(zoomed, given, run.scatter)) if solver.refine == "scene" else None
+        refine = None
+        if run.scene.model.solver.refine == "scene":
+            refine = partial(rest.refined, zoomed, lambda: run.scatter)
         counts = [len(sides.names) for sides in run.frames]
-        heard = witnessed(run.estimate, rest.align, settled, refine, counts)
-    return replace(run, estimate=heard.estimate, witness=heard.witness)
+        told = witnessed(run.estimate, rest.align, settled, refine, counts)
+    return replace(run, estimate=told.estimate, witness=told.witness)
 
 
 class RestOfScene:
@@ -268,10 +288,10 @@ class RestOfScene:
         return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
 
     def refined(
-        self, zoomed: Estimated, estimate: PoseEstimate, scatter: FrameScatter | None
+        self, zoomed: Estimated, scatter: Callable[[], FrameScatter | None], estimate: PoseEstimate
     ) -> tuple[PoseEstimate, SceneRefinement]:
         """An estimate with its pose refined by them if they say enough, and what they said; `zoomed`: the estimate with
-        another camera, started at a pose; `scatter`: how far frames are off as wholes, where they tell.
+        another camera, started at a pose; `scatter` tells how far frames are off as wholes, where they do.
         """
 
         def estimated(camera: Camera, pose: Pose) -> PoseEstimate:
@@ -280,9 +300,9 @@ class RestOfScene:
 
         frames = [frame for frame in self._frames if frame is not None]
         local = replace(estimate, pose=estimate.pose.about(self._origin))
-        solver = self._solver
-        if scatter is not None:
-            sigma_deg, sigma_m = scatter.rotation_sigma_deg, scatter.center_sigma_m
+        solver, scattered = self._solver, scatter()
+        if scattered is not None:
+            sigma_deg, sigma_m = scattered.rotation_sigma_deg, scattered.center_sigma_m
             solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
         moved, found = refined_estimate(local, frames, self._camera, *self._regions, estimated, solver)
         world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from regionpose.cameras import Camera
 from regionpose.estimation.sides import check_camera
 from regionpose.pose import Pose
+from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.witness.alignment import Alignment, aligned
@@ -66,6 +67,7 @@ class SceneFrame:
 
     def steps(self, pose: Pose) -> Steps:
         """The steps of the points that the camera would see at a pose; ValueError for points of another shape."""
+        check_wanted()
         key = pose.matrix.tobytes()
         if key not in self._steps:
             if len(self._steps) == KEPT:

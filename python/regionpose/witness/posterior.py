@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
+from regionpose.progress import check_wanted
 from regionpose.witness.descent import Ends, descended
 from regionpose.witness.evidence import Evidence
 from regionpose.witness.steps import SEED
@@ -150,6 +151,7 @@ class Posterior:
         """Negative log densities (t,) of increments (t, d) in units of the prior's deviations, and their slopes; by
         every so manyth step.
         """
+        check_wanted()
         at, weight = self._base + units, FREEDOM + self._count
         squares = (at * at).sum(axis=1)
         costs = 0.5 * weight * np.log1p(squares / FREEDOM)

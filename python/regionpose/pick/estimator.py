@@ -1,0 +1,129 @@
+"""A session's pose, estimated in the background whenever its regions change, in stages that can be abandoned."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from regionpose.pick.outcome import Outcome
+from regionpose.pick.session import Session
+from regionpose.progress import UnwantedError, while_wanted
+from regionpose.scene import Stages
+from regionpose.scene.estimate import asks_rest, heard
+
+DEBOUNCE_S = 0.35
+"""Seconds without an edit after which the pose is estimated: a pause, not the time between two clicks."""
+
+STAGES = {
+    "matching": "Matching regions",
+    "pose": "The regions' pose",
+    "witness": "Photo and cloud away from the regions",
+    "focal lengths": "Other focal lengths",
+}
+"""What the page calls the stages of an estimate."""
+
+
+@dataclass
+class Running:
+    """One estimate: which of its stages, since when, and whether anybody waits for it."""
+
+    stage: str = ""
+    start: float = field(default_factory=time.monotonic)
+    is_wanted: bool = True
+    ended: bool = False
+
+    def begin(self, stage: str) -> None:
+        """Take note of a stage."""
+        self.stage = stage
+
+    @property
+    def said(self) -> str:
+        """The stage and the seconds since the start; nothing where it has ended or nobody waits for it."""
+        if self.ended or not self.is_wanted or not self.stage:
+            return ""
+        return f"{STAGES.get(self.stage, self.stage)} … {time.monotonic() - self.start:.0f} s"
+
+
+class Estimator:
+    """The thread that estimates. `snapshot` gives the session to be estimated, whose edits do not reach it; `show` is
+    told what came of it, again where the rest of the scene was asked after the regions. `lock` is held while it is
+    told, and by who abandons an estimate: what is shown is of the regions as they are.
+    """
+
+    def __init__(
+        self, lock: threading.RLock, snapshot: Callable[[], Session], show: Callable[[Outcome], object]
+    ) -> None:
+        """Wait for the first `begin`."""
+        self._lock, self._snapshot, self._show = lock, snapshot, show
+        self._wake = threading.Event()
+        self._ended = False
+        self._running = Running(ended=True)
+        self._worker = threading.Thread(target=self._work, daemon=True, name="regionpose-pick-estimate")
+        self._worker.start()
+
+    @property
+    def stage(self) -> str:
+        """What the estimate that runs does, and for how long it has run; nothing where none runs."""
+        return self._running.said
+
+    def begin(self) -> None:
+        """Estimate the session as it is then once no edit comes for a moment; nobody waits for what runs."""
+        self._running.is_wanted = False
+        self._wake.set()
+
+    def abandon(self) -> bool:
+        """Wait no longer for the estimate that runs; whether there was one."""
+        running = self._running
+        found = running.is_wanted and not running.ended
+        running.is_wanted = False
+        return found
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ended = True
+        self.begin()
+
+    def _work(self) -> None:
+        while not self._ended:
+            self._wake.wait()
+            self._wake.clear()
+            while not self._ended and self._wake.wait(DEBOUNCE_S):
+                self._wake.clear()
+            if not self._ended:
+                self._estimate()
+
+    def _estimate(self) -> None:
+        with self._lock:
+            session, running = self._snapshot(), Running()
+            self._running = running
+        if not session.can_estimate:
+            running.ended = True
+            return
+        try:
+            with while_wanted(lambda: running.is_wanted):
+                self._in_stages(session, running)
+        except UnwantedError:
+            pass
+        except ValueError as error:
+            self._tell(running, Outcome("failed", str(error)))
+        except Exception as error:
+            # The page would wait for ever for a worker that is gone.
+            self._tell(running, Outcome("failed", f"{type(error).__name__}: {error}"))
+        finally:
+            running.ended = True
+
+    def _in_stages(self, session: Session, running: Running) -> None:
+        """Tell the pose of the regions as soon as it is there, and then that of the whole scene."""
+        stages = Stages(running.begin)
+        run = session.estimate_regions(stages)
+        keys, goes_on = session.keys_of(run.sides.names), asks_rest(run)
+        self._tell(running, Outcome.of(run, keys, "regions" if goes_on else "ready"))
+        if goes_on:
+            self._tell(running, Outcome.of(heard(run, stages), keys))
+
+    def _tell(self, running: Running, outcome: Outcome) -> None:
+        with self._lock:
+            if running.is_wanted:
+                self._show(outcome)

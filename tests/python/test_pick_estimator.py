@@ -1,0 +1,151 @@
+"""The estimate that runs beside the picking page: in stages, stopped, abandoned."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from copy import copy
+from functools import partial
+
+import numpy as np
+import pytest
+from pick_sessions import BOARD, CHALKBOARD, DOOR, demo_session
+from regionpose.pick import estimator
+from regionpose.pick.desk import Desk
+from regionpose.pick.outcome import Outcome
+from regionpose.pick.session import Session
+from regionpose.pick.texts import outcome_html
+from regionpose.progress import UnwantedError, check_wanted, while_wanted
+from regionpose.scene import Stages
+from regionpose.scene.estimate import heard
+
+WAIT_S = 60.0
+"""Seconds that a busy machine may take for what takes one."""
+
+SOON_S = 5.0
+"""Seconds after which work that nobody waits for has ended: many times what one look at a scene takes."""
+
+
+@pytest.fixture(scope="module")
+def pairs(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """A session with two pairs whose scanner stands at zero."""
+    held = demo_session(tmp_path_factory.mktemp("pairs") / "scene.yaml")
+    for pixel, place in (DOOR, BOARD):
+        held.click_photo(pixel)
+        held.click_cloud(place)
+    return held
+
+
+@pytest.fixture
+def session(pairs: Session) -> Session:
+    """One of its own, to edit."""
+    return copy(pairs)
+
+
+def holds(condition: Callable[[], bool], seconds: float = WAIT_S) -> bool:
+    """Whether a condition comes to hold in time."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.01)
+    return condition()
+
+
+def settled(desk: Desk, state: str) -> bool:
+    return holds(lambda: desk.outcome.state == state)
+
+
+def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[Outcome] = []
+    stages: list[str] = []
+    show = Desk._show
+
+    def noted(desk: Desk, outcome: Outcome) -> None:
+        shown.append(outcome)
+        stages.append(desk.stage)
+        show(desk, outcome)
+
+    monkeypatch.setattr(Desk, "_show", noted)
+    desk = Desk(session)
+    try:
+        assert settled(desk, "ready"), desk.outcome
+    finally:
+        desk.close()
+    first, last = shown
+    assert (first.state, last.state) == ("regions", "ready")
+    assert all(stages) and stages[0] != stages[1] and desk.stage == ""
+    assert first.run is not None and first.run.witness is None
+    assert last.run is not None and last.run.witness is not None
+    assert "rp-trusted" not in outcome_html(first) and "rp-trusted" in outcome_html(last)
+    np.testing.assert_array_equal(heard(first.run).estimate.pose.matrix, last.run.estimate.pose.matrix)
+
+
+@pytest.fixture
+def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """How the rest of the scene ended to be asked, which takes for ever."""
+    held: list[str] = []
+
+    def forever(run: object, stages: Stages) -> None:
+        stages.begin("witness")
+        try:
+            while True:
+                check_wanted()
+                time.sleep(0.01)
+        except UnwantedError:
+            held.append("abandoned")
+            raise
+
+    monkeypatch.setattr(estimator, "heard", forever)
+    yield held
+
+
+def test_what_runs_can_be_stopped_and_the_regions_pose_stays(session: Session, ends: list[str]) -> None:
+    desk = Desk(session)
+    try:
+        assert settled(desk, "regions")
+        run = desk.outcome.run
+        desk.stop()
+        assert desk.outcome.state == "stopped" and desk.outcome.run is run and desk.stage == ""
+        assert holds(lambda: ends == ["abandoned"], SOON_S)
+        assert "rp-trusted" not in outcome_html(desk.outcome)
+        desk.estimate_again()
+        assert settled(desk, "regions")
+    finally:
+        desk.close()
+
+
+def test_an_edit_of_a_pair_abandons_what_runs(session: Session, ends: list[str]) -> None:
+    desk = Desk(session)
+    try:
+        assert settled(desk, "regions")
+        desk.edit(lambda held: held.select(None))
+        desk.edit(partial(Session.click_photo, pixel=CHALKBOARD[0]))
+        assert ends == [] and desk.outcome.state == "regions", "a side alone changes no pose"
+        desk.edit(partial(Session.click_cloud, place=CHALKBOARD[1]))
+        assert desk.outcome.state == "busy"
+        assert holds(lambda: ends == ["abandoned"], SOON_S)
+        assert settled(desk, "regions")
+        run = desk.outcome.run
+        assert run is not None and len(run.names) == 3
+    finally:
+        desk.close()
+
+
+def test_the_rest_of_a_scene_ends_soon_after_nobody_waits(session: Session) -> None:
+    run = session.estimate_regions()
+    is_wanted, began, ended = threading.Event(), threading.Event(), threading.Event()
+    is_wanted.set()
+
+    def work() -> None:
+        with while_wanted(is_wanted.is_set), pytest.raises(UnwantedError):
+            heard(run, Stages(lambda _: began.set()))
+        ended.set()
+
+    threading.Thread(target=work, daemon=True).start()
+    assert began.wait(WAIT_S)
+    time.sleep(0.5)
+    assert not ended.is_set()
+    is_wanted.clear()
+    assert ended.wait(SOON_S)
