@@ -148,6 +148,13 @@ impl Problem {
         &self.sampled
     }
 
+    /// The same with the samples of some of these regions alone; the others are known by their outlines.
+    pub(crate) fn with_sampled(&self, kept: &[bool]) -> Self {
+        let numbers = self.sampled.iter().zip(kept).filter(|(_, kept)| **kept).map(|(sampled, _)| sampled.index());
+        let anew = |index: usize| SampledRegion::new(index, &self.regions[index], &self.worlds[index], &self.origin);
+        Self { sampled: numbers.filter_map(anew).collect(), ..self.clone() }
+    }
+
     /// The straight edges that two regions share, as far as their outlines and planes show any.
     pub fn creases(&self) -> &[Crease] {
         self.creases.get_or_init(|| creases(&self.regions, &self.worlds, &self.origin).into())

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
 
 use super::propagation::{EDGES_OF_SWEEP, SWEEPS};
 use super::signed_field::SignedField;
@@ -15,6 +15,9 @@ use crate::region::WorldRegion;
 
 /// Depth over distance along the chart's axis below which a sample is behind the camera, or nearly.
 const BEHIND: f64 = 0.05;
+
+/// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
+pub(super) const REACH: f64 = 6.0;
 
 /// What the reading of a sample counts as, in edges that are looked at: those of the cells around it.
 const EDGES_OF_READING: usize = 16;
@@ -151,6 +154,19 @@ impl SampledRegion {
     /// What reading all samples and hearing them once counts as.
     pub fn work(&self) -> usize {
         self.count() * (EDGES_OF_READING + SWEEPS * EDGES_OF_SWEEP)
+    }
+
+    /// Whether any sample may lie on its wrong side at a pose with this covariance, of contours that scatter by so many pixels. Where none
+    /// does, all say what is certain without them.
+    pub fn tells(&self, pose: &Pose, covariance: &Matrix6<f64>, scatter: f64) -> bool {
+        (0..self.count()).any(|number| match self.read(pose, number) {
+            Reading::Seen(sight) => {
+                let deviation = (scatter * scatter + sight.slope.dot(&(covariance * sight.slope))).sqrt();
+                // The comparison fails where a direction is left free, too.
+                !(sight.margin > REACH * deviation)
+            }
+            Reading::Behind(right) => !right,
+        })
     }
 
     /// The sample of a number at a pose about the problem's origin.

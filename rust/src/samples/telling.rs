@@ -9,7 +9,7 @@ use super::kinds::{KINDS, Kind};
 use super::labels::{leading_step, log_likelihood};
 use super::outline::{Outline, View};
 use super::propagation::{Propagated, Site, propagated, propagated_apart};
-use super::readings::{Edge, Reading, SampledRegion};
+use super::readings::{Edge, REACH, Reading, SampledRegion};
 use super::ring::Ring;
 use super::settings::Setting;
 use super::stretch::{Known, Stretch};
@@ -47,9 +47,6 @@ const CLEARLY: f64 = 2.0;
 
 /// How much wider the belief of some samples is taken before all of them have told theirs.
 const WIDER: f64 = 3.0;
-
-/// Margins beyond this many standard deviations of blur and belief tell nothing that moves the pose.
-const REACH: f64 = 6.0;
 
 /// Deviation of an increment from the start before anything is seen: a radian, and the distance.
 const ANCHOR: f64 = 1.0;
@@ -383,7 +380,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
             for telling in &self.telling {
                 information.ger(1.0, &telling.site.slope, &telling.site.slope, 1.0);
             }
-            information / (self.telling.len() as f64 * blur * blur)
+            // Where no sample tells anything, there is nothing to guard from.
+            information / (self.telling.len().max(1) as f64 * blur * blur)
         };
         Gaussian { information: known.unwrap_or_else(unit), ..Gaussian::default() }
     }

@@ -95,7 +95,17 @@ pub(crate) enum Answers {
 
 impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
+    ///
+    /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
     pub fn search(&self, options: &Options) -> Search {
+        let search = self.search_with_all(options);
+        match search.without_silent() {
+            Some(problem) => problem.search_with_all(options),
+            None => search,
+        }
+    }
+
+    fn search_with_all(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
         // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so

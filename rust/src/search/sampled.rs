@@ -2,10 +2,11 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::candidates::further_poses;
+use super::candidates::{Answers, Search, further_poses};
 use super::moments::{Alone, single_region_poses};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
+use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::effort;
@@ -14,6 +15,7 @@ use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
 use crate::samples::labels::{SHARP, leading_step, log_likelihood};
 use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
+use crate::samples::readings::SampledRegion;
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -67,10 +69,11 @@ impl Problem {
 
     /// The modes with a prior, the likeliest first.
     fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
-        let outlined = self.outlined();
+        let (outlined, guessed) = (self.outlined(), self.guessed());
         let creases = self.creases();
         let others = |pose: &Pose| {
             let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
+            let known = known + guesses(&guessed, pose, self.few());
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut passed = Passed::default();
@@ -138,6 +141,38 @@ impl Problem {
         let contours = self.contours().iter().enumerate();
         contours.filter(|(index, _)| !has_samples(*index)).map(|(_, contour)| contour.clone()).collect()
     }
+
+    /// The contours of the regions with samples that have an outline, too.
+    fn guessed(&self) -> Vec<Contour> {
+        let indices = self.sampled().iter().map(SampledRegion::index);
+        indices.filter(|&index| !self.worlds()[index].is_line()).map(|index| self.contours()[index].clone()).collect()
+    }
+}
+
+impl Search {
+    /// The problem without the samples of regions that tell nothing at any pose that may be the answer by the outlines; `None` where
+    /// all regions' tell something.
+    pub(super) fn without_silent(&self) -> Option<Problem> {
+        let (problem, contours) = (&self.problem, self.problem.contours());
+        if problem.sampled().is_empty() {
+            return None;
+        }
+        let fits: Vec<ContourFit> = match &self.answers {
+            Answers::Contours(fits) => fits.clone(),
+            Answers::Moments(poses) => {
+                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.few())).collect()
+            }
+        };
+        let known: Vec<_> = fits.iter().map(|fit| (fit, covariance(contours, fit))).collect();
+        let tells = |region: &SampledRegion| {
+            // Of a line alone, the outline shows nothing.
+            let is_line = problem.worlds()[region.index()].is_line();
+            let at = |(fit, covariance): &(&ContourFit, _)| region.tells(&fit.pose, covariance, fit.mixture.sigma);
+            known.is_empty() || is_line || known.iter().any(at)
+        };
+        let telling: Vec<bool> = problem.sampled().iter().map(tells).collect();
+        (!telling.iter().all(|&tells| tells)).then(|| problem.with_sampled(&telling))
+    }
 }
 
 /// A pose turned by as much as a start may be off, about each of the camera's axes, where the problem's origin stays in place.
@@ -188,5 +223,19 @@ fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
     }
     // Out of view nothing can be likely.
     let hopeless = Gaussian { offset: -f64::MAX.sqrt(), ..Gaussian::default() };
-    ContourFit::at(contours, pose, 1).map_or(hopeless, |fit| fit.gaussian(contours).unwrap_or(hopeless))
+    let shown = ContourFit::at(contours, pose, 1).and_then(|fit| fit.gaussian(contours, fit.independent()));
+    shown.unwrap_or(hopeless)
+}
+
+/// What contours show beside samples: their outlines may be off, by as much as all of them are, alike all around, so that each region
+/// tells as much as one piece does (`docs/math.md`, section 17).
+fn guesses(contours: &[Contour], pose: &Pose, step: usize) -> Gaussian {
+    if contours.is_empty() {
+        return Gaussian::default();
+    }
+    let count = contours.len() as f64;
+    let shown = ContourFit::at(contours, pose, step).and_then(|fit| fit.gaussian(contours, count));
+    // Out of view an outline is as far off as a region is large.
+    let size = contours.iter().map(Contour::size).fold(1.0, f64::max);
+    shown.unwrap_or_else(|| Gaussian { offset: -count * size.ln(), ..Gaussian::default() })
 }

@@ -137,22 +137,27 @@ impl Search {
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
-        let places = stated(likely(&self.problem, answers, &self.options.prior), &self.options.prior);
+        let unused = !self.problem.sampled().is_empty() && answers.iter().all(|place| place.posterior.is_none());
+        let without = unused.then(|| self.problem.with_sampled(&[]));
+        let problem = without.as_ref().unwrap_or(&self.problem);
+        let places = stated(likely(problem, answers, &self.options.prior), &self.options.prior);
         let (best, _) = places.first()?;
-        let evidence = best.evidence(&self.problem, places.len() > 1);
+        let evidence = best.evidence(problem, places.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
-            (None, Some(minimum)) => self.problem.noise_variance(minimum.cost).sqrt(),
+            (None, Some(minimum)) => problem.noise_variance(minimum.cost).sqrt(),
             (None, None) => best.fit.mixture.sigma,
         };
         let probability = evidence.probability();
         let mut solutions = places.into_iter().map(|(place, stated)| {
-            solution(&self.problem, place, stated.map(|share| probability * share), &self.options.frame_sigma)
+            solution(problem, place, stated.map(|share| probability * share), &self.options.frame_sigma)
         });
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
-        let warnings = warnings(&self.problem, &best, &alternatives, &evidence, &self.options, ended);
+        let unused = unused.then_some(Warning::SamplesUnused);
+        let warnings = warnings(problem, &best, &alternatives, &evidence, &self.options, ended);
+        let warnings = unused.into_iter().chain(warnings).collect();
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
         let distance = self.problem.distance(&best.pose);
         Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations, distance })
@@ -294,7 +299,7 @@ impl Place {
     /// What each region says of the left increment: its samples, or its contour where it has none.
     fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
         let none = || vec![Gaussian::default(); problem.worlds().len()];
-        let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);
+        let mut factors = self.fit.region_gaussians(problem.contours(), self.fit.independent()).unwrap_or_else(none);
         let mut is_scanned = vec![false; factors.len()];
         if let Some(posterior) = &self.posterior {
             for region in problem.sampled() {

@@ -26,6 +26,9 @@ pub enum Warning {
         /// Why it ended.
         termination: Termination,
     },
+    /// No pose was found from the samples of regions: it is that of their outlines, by which they are judged.
+    #[error("nothing was found that the samples of regions leave possible: this pose is that of their outlines alone")]
+    SamplesUnused,
     /// A projected region does not cover the observed one.
     #[error("region {region} projected with this pose misses the observed one by {percent:.1} % of its area")]
     PoorOverlap {
@@ -127,6 +130,7 @@ impl Warning {
         match self {
             Self::Ambiguous { .. } => "ambiguous",
             Self::NotConverged { .. } => "not-converged",
+            Self::SamplesUnused => "samples-unused",
             Self::PoorOverlap { .. } => "poor-overlap",
             Self::OutlierRegion { .. } => "outlier-region",
             Self::AmbiguousRegion { .. } => "ambiguous-region",
