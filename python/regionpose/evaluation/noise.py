@@ -58,9 +58,14 @@ def _checked_mask(mask: ArrayLike) -> Mask:
     return array
 
 
-def square_side(share: float, area: float) -> float:
-    """Side of the squares that disturb a region of that area, in the unit of its square root."""
-    return float(max(SQUARE_SIDE_SHARE, SQUARE_SIDE_GROWTH * share) * np.sqrt(area))
+def square_side(share: float, area: float, side_share: float | None = None) -> float:
+    """Side of the squares that disturb a region of that area, in the unit of its square root.
+
+    `side_share`: the side over that root; without it, one at which the share of the area can be reached.
+    """
+    if side_share is None:
+        side_share = max(SQUARE_SIDE_SHARE, SQUARE_SIDE_GROWTH * share)
+    return float(side_share * np.sqrt(area))
 
 
 def points_along(rings: Sequence[Array], distances: Array) -> Array:

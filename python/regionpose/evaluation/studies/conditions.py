@@ -45,7 +45,8 @@ class Condition:
 
     `camera`: name of one of the study's setups. `planes`, `regions_per_plane`, `templates`, `world`: as of `Layout`.
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
-    region ("3d"); of a truncation, of the first region's. `masks`: whether the image holds pixels' centers or areas, or
+    region ("3d"); of a truncation, of the first region's. `squares`: their side, as a share of the square root of the
+    region's area; None for that of `square_side`. `masks`: whether the image holds pixels' centers or areas, or
     the true outline without any pixels ("polygon"), or by corners that a hand marked carelessly ("drawn").
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
     `range_noise_m` along them: by the outline of its own points, or by all beams as samples (`scan`); beams are
@@ -68,6 +69,7 @@ class Condition:
     disturbance: Disturbance = "squares"
     side: Side = "2d"
     noise: float = 0.0
+    squares: float | None = None
     masks: Masks = "binary"
     lidar_beams: int | None = None
     range_noise_m: float = 0.0
@@ -95,6 +97,8 @@ class Condition:
                 raise ValueError(f"condition {name} is {getattr(self, name)}; needed 1 or more")
         if not 0.0 <= self.noise < 1.0:
             raise ValueError(f"condition noise is {self.noise}; needed a share of 0 or more and less than 1")
+        if self.squares is not None and not self.squares > 0.0:
+            raise ValueError(f"condition squares is {self.squares}; needed a side above 0, in sizes of the region")
         if self.grazing_deg is not None and self.turn_deg is not None:
             raise ValueError("condition has both grazing_deg and turn_deg; needed one of them at the most")
         if self.disturbance == "truncation" and self.side == "3d":

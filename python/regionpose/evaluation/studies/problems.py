@@ -32,7 +32,7 @@ from regionpose.evaluation.noise import (
     squares_on_region,
     truncate_masks,
 )
-from regionpose.evaluation.planar import PlaneFrame, region_centroid
+from regionpose.evaluation.planar import PlaneFrame, area_vector, region_centroid
 from regionpose.evaluation.scenes import MAX_VIEW_ANGLE_DEG, Layout, SyntheticScene, draw_scene, problem_generator
 from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, TurnedPoses
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
@@ -175,7 +175,7 @@ def image_patches(
     shown = Window(0, 0, *size)
     noisy = condition.noise > 0.0 and condition.side == "2d"
     grows = noisy and condition.disturbance == "squares"
-    margins = [_margin(rings, condition.noise) if grows else 0 for rings in scene.image_rings]
+    margins = [_margin(rings, condition) if grows else 0 for rings in scene.image_rings]
     sides = list(zip(scene.image_rings, margins, strict=True))
     binary = [binary_patch(rings, *size, margin) for rings, margin in sides]
     given = binary
@@ -193,10 +193,10 @@ def image_patches(
     return coverage, changed, shown
 
 
-def _margin(rings: Sequence[Array], share: float) -> int:
+def _margin(rings: Sequence[Array], condition: Condition) -> int:
     """Pixels beside a region that squares on its boundary may reach."""
     low, high = (bound(np.concatenate(rings), axis=0) for bound in (np.min, np.max))
-    return int(np.ceil(square_side(share, float(np.prod(high - low))))) + 1
+    return int(np.ceil(square_side(condition.noise, float(np.prod(high - low)), condition.squares))) + 1
 
 
 def disturbed(
@@ -209,7 +209,8 @@ def disturbed(
             mask = occlude_mask(patch.values, condition.noise, rng)
         else:
             boundary = [ring - (patch.window.left, patch.window.top) for ring in outline]
-            mask = squares_on_mask(patch.values, condition.noise, rng, boundary=boundary)
+            side = square_side(condition.noise, float(patch.values.sum()), condition.squares)
+            mask = squares_on_mask(patch.values, condition.noise, rng, side=side, boundary=boundary)
         changed.append(MaskPatch(mask, patch.window))
     return changed
 
@@ -314,8 +315,10 @@ def disturbed_rings(rings: list[Array], condition: Condition, rng: np.random.Gen
     """The rings of a world region as the condition disturbs them."""
     if condition.noise == 0.0 or condition.side == "2d":
         return rings
-    change = squares_on_region if condition.disturbance == "squares" else occlude_region
-    return change(rings, condition.noise, rng)
+    if condition.disturbance == "occlusion":
+        return occlude_region(rings, condition.noise, rng)
+    side = square_side(condition.noise, float(np.linalg.norm(area_vector(rings))), condition.squares)
+    return squares_on_region(rings, condition.noise, rng, side=side)
 
 
 def scanned_regions(scan: LidarScan, members: Mapping[int, NDArray[np.intp]], known: Scan) -> dict[int, WorldRegion]:
