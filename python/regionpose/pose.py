@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import finite_array, read_only, real_array
 
 if TYPE_CHECKING:
@@ -214,6 +215,7 @@ class Pose:
         shift = finite_array(origin, "origin", (3,))
         return Pose(self.rotation, self.translation + self.rotation_matrix @ shift)
 
+    @checked_arguments
     def increment_to(self, other: Pose) -> Array:
         """The left increment `[omega (rad), tau]` (6,) that takes the pose to another, as covariances are of."""
         turn = other.rotation * self.rotation.inv()

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.clouds import Cloud
 from regionpose.estimation.warning import PoseWarning
@@ -72,6 +73,7 @@ SAME_UNIT = 1e-6
 """Relative difference of two units that are one: the US survey foot and the international one differ by 2e-6."""
 
 
+@checked_arguments
 def check_regions(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
@@ -104,6 +106,7 @@ def check_regions(
     )
 
 
+@checked_arguments
 def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
     """Warnings where a calibration does not seem to be that of a photo, or to be one at all.
 

@@ -37,7 +37,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("_core",),
     ("text_error",),
     ("json_text", "yaml_text"),
-    ("arrays", "extras", "outputs", "progress", "units"),
+    ("arguments", "arrays", "extras", "outputs", "progress", "units"),
     ("reading",),
     ("bags",),
     ("cameras", "clouds", "pose"),

@@ -200,8 +200,8 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.Prior(initial=np.eye(4)), "initial is a ndarray; needed a Pose"),  # type: ignore[arg-type]
     (lambda: rp.Prior(up={}), "up is a dict that is not an array|up is an array of type object; it needs"),  # type: ignore[arg-type]
     (lambda: rp.Prior(up="north"), "up is an array of type <U5; it needs to be an"),
-    (lambda: rp.estimate_pose(CAMERA, None, [WORLD]), "found a NoneType; needed a list of ImageRegions"),  # type: ignore[arg-type]
-    (lambda: rp.estimate_pose(CAMERA, [IMAGE], 7), "found a int; needed a list of WorldRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_pose(CAMERA, None, [WORLD]), "image_regions is a NoneType; needed a list of ImageRegions"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_pose(CAMERA, [IMAGE], 7), "world_regions is a int; needed a list of WorldRegions"),  # type: ignore[arg-type]
     (lambda: rp.estimate_poses(None), "found a NoneType; needed a list of problems"),  # type: ignore[arg-type]
     (lambda: rp.estimate_poses([5]), r"problem 0: found a int; needed \(camera, image_regions"),  # type: ignore[list-item]
     (lambda: rp.estimate_poses([(CAMERA, [IMAGE])]), "problem 0: found 2 items; needed"),  # type: ignore[list-item]
@@ -238,8 +238,8 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: WORLD.seen_from(LIFTED[0] + 3.0 * (LIFTED[1] - LIFTED[0])), "off the region's plane at a distance of"),
     (lambda: rp.estimate_pose(CAMERA, [], []), "there are 0 observed and 0 world regions; there need to be as many"),
     (lambda: rp.estimate_pose(CAMERA, [IMAGE], [WORLD, WORLD]), "there are 1 observed and 2 world regions"),
-    (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), "region 0 is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
-    (lambda: rp.estimate_pose("cam", [IMAGE], [WORLD]), "camera is a str; needed one of the regionpose"),  # type: ignore[arg-type]
+    (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), r"image_regions\[0\] is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
+    (lambda: rp.estimate_pose("cam", [IMAGE], [WORLD]), "camera is a str; needed a Camera"),  # type: ignore[arg-type]
     (lambda: kernels.planar_moments([SQUARE], -1), "order is -1; it needs to be 0 to 8"),
     (lambda: kernels.spherical_moments([LIFTED], 9), "order is 9; it needs to be 0 to 8"),
     (lambda: kernels.planar_moments([SQUARE], 10**30), "order is a int; it needs to be a whole number from 0 to 8"),

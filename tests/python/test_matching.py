@@ -274,7 +274,7 @@ def test_bad_input_is_named() -> None:
     image, world = seen(facade_letter()), rp.WorldRegion.from_polygon(facade_letter())
     with pytest.raises(ValueError, match="there are 0 image and 1 world regions; needed at least one each"):
         rp.match_regions(CAMERA, [], [world])
-    with pytest.raises(ValueError, match="region 1 is a str; needed a WorldRegion"):
+    with pytest.raises(ValueError, match=r"world_regions\[1\] is a str; needed a WorldRegion"):
         rp.match_regions(CAMERA, [image], [world, "wall"])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="camera is a NoneType"):
         rp.match_regions(None, [image], [world])  # type: ignore[arg-type]

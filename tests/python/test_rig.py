@@ -374,7 +374,7 @@ def test_other_cameras_are_not_refined() -> None:
         ValueError, match="camera is a UnifiedCamera; a PinholeCamera or a FisheyeCamera can be refined"
     ):
         rp.estimate_rig(camera, frames, refine_camera=("focal",))
-    with pytest.raises(ValueError, match="camera is a str; needed one of the regionpose cameras"):
+    with pytest.raises(ValueError, match="camera is a str; needed a Camera"):
         rp.estimate_rig("camera", frames)  # type: ignore[arg-type]
 
 

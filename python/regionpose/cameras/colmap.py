@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import SupportsFloat
 
+from regionpose.arguments import checked_arguments
 from regionpose.cameras.base import Camera, finite_numbers
 from regionpose.cameras.fisheye import FisheyeCamera
 from regionpose.cameras.pinhole import PinholeCamera
@@ -69,6 +70,7 @@ def camera_from_colmap(
     return PinholeCamera(fx, fy, *center, distortion=_distortion(held), width=width, height=height)
 
 
+@checked_arguments
 def camera_to_colmap(camera: Camera) -> tuple[str, int | None, int | None, list[float]]:
     """Model, width, height and parameters of a camera, as `camera_from_colmap` takes them.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from regionpose.arguments import checked_arguments
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import COLOR_NAMES, COORDINATES
 from regionpose.clouds.errors import cloud_error
@@ -21,6 +22,7 @@ LARGEST_WHOLE = 2**53
 COLORS = COLOR_NAMES[0]
 
 
+@checked_arguments
 def write_ply(path: str | Path, cloud: Cloud, *, overwrite: bool = False) -> Path:
     """The path of the PLY file written: binary little-endian, world coordinates as doubles.
 

@@ -58,8 +58,7 @@ def estimate_poses(
     -------
     list of PoseEstimate or PoseError
         In place of an estimate a PoseError: that of `estimate_pose` where no pose shows every region, or one that says
-        what is wrong with a problem that is refused: its camera, a region, a mask of another size, other numbers of
-        both.
+        what is wrong with a problem that is refused, such as a mask of another size.
 
     Raises
     ------

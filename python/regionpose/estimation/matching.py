@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import real_rows
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
@@ -81,6 +82,7 @@ class RegionMatches:
     warnings: tuple[PoseWarning, ...]
 
 
+@checked_arguments
 def match_regions(
     camera: Camera,
     image_regions: Sequence[ImageRegion],

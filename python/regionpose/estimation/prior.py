@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose import _core
+from regionpose.arguments import checked_arguments
 from regionpose.pose import Pose
 
 SIGMAS = ("up_sigma_deg", "initial_rotation_sigma_deg", "initial_center_sigma_m", "camera_near_sigma_m")
@@ -97,6 +98,7 @@ class Prior:
             camera_near=None if near is None else np.asarray(near) - shift,
         )
 
+    @checked_arguments
     def started_at(self, pose: Pose) -> Prior:
         """The same with a start in place of the rough pose."""
         return replace(self, initial=pose, initial_rotation_sigma_deg=None, initial_center_sigma_m=None)

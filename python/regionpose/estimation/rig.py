@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.contours import Contours, contours_of, distances_of, robust_sigma
@@ -175,6 +176,7 @@ class RigEstimate:
         return self.estimate.translation_sigma_m
 
 
+@checked_arguments
 def estimate_rig(
     camera: Camera,
     frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
@@ -390,7 +392,7 @@ def _checked_frames(
     camera: Camera, frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]]
 ) -> list[Frame]:
     if not isinstance(camera, Camera):
-        raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
+        raise ValueError(f"camera is a {type(camera).__name__}; needed a Camera")
     try:
         listed = list(frames)
     except TypeError as error:

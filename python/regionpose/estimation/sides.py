@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.options import Integration, Solver
 from regionpose.estimation.prior import Prior
@@ -41,6 +42,7 @@ def problem_of(
     )
 
 
+@checked_arguments
 def overlap_errors(
     camera: Camera, image_regions: Sequence[ImageRegion], world_regions: Sequence[WorldRegion], pose: Pose
 ) -> tuple[float, Array]:
@@ -73,7 +75,7 @@ def overlap_errors(
 def check_camera(camera: Camera, image_regions: Sequence[ImageRegion]) -> list[ImageRegion]:
     """The regions as a list; ValueError unless it is a camera whose image has the shape of each region's mask."""
     if not isinstance(camera, Camera):
-        raise ValueError(f"camera is a {type(camera).__name__}; needed one of the regionpose cameras")
+        raise ValueError(f"camera is a {type(camera).__name__}; needed a Camera")
     regions = checked_regions(image_regions, ImageRegion)
     for index, region in enumerate(regions):
         if region.mask is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate, answer_of
 from regionpose.estimation.options import Solver, checked_solver
@@ -14,6 +15,7 @@ from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 
 
+@checked_arguments
 def estimate_pose(
     camera: Camera,
     image_regions: Sequence[ImageRegion],

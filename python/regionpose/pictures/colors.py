@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
 from scipy.spatial import cKDTree
 
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import checked_image, real_rows
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
@@ -67,6 +68,7 @@ class _Projection(NamedTuple):
     distances: Floats
 
 
+@checked_arguments
 def colorize(
     points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
 ) -> tuple[Bytes, Mask]:
@@ -140,8 +142,11 @@ def blend_colors(
     facing = None if normals is None else _checked_normals(normals, len(given))
     tolerance = _checked_tolerance(depth_tolerance)
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
+    if not isinstance(views, Iterable):
+        raise ValueError(f"views is a {type(views).__name__}; needed a list of (image, camera, pose)")
     count = 0
-    for image, camera, pose in views:
+    for view in views:
+        image, camera, pose = _checked_view(view, f"view {count}")
         colors = checked_image(image)
         camera.check_size(colors.shape, f"image of view {count}")
         count += 1
@@ -186,6 +191,17 @@ def project_points(
         unseen = ~_visible(projection, size, DEPTH_TOLERANCE)
         projection.pixels[unseen], projection.distances[unseen] = np.nan, np.nan
     return projection.pixels, projection.distances
+
+
+def _checked_view(view: object, item: str) -> PosedImage:
+    """The view, if it is an image, a camera and a pose; ValueError for others."""
+    if not isinstance(view, tuple) or len(view) != len(PosedImage._fields):
+        raise ValueError(f"{item} is a {type(view).__name__}; needed a tuple (image, camera, pose)")
+    image, camera, pose = view
+    for name, value, kind in (("camera", camera, Camera), ("pose", pose, Pose)):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name} of {item} is a {type(value).__name__}; needed a {kind.__name__}")
+    return PosedImage(image, camera, pose)
 
 
 def _checked_normals(normals: ArrayLike, count: int) -> Floats:

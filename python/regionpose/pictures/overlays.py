@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
@@ -46,6 +47,7 @@ BACKGROUND_SHARE = 0.55
 """Brightness that is left of the gray image under a colored cloud."""
 
 
+@checked_arguments
 def overlay_regions(
     image: ArrayLike,
     camera: Camera,
@@ -126,6 +128,7 @@ def _checked_pairs(
     return observed
 
 
+@checked_arguments
 def overlay_depth(
     image: ArrayLike,
     camera: Camera,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import read_only, ring_list, signed_area
 from regionpose.cameras import Camera
 from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
@@ -203,6 +204,7 @@ class ImageRegion:
         right, bottom = np.maximum.reduce(vertices).tolist()
         return left, top, right, bottom
 
+    @checked_arguments
     def bearings(self, camera: Camera) -> list[Array]:
         """The rings as bearings (m, 3), split so that arcs between neighbors stay within 0.01 px of the pixel edges.
 
@@ -210,16 +212,19 @@ class ImageRegion:
         """
         return [ring_bearings(camera, ring, index) for index, ring in enumerate(self.rings_on_border(camera))]
 
+    @checked_arguments
     def rings_on_border(self, camera: Camera) -> Sequence[Array]:
         """The rings (n, 2), edges drawn along the border of the image moved onto it."""
         if self._is_clear_of(self._border(camera)):
             return self.rings
         return [self._on_sides(camera, ring)[0] for ring in self.rings]
 
+    @checked_arguments
     def on_border(self, camera: Camera) -> list[Marks]:
         """For each ring (n, 2), whether the edges that start at its vertices lie on the border of the image, (n,)."""
         return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
 
+    @checked_arguments
     def foreign_edges(self, camera: Camera) -> list[Marks]:
         """For each ring (n, 2), whether the edges that start at its vertices are not the region's own, (n,): they lie
         on the border of the image, or are hidden.
@@ -227,6 +232,7 @@ class ImageRegion:
         on_border = self.on_border(camera)
         return on_border if self.hidden is None else [a | b for a, b in zip(on_border, self.hidden, strict=True)]
 
+    @checked_arguments
     def hidden_bearings(self, camera: Camera) -> list[Array]:
         """The hidden edges as lines of bearings (m, 3), each as far as they go on; ValueError where the camera sees no
         ray.
@@ -237,6 +243,7 @@ class ImageRegion:
         lines = [line for ring, marks in rings for line in marked_lines(ring, marks)]
         return [line_bearings(camera, line, "a hidden edge") for line in lines]
 
+    @checked_arguments
     def border_bearings(self, camera: Camera) -> list[Array]:
         """The sides of the border along which the region is cut, as lines of bearings (m, 3).
 
@@ -290,6 +297,7 @@ class ImageRegion:
                 moved[on_side[index] | np.roll(on_side[index], 1) | beyond, axis] = place
         return moved, on_side
 
+    @checked_arguments
     def pixel_bearings(self, camera: Camera) -> tuple[Array, Array]:
         """Bearings (m, 3) of the mask's pixels and the solid angle (m,) of each that the mask covers (paper eq. 6, 7).
 

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.frame_scatter import FrameScatter
@@ -148,6 +149,7 @@ def _prior(frames: Sequence[SceneSides]) -> Prior:
     return scene_prior(frames[0].scene, _scanner(frames))
 
 
+@checked_arguments
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     """The pose of a scene, of one photo or of several frames.
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.moved import moved_estimate
@@ -26,6 +27,7 @@ from regionpose.witness.refinement import SceneRefinement, refine_with_scene
 from regionpose.witness.steps import checked_intensity, checked_points
 
 
+@checked_arguments
 def estimate_with_scene(
     camera: Camera,
     image_regions: Sequence[ImageRegion],

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from numpy.typing import ArrayLike
 
+from regionpose.arguments import check_fields, checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.sides import check_camera
 from regionpose.pose import Pose
@@ -57,6 +58,7 @@ class SceneFrame:
 
     def __post_init__(self) -> None:
         """Check that camera, photo and masks are of one size."""
+        check_fields(self)
         check_camera(self.camera, self.regions)
         self.camera.check_size(self.photo.shape)
 
@@ -65,6 +67,7 @@ class SceneFrame:
         """The image, as its edges are looked for."""
         return self.image if isinstance(self.image, Photo) else Photo.of(self.image)
 
+    @checked_arguments
     def steps(self, pose: Pose) -> Steps:
         """The steps of the points that the camera would see at a pose; ValueError for points of another shape."""
         check_wanted()
@@ -80,12 +83,14 @@ class SceneFrame:
         """Those that were looked at last: to find them takes longer than all else."""
         return {}
 
+    @checked_arguments
     def alignment(self, pose: Pose) -> Alignment:
         """How well photo and points agree at a pose, as of `check_alignment`."""
         hidden = occlusions(self.regions, self.world_regions, self.points, self.camera, pose)
         return aligned(self.photo, self.camera, self.steps(pose), beside(self.regions), hidden)
 
 
+@checked_arguments
 def check_alignment(
     image: ArrayLike | Photo,
     points: ArrayLike,

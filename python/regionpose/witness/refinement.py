@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
+from regionpose.arguments import checked_arguments
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
 from regionpose.witness.evidence import Evidence
@@ -76,6 +77,7 @@ class SceneRefinement:
         return float(np.linalg.norm(self.pose.camera_center - self.before.camera_center))
 
 
+@checked_arguments
 def refine_with_scene(pose: Pose, covariance: ArrayLike, scene: Sequence[SceneFrame]) -> SceneRefinement:
     """The pose near a given one at which steps of the frames' points lie on the edges of their photos.
 
