@@ -15,6 +15,7 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.evaluation import load_templates, perspective_scene, template_named
 from regionpose.evaluation.planar import even_odd_shape
+from regionpose.evaluation.studies.study import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -82,7 +83,7 @@ def solved(
     """The estimate from the exact images of world regions."""
     images = [image_of(camera, pose, rings) for rings in regions]
     worlds = [rp.WorldRegion.from_polygon(rings) for rings in regions]
-    return rp.estimate_pose(camera, images, worlds, prior=prior, solver=rp.Solver(**options))
+    return rp.estimate_pose(camera, images, worlds, prior=prior, solver=rp.Solver(**EXACT_EXPOSURE | options))
 
 
 TURN = Rotation.from_rotvec([0.3, -0.4, 0.5])

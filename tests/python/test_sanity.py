@@ -68,6 +68,7 @@ def test_a_resized_photo_gives_the_same_pose_where_the_scene_says_so(tmp_path: P
     """Polygons are drawn on the photo as it is: a pixel u of the calibrated size is (u + 0.5) / 2 - 0.5."""
     values = scene_values()
     values["camera"]["resized"] = True
+    values["solver"] = {"max_rotation_sigma_deg": 2.0}
     for region in values["regions"]:
         region["image"]["polygon"] = (0.5 * (np.array(region["image"]["polygon"]) + 0.5) - 0.5).tolist()
     path = write_scene(tmp_path, values)

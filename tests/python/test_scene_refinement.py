@@ -17,6 +17,7 @@ from regionpose.scene import SceneEstimate, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
 from regionpose.scene.verdict import DOUBTFUL, verdict
+from regionpose.units import length_text
 from regionpose.yaml_text import to_yaml
 from scene_files import write_scene
 
@@ -114,4 +115,4 @@ def test_right_focal_lengths_are_not_contradicted(tmp_path: Path) -> None:
     assert all(warning.code != "focal-contradicted" for warning in run.estimate.warnings)
     # What is 5 m away comes about 5 cm nearer.
     assert focal.shift_m == pytest.approx(0.05, rel=0.3)
-    assert f"; focal lengths 1 % off would move it by {1000.0 * focal.shift_m:.1f} mm." in verdict(run).headline
+    assert f"; focal lengths 1 % off would move it by {length_text(focal.shift_m)}." in verdict(run).headline

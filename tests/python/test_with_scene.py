@@ -12,6 +12,7 @@ from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards, painted
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
+from regionpose.evaluation.studies.study import EXACT_EXPOSURE
 from regionpose.scene.verdict import DOUBTFUL, TRUSTED, verdict
 from regionpose.yaml_text import to_yaml
 from scipy.spatial.transform import Rotation
@@ -39,7 +40,7 @@ def judged(shapes: list[Array], turn: Rotation = STRAIGHT, **known: Any) -> rp.W
     seen, world = regions(shapes, turn)
     images = [rp.ImageRegion.from_polygon(ring) for ring in seen]
     worlds = [rp.WorldRegion.from_polygon(ring) for ring in world]
-    return rp.estimate_with_scene(CAMERA, images, worlds, *cards(3), **known)
+    return rp.estimate_with_scene(CAMERA, images, worlds, *cards(3), **{"solver": rp.Solver(**EXACT_EXPOSURE), **known})
 
 
 def alone(shapes: list[Array]) -> rp.PoseEstimate:
@@ -49,6 +50,7 @@ def alone(shapes: list[Array]) -> rp.PoseEstimate:
         CAMERA,
         [rp.ImageRegion.from_polygon(ring) for ring in seen],
         [rp.WorldRegion.from_polygon(ring) for ring in world],
+        solver=rp.Solver(**EXACT_EXPOSURE),
     )
 
 
@@ -65,6 +67,7 @@ def scene_file(
     ]
     camera = {"model": "pinhole", "fx": 500.0, "fy": 500.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
     values = {"camera": camera, "image": "photo.png", "cloud": "cloud.ply", "sensor_origin": None, "regions": listed}
+    values["solver"] = dict(EXACT_EXPOSURE)
     (folder / "scene.yaml").write_text(to_yaml(values), encoding="utf-8")
     return folder / "scene.yaml"
 
@@ -110,7 +113,7 @@ def test_the_scene_chooses_the_answer_of_a_rectangle() -> None:
 
 def test_what_is_known_and_chosen_reaches_the_estimate() -> None:
     up = POSE.rotation.inv().apply([0.0, -1.0, 0.0])
-    estimate, witness = judged([DOOR], prior=rp.Prior(up=up), solver=rp.Solver(driver="native"))
+    estimate, witness = judged([DOOR], prior=rp.Prior(up=up), solver=rp.Solver(driver="native", **EXACT_EXPOSURE))
     assert witness.answers == 2 and turned_deg(estimate.pose) < NEAR_DEG
 
 

@@ -153,7 +153,21 @@ def estimate(confidences: list[float], *codes: str) -> PoseEstimate:
     warnings = tuple(PoseWarning(code, "as it was") for code in codes)
     nothing = np.zeros(1)
     return PoseEstimate(
-        poses[0], np.eye(6), first, first, 0.01, nothing, 0.1, None, tuple(others), warnings, True, "", 1
+        poses[0],
+        np.eye(6),
+        first,
+        first,
+        0.01,
+        nothing,
+        0.1,
+        None,
+        tuple(others),
+        warnings,
+        True,
+        "",
+        1,
+        5.0,
+        np.zeros(6),
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 System = Literal["plane", "sphere"]
 Integration = Literal["boundary", "mesh", "pixels"]
@@ -38,16 +39,16 @@ class Solver:
     driver : {"scipy", "native"} or None
         What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
         rigs; both reach the same minimum. Batches are always native.
-    frame_sigma_deg, frame_sigma_m, focal_sigma : float
+    frame_sigma_deg, frame_sigma_m, focal_sigma_percent : float
         Standard deviations of the error of a whole exposure, which calibration, time and scan add and no contour shows:
         of the rotation about each axis, degrees; of the camera's place along each, meters, where regions are those of a
-        scan; of the focal lengths, as a share of them. They count in the covariance (docs/math.md, eq. 10.8); 0, 0 and
+        scan; of the focal lengths, percent. They count in the covariance (docs/math.md, eq. 10.8); 0, 0 and
         0 for simulated exposures. A rig estimates the first two itself.
     max_rotation_sigma_deg : float
         Largest standard deviation of the rotation, degrees, of a pose that is trusted: of a larger one
         `weak-geometry` warns.
-    max_translation_sigma : float
-        The same of the translation, over the median distance of the regions.
+    max_translation_sigma_percent : float
+        The same of the translation, percent of the regions' median distance.
 
     Raises
     ------
@@ -60,7 +61,8 @@ class Solver:
     >>> import regionpose as rp
     >>> rp.Solver(system="sphere", driver="native")
     Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='native', \
-frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma=0.005, max_rotation_sigma_deg=0.5, max_translation_sigma=0.02)
+frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma_percent=0.5, max_rotation_sigma_deg=0.5, \
+max_translation_sigma_percent=2.0)
 
     """
 
@@ -72,19 +74,23 @@ frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma=0.005, max_rotation_sigma_d
     driver: Driver | None = None
     frame_sigma_deg: float = 0.1
     frame_sigma_m: float = 0.03
-    focal_sigma: float = 0.005
+    focal_sigma_percent: float = 0.5
     max_rotation_sigma_deg: float = 0.5
-    max_translation_sigma: float = 0.02
+    max_translation_sigma_percent: float = 2.0
 
     @property
     def frame_sigma(self) -> tuple[float, float, float]:
         """The error of a whole exposure, as the core takes it."""
-        return self.frame_sigma_deg, self.frame_sigma_m, self.focal_sigma
+        return self.frame_sigma_deg, self.frame_sigma_m, 0.01 * self.focal_sigma_percent
 
     @property
     def limits(self) -> tuple[float, float]:
         """The limits of a trusted pose, as the core takes them."""
-        return self.max_rotation_sigma_deg, self.max_translation_sigma
+        return self.max_rotation_sigma_deg, 0.01 * self.max_translation_sigma_percent
+
+    def focal_covariance(self, focal_shift: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the error of the focal lengths adds to the covariance (6, 6) of a pose of this `focal_shift` (6,)."""
+        return (0.01 * self.focal_sigma_percent) ** 2 * np.outer(focal_shift, focal_shift)
 
     def __post_init__(self) -> None:
         """Check words and numbers."""
@@ -119,7 +125,13 @@ WORDS: dict[str, tuple[str | None, ...]] = {
 """The words that each option may be."""
 
 
-NUMBERS = ("frame_sigma_deg", "frame_sigma_m", "focal_sigma", "max_rotation_sigma_deg", "max_translation_sigma")
+NUMBERS = (
+    "frame_sigma_deg",
+    "frame_sigma_m",
+    "focal_sigma_percent",
+    "max_rotation_sigma_deg",
+    "max_translation_sigma_percent",
+)
 """The options that are numbers of at least 0."""
 
 

@@ -225,7 +225,7 @@ def estimate_rig(
     rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
     if len(listed) > 1:
         # How far frames are off as wholes is estimated below.
-        rig = replace(rig, solver=replace(rig.solver, frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma=0.0))
+        rig = replace(rig, solver=replace(rig.solver, frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma_percent=0.0))
     if names and all(region.is_line for region in _sides(listed)[1]):
         raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
     estimate = rig.joint(listed)
@@ -241,7 +241,7 @@ def estimate_rig(
     if found is not None:
         pose = estimate.pose.moved(found.increment)
         # An error of the focal lengths is the same in all frames.
-        covariance = found.covariance + options.focal_sigma**2 * np.outer(estimate.focal_shift, estimate.focal_shift)
+        covariance = found.covariance + options.focal_covariance(estimate.focal_shift)
         estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
     elif len(listed) > 1:
         # Nothing tells how far frames are off.

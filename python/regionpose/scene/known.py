@@ -22,9 +22,9 @@ def scene_solver(scene: Scene) -> Solver:
         driver=item.driver,
         frame_sigma_deg=item.frame_sigma_deg,
         frame_sigma_m=item.frame_sigma_m,
-        focal_sigma=item.focal_sigma,
+        focal_sigma_percent=item.focal_sigma_percent,
         max_rotation_sigma_deg=item.max_rotation_sigma_deg,
-        max_translation_sigma=item.max_translation_sigma,
+        max_translation_sigma_percent=item.max_translation_sigma_percent,
     )
 
 

@@ -398,15 +398,15 @@ class SolverItem(Item):
     frame_sigma_m: Annotated[NotNegative, Field(description="the same of the camera's place, meters")] = (
         Solver.frame_sigma_m
     )
-    focal_sigma: Annotated[
-        NotNegative, Field(description="standard deviation of the calibration's focal lengths, as a share of them")
-    ] = Solver.focal_sigma
+    focal_sigma_percent: Annotated[
+        NotNegative, Field(description="standard deviation of the calibration's focal lengths, percent")
+    ] = Solver.focal_sigma_percent
     max_rotation_sigma_deg: Annotated[
         NotNegative, Field(description="largest standard deviation of the rotation of a trusted pose, degrees")
     ] = Solver.max_rotation_sigma_deg
-    max_translation_sigma: Annotated[
-        NotNegative, Field(description="the same of the translation, over the median distance of the regions")
-    ] = Solver.max_translation_sigma
+    max_translation_sigma_percent: Annotated[
+        NotNegative, Field(description="the same of the translation, percent of the regions' median distance")
+    ] = Solver.max_translation_sigma_percent
 
 
 class CloudFile(Item):

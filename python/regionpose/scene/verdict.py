@@ -39,7 +39,7 @@ ADVICE = {
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
     "weak-geometry": "Add a region in another plane or further from the others, or more frames; or, if this is precise"
-    " enough, raise solver.max_rotation_sigma_deg or solver.max_translation_sigma.",
+    " enough, raise solver.max_rotation_sigma_deg or solver.max_translation_sigma_percent.",
 }
 """What to do about each warning whose message doesn't say so itself."""
 

@@ -116,16 +116,27 @@ def refined_estimate(
     The estimate's covariance holds what the edges of all frames share beside their noise: the error of each whole
     exposure, to the solver's deviations, and of the focal lengths.
     """
-    found = refine_with_scene(estimate.pose, estimate.covariance, scene)
-    focal = focal_evidence(estimate, scene, estimated, found.pose if found.refined else None)
+    # With the focal lengths as they are given; what an error of these does to regions and edges is added after.
+    given = _at_given_focal(estimate, solver)
+    found = refine_with_scene(given.pose, given.covariance, scene)
+
+    def zoomed(other: Camera, pose: Pose) -> PoseEstimate:
+        return _at_given_focal(estimated(other, pose), solver)
+
+    focal = focal_evidence(given, scene, zoomed, found.pose if found.refined else None)
     found = replace(found, focal=focal)
     covariance = estimate.covariance
     if found.refined:
-        covariance = found.covariance + _shared_error(solver, len(scene))
-        # What the edges share, too: the regions' own covariance holds it.
-        if focal is not None:
-            covariance = covariance + np.outer(focal.shift, focal.shift) * (100.0 * solver.focal_sigma) ** 2
+        shift = estimate.focal_shift if focal is None else 100.0 * focal.shift
+        covariance = found.covariance + _shared_error(solver, len(scene)) + solver.focal_covariance(shift)
     return moved_estimate(estimate, found.pose, covariance, camera, image_regions, world_regions, solver), found
+
+
+def _at_given_focal(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
+    """The estimate with the covariance that it has if the focal lengths are without error."""
+    if not np.isfinite(estimate.covariance).all():
+        return estimate
+    return replace(estimate, covariance=estimate.covariance - solver.focal_covariance(estimate.focal_shift))
 
 
 def _shared_error(solver: Solver, frames: int) -> NDArray[np.float64]:

@@ -199,6 +199,8 @@ def error_sigmas(problem: StudyProblem, pose: Pose, covariance: Array) -> float:
 
 
 def _over_sigma(error: Array, covariance: Array) -> float:
+    if not np.isfinite(covariance).all():
+        return 0.0
     squared, variance = float(error @ error), float(error @ covariance @ error)
     return squared / variance**0.5 if variance > 0.0 else float("inf")
 

@@ -153,7 +153,7 @@ class Study:
             return failed_row(error, problem)
 
 
-EXACT = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma": 0.0}
+EXACT_EXPOSURE = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma_percent": 0.0}
 """Solver options of an exposure whose calibration, time and scan are without error."""
 
 
@@ -161,7 +161,7 @@ def estimate_options(problem: StudyProblem, solver: str, *, exact_exposure: bool
     """Prior and solver for a problem: the condition's options, what these say of a prior added to what is known."""
     options = solver_options(solver)
     told = options.pop("prior", {})
-    return replace(problem.prior or Prior(), **told), Solver(**(EXACT if exact_exposure else {}) | options)
+    return replace(problem.prior or Prior(), **told), Solver(**(EXACT_EXPOSURE if exact_exposure else {}) | options)
 
 
 def versions() -> dict[str, str]:
