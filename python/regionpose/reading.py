@@ -12,6 +12,7 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
+from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
 from numpy.typing import NDArray
@@ -203,6 +204,21 @@ def read_json(path: Path) -> Any:
         raise FileError(f"{path}: {error.place}{error}") from error
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: found a binary file; needed JSON in UTF-8") from error
+
+
+def read_xml(path: Path) -> Element:
+    """The root of an XML file in UTF-8; FileError for other files, and for one that declares entities, which may unfold
+    without limit. FileNotFoundError.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        if "<!DOCTYPE" in text:
+            raise FileError(f"{path}: found a document type; needed XML without one")
+        return fromstring(text)
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: found a binary file; needed XML in UTF-8") from error
+    except ParseError as error:
+        raise FileError(f"{path}: found no XML ({error}); needed whole XML") from error
 
 
 def whole_number(word: str) -> int | None:

@@ -13,7 +13,8 @@ from regionpose.scene.document import Document, Place, SceneError, brief, docume
 from regionpose.scene.loading import Scene, scene_of
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import moved, relative
-from regionpose.segmentation.mask_files import MaskItem, file_items
+from regionpose.segmentation.mask_files import file_items
+from regionpose.segmentation.mask_items import MaskItem
 from regionpose.yaml_text import to_yaml
 
 Values = dict[str, Any]

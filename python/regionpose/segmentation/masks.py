@@ -9,13 +9,14 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from shapely.geometry.polygon import orient
 
 from regionpose import _core
 from regionpose.arrays import sample_bits
 from regionpose.reading import read_pixels
 from regionpose.regions.image import ImageRegion
-from regionpose.segmentation.mask_files import MaskItem, MasksOfFile, file_items, run_length_mask, size_of
+from regionpose.segmentation.coco import run_length_mask
+from regionpose.segmentation.mask_files import MasksOfFile, file_items
+from regionpose.segmentation.mask_items import MaskItem, polygon_rings, size_of
 
 Array = NDArray[np.float64]
 
@@ -257,15 +258,7 @@ def _region_of(item: MaskItem, path: str | Path, panorama: bool = False) -> Imag
         if not item.polygons or (panorama and len(item.polygons) > 1):
             return ImageRegion.from_mask(item.mask(), panorama=panorama)
         if len(item.polygons) == 1:
-            return ImageRegion.from_polygon(item.polygons[0])
-        return ImageRegion(tuple(_core.plane_rings(_union_rings(item.polygons), polygon=False)))
+            return ImageRegion.from_polygon(item.polygons[0].points)
+        return ImageRegion(tuple(_core.plane_rings(polygon_rings(item.polygons), polygon=False)))
     except (ValueError, shapely.errors.ShapelyError) as error:
         raise ValueError(f"{path}, region {item.name!r}: {error}") from error
-
-
-def _union_rings(polygons: list[Array]) -> list[Array]:
-    """Rings of the union, outer ones counter-clockwise, holes the other way."""
-    union = shapely.union_all([shapely.make_valid(shapely.Polygon(polygon)) for polygon in polygons])
-    faces = [orient(part) for part in shapely.get_parts(union) if isinstance(part, shapely.Polygon)]
-    rings = [ring for face in faces for ring in (face.exterior, *face.interiors)]
-    return [np.asarray(ring.coords)[:-1] for ring in rings]
