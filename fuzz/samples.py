@@ -7,6 +7,7 @@ import json
 import struct
 import sys
 import tempfile
+from base64 import b64encode
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -73,6 +74,33 @@ LABELME = {
         {"label": "sign", "points": [[1, 1], [5, 4]], "shape_type": "rectangle"},
     ],
 }
+RUNS = {"size": [12, 16], "counts": [20, 30, 142]}
+SAM = [{"segmentation": RUNS, "area": 30}, {"segmentation": {"size": [12, 16], "counts": "d0n0^4"}, "area": 30}]
+SIZE = {"original_width": 16, "original_height": 12, "image_rotation": 0}
+BRUSH = [0, 0, 3, 0, 57, 27, 255, 1, 19, 0, 195, 127, 248, 140, 3, 13, 255, 226, 48, 12, 55, 255, 192, 83, 192, 0]
+"""As Label Studio packs 12 x 16 pixels of which three rows of seven are covered."""
+LABEL_STUDIO = [
+    {
+        "id": 1,
+        "data": {"image": "/data/upload/photo.png"},
+        "annotations": [
+            {
+                "result": [
+                    {**SIZE, "value": {"points": [[5, 5], [80, 10], [60, 90]], "polygonlabels": ["door"]}},
+                    {**SIZE, "value": {"x": 10, "y": 10, "width": 50, "height": 40, "rectanglelabels": ["sign"]}},
+                    {**SIZE, "value": {"format": "rle", "rle": BRUSH, "brushlabels": ["lamp"]}},
+                ]
+            }
+        ],
+    }
+]
+CVAT = """<?xml version="1.0" encoding="utf-8"?>
+<annotations><version>1.1</version><image id="0" name="photo.png" width="16" height="12">
+<polygon label="door" points="1.00,1.00;9.00,1.00;9.00,9.00"></polygon>
+<box label="sign" xtl="1.0" ytl="2.0" xbr="8.5" ybr="9.0" rotation="10.00"></box>
+<mask label="lamp" rle="1, 4, 1" left="2" top="3" width="3" height="2"></mask>
+</image></annotations>
+"""
 POSE = {
     "format": "regionpose result 1",
     "camera_from_world": {"matrix": np.eye(4).tolist()},
@@ -145,6 +173,24 @@ def _pictures() -> list[Sample]:
     ]
 
 
+def _labeled() -> dict[str, object]:
+    """Files of labeling tools in JSON, by name."""
+    pixels = b64encode(_image(LABELS[:4, :5] > 1, "png")).decode()
+    shapes = [
+        {"label": "lamp", "points": [[3, 2], [7, 5]], "shape_type": "mask", "mask": pixels},
+        {"label": "wall", "points": [[1, 1], [15, 1], [15, 11], [1, 11]], "group_id": 1},
+        {"label": "wall", "points": [[4, 4], [9, 4], [9, 8]], "group_id": 1},
+        {"label": "__hole__", "points": [[10, 4], [12, 4], [12, 8]]},
+    ]
+    return {
+        "labelme.json": LABELME,
+        "labelme_masks.json": {**LABELME, "shapes": [*LABELME["shapes"], *shapes]},
+        "sam.json": SAM,
+        "sa_1b.json": {"image": {"width": 16, "height": 12}, "annotations": [{**SAM[0], "id": 4}]},
+        "label_studio.json": LABEL_STUDIO,
+    }
+
+
 def _texts() -> list[Sample]:
     from regionpose.calibration.poses import read_pose
     from regionpose.cli.info import file_facts
@@ -159,7 +205,9 @@ def _texts() -> list[Sample]:
         Sample("facts.yaml", to_yaml(SCENE).encode(), file_facts),
         Sample("coco.json", _json(COCO), _every_mask),
         Sample("coco_regions.json", _json(COCO), regions_from_file),
-        Sample("labelme.json", _json(LABELME), _every_mask),
+        *(Sample(name, _json(content), _every_mask) for name, content in _labeled().items()),
+        Sample("cvat.xml", CVAT.encode(), _every_mask),
+        Sample("cvat_regions.xml", CVAT.encode(), regions_from_file),
         Sample("pose.json", _json(POSE), read_pose),
         Sample("lidar.json", _json(lidar), read_pose),
         Sample("result.json", _json(POSE), file_facts),

@@ -113,11 +113,9 @@ def _item(path: Path, result: Entry, item: str) -> MaskItem | None:
     if "points" in value:
         points = _percent(value["points"], size, item)
     elif {"width", "height"} <= value.keys():
-        x, y, width, height = (value.get(key) for key in ("x", "y", "width", "height"))
-        corners = _percent([[x, y], [_sum(x, width, item), _sum(y, height, item)]], size, item)
-        rotation = value.get("rotation", 0)
-        if not isinstance(rotation, int | float):
-            raise ValueError(f"{item} has the rotation {brief(rotation)}; needed degrees")
+        x, y, width, height = (_number(value, key, item) for key in ("x", "y", "width", "height"))
+        corners = _percent([[x, y], [x + width, y + height]], size, item)
+        rotation = _number(value, "rotation", item) if "rotation" in value else 0.0
         points = turned(box_points(*corners[0], *corners[1]), corners[0], rotation)
     else:
         kind = brief(result.get("type"))
@@ -126,10 +124,11 @@ def _item(path: Path, result: Entry, item: str) -> MaskItem | None:
     return polygon_item(name, None, size, [Drawn(pixel_points(points, size, item))])
 
 
-def _sum(one: object, two: object, item: str) -> float:
-    if not (isinstance(one, int | float) and isinstance(two, int | float)):
-        raise ValueError(f"{item} has the corner {brief(one)} and the side {brief(two)}; needed numbers")
-    return one + two
+def _number(value: Entry, key: str, item: str) -> float:
+    try:
+        return float(value[key])
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{item} has {key} {brief(value.get(key))}; needed a number") from error
 
 
 def _percent(points: object, size: tuple[int, int], item: str) -> Array:
@@ -145,17 +144,12 @@ def _percent(points: object, size: tuple[int, int], item: str) -> Array:
 
 def _brush_mask(code: object, size: tuple[int, int], item: str) -> Mask:
     """The mask (h, w) of a brush: its pixels that are covered by half at least."""
-    numbers = np.asarray(code if isinstance(code, list) else ())
-    if numbers.ndim != 1 or numbers.dtype.kind not in "iu" or numbers.size == 0 or not _are_bytes(numbers):
+    if not (isinstance(code, list) and code and all(type(one) is int and 0 <= one <= 255 for one in code)):
         raise ValueError(f"{item} has the rle {brief(code)}; needed whole numbers from 0 to 255")
-    values, ends = _runs(BitReader(numbers.astype(np.uint8)), CHANNELS * size[0] * size[1], item)
+    values, ends = _runs(BitReader(np.array(code, dtype=np.uint8)), CHANNELS * size[0] * size[1], item)
     # Of each pixel the last number says how far it is covered.
     covers = np.diff(ends // CHANNELS, prepend=0)
     return np.repeat(values >= COVERED, covers).reshape(size)
-
-
-def _are_bytes(numbers: NDArray[Any]) -> bool:
-    return bool(numbers.min() >= 0 and numbers.max() <= 255)
 
 
 class BitReader:

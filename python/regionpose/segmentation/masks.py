@@ -1,4 +1,4 @@
-"""Masks and outlines that others made: of label images, COCO and labelme files, and arrays of a segmenter."""
+"""Masks and outlines that others made: of label images, files of labeling tools, and arrays of a segmenter."""
 
 from __future__ import annotations
 
@@ -30,21 +30,23 @@ PER_PIXEL_OF_SHARES = 2
 
 
 def masks_from_file(path: str | Path, *, image: str | int | None = None) -> Mapping[str, Mask]:
-    """Masks (h, w) by name from a label image (PNG, TIFF, ...), a COCO or a labelme file.
+    """Masks (h, w) by name from a label image (PNG, TIFF, ...), or a file of COCO, labelme, Segment Anything, Label
+    Studio or CVAT (XML for images).
 
     Each is made when it is asked for, since all masks of a file may take much more memory than the file: keep the one
     that you use more than once.
 
     A label image has one mask per value other than 0 (per color other than black), named by the value; a single one is
-    named after the file. COCO names come from the categories, labelme's from the labels; those of a name that several
-    have get a number each. Polygons cover the pixels whose center is inside.
+    named after the file. COCO names come from the categories, those of labeling tools from the labels, and Segment
+    Anything's masks are "mask 0" and so on; those of a name that several have get a number each. Polygons cover the
+    pixels whose center is inside.
 
     Parameters
     ----------
     path : str or Path
         Of the file.
     image : str or int, optional
-        Id or file name of the image within a COCO file that holds several.
+        Id or file name of the image within a file that holds several.
 
     Raises
     ------
@@ -67,7 +69,7 @@ def mask_from_file(path: str | Path, label: int | str | None = None, *, image: s
     path : str or Path
         Of the file.
     label : int or str, optional
-        Its name there, the value in a label image, or the id of a COCO annotation; not needed where the file holds one
+        Its name there, the value in a label image, or the id of an annotation; not needed where the file holds one
         region.
     image : str or int, optional
         As of `masks_from_file`.
