@@ -27,6 +27,17 @@ def demo_session(path: Path) -> Session:
     return Session.create(path, sensor_origin=[0.0, 0.0, 0.0], **demo_files())
 
 
+def click_sign(session: Session, place: list[float]) -> None:
+    """Click a face in the cloud until its narrowest proposal is taken, as that of a sign on a wall."""
+    session.click_cloud(place)
+    selected = session.sketch.selected
+    assert selected is not None
+    world = session.sketch.region(selected).world
+    assert world is not None
+    for _ in range(len(world) - 1):
+        session.click_cloud(place)
+
+
 def demo_files() -> DemoFiles:
     """The photo, its camera and the cloud."""
     files = folder()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pick_sessions import BOARD, CHALKBOARD, demo_session
+from pick_sessions import BOARD, CHALKBOARD, click_sign, demo_session
 from regionpose.clouds import Cloud
 from regionpose.pick.desk import Desk
 from regionpose.pick.session import Session
@@ -36,7 +36,7 @@ def inside_of(session: Session, margin: float) -> Callable[[NDArray[np.float64]]
 
 def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tmp_path: Path) -> None:
     session.click_photo(BOARD[0])
-    session.click_cloud(BOARD[1])
+    click_sign(session, BOARD[1])
     session.choose(0, "world", 1)
     whole = session.regions[0].world
     assert whole is not None and whole.chosen.side.indices is not None
@@ -60,7 +60,7 @@ def test_what_is_cut_out_of_a_plane_is_saved_and_read_again(session: Session, tm
 
 def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
     session.click_photo(BOARD[0])
-    session.click_cloud(BOARD[1])
+    click_sign(session, BOARD[1])
     before = session.sketch
     with pytest.raises(ValueError, match="found 0 points inside; needed at least 3"):
         session.cut_cloud(inside_of(session, 0.0), all_of(session))

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from pick_sessions import BOARD, CHALKBOARD, DOOR, demo_session
+from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
 from regionpose.pick import estimator
 from regionpose.pick.desk import Desk
 from regionpose.pick.outcome import Outcome
@@ -33,7 +33,7 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Session:
     held = demo_session(tmp_path_factory.mktemp("pairs") / "scene.yaml")
     for pixel, place in (DOOR, BOARD):
         held.click_photo(pixel)
-        held.click_cloud(place)
+        click_sign(held, place)
     return held
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pick_sessions import BOARD, CHALKBOARD, DOOR, demo_files, demo_session
+from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.demo.scene import folder
 from regionpose.pick.desk import Desk
@@ -32,7 +32,7 @@ def session(tmp_path: Path) -> Session:
 def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(session: Session) -> None:
     for pixel, place in (DOOR, BOARD, CHALKBOARD):
         session.click_photo(pixel)
-        session.click_cloud(place)
+        click_sign(session, place)
     assert [picked.is_paired for picked in session.regions] == [True, True, True]
     run = session.estimate()
     errors = truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))
@@ -60,18 +60,28 @@ def check_measure(run: SceneEstimate, html: str) -> None:
     assert f"{100.0 * share:.1f} %" in html and f"{100.0 * run.estimate.overlap_error:.1f} %" not in html
 
 
-def test_a_click_on_a_sign_takes_its_intensity_and_proposes_the_wall_beside_it(session: Session) -> None:
+def test_a_click_on_a_sign_takes_its_whole_wall_and_a_further_one_there_the_sign(session: Session) -> None:
     session.click_cloud(BOARD[1])
-    world = session.regions[0].world
-    assert world is not None
-    assert len(world) == 2
-    sizes = [
-        len(part.side.indices) for part in (world.at(0).chosen, world.at(1).chosen) if part.side.indices is not None
-    ]
-    assert sizes[0] < 0.2 * sizes[1]
-    session.choose(0, "world", 1)
+    sizes = [points_of(session)]
+    for _ in range(2):
+        session.click_cloud(np.array(BOARD[1]) + [0.0, 0.0, 0.05])
+        sizes.append(points_of(session))
+    assert sizes[1] < 0.2 * sizes[0] and sizes[2] == sizes[0]
+    assert len(session.regions) == 1
     assert session.regions[0].world is not None
-    assert session.regions[0].world.chosen.written == {"seed": BOARD[1]}
+    assert session.regions[0].world.at(0).chosen.written["seed"] == BOARD[1]
+    session.click_cloud(np.array(BOARD[1]) + [0.0, 0.0, 0.8])
+    assert len(session.regions) == 2
+    again = session.regions[1].world
+    assert again is not None and session.regions[0].world.chosen.side.indices is not None
+    # Elsewhere on the wall: the same points.
+    np.testing.assert_array_equal(again.chosen.side.indices, session.regions[0].world.chosen.side.indices)
+
+
+def points_of(session: Session) -> int:
+    world = session.regions[0].world
+    assert world is not None and world.chosen.side.indices is not None
+    return len(world.chosen.side.indices)
 
 
 def test_masks_are_proposed_in_order_of_size(session: Session) -> None:
@@ -142,7 +152,7 @@ def test_a_mask_becomes_a_polygon_whose_edges_can_be_hidden(session: Session, tm
     assert after.chosen.is_polygon
     assert after.chosen.region.area == pytest.approx(before.chosen.region.area, rel=0.02)
     session.edit_polygon(0, after.chosen.rings, [[0, 2], *[[] for _ in after.chosen.rings[1:]]])
-    session.click_cloud(DOOR[1])
+    click_sign(session, DOOR[1])
     session.save()
     read = Session.open(tmp_path / "scene.yaml").regions[0].image
     assert read is not None
@@ -249,7 +259,7 @@ def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) ->
         assert desk.outcome.state == "empty" and session.basis == []
         for _, place in reversed(clicks):
             desk.edit(lambda held: held.select(None))
-            desk.edit(partial(Session.click_cloud, place=place))
+            desk.edit(partial(click_sign, place=place))
         assert not session.pairs and len(session.basis) == 6
         assert settled(desk, "ready"), desk.outcome
         run = desk.outcome.run
@@ -296,7 +306,7 @@ def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
 def clicked(session: Session) -> Session:
     for pixel, place in (DOOR, BOARD):
         session.click_photo(pixel)
-        session.click_cloud(place)
+        click_sign(session, place)
     return session
 
 

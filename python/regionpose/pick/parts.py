@@ -82,10 +82,14 @@ class WorldPart:
 
 @dataclass(frozen=True, eq=False)
 class Choices(Generic[Part]):
-    """Proposals of one click, and which of them is taken. Each is made when it is first looked at."""
+    """Proposals of one click, and which of them is taken. Each is made when it is first looked at.
+
+    `place`: the point (x, y, z) of the world that was clicked, where it was one.
+    """
 
     makers: tuple[Callable[[], Part], ...]
     index: int = 0
+    place: tuple[float, float, float] | None = None
 
     @cached_property
     def chosen(self) -> Part:

@@ -17,12 +17,13 @@ from regionpose.pick.parts import Choices, ImagePart, WorldPart, only
 from regionpose.regions.image import ImageRegion
 from regionpose.scene import Scene
 from regionpose.scene.sensors import Picture
-from regionpose.scene.sides import Scan, world_side
+from regionpose.scene.sides import Scan, points_side, world_side
 from regionpose.segmentation.chessboard import chessboard_around
 from regionpose.segmentation.cloud import grow_plane
 from regionpose.segmentation.image import grow_image_region, stable_tolerances
 from regionpose.segmentation.quads import quads_around
 from regionpose.segmentation.segmenters import Segmenter, segmented
+from regionpose.segmentation.whole_plane import whole_plane
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,9 @@ LEAST_PURITY = 0.9
 """Share of like points among the neighbors of a patch's points, on the same plane, from which its intensity marks a
 region of its own, as of a sign on a wall. Of the demo's six regions it is 0.93 to 1.0; a face whose intensity only
 varies has less."""
+
+SAME_SET = 0.95
+"""Intersection over union from which two sets of points are one choice: a twentieth is what edges and noise make."""
 
 NEIGHBORS = 8
 """Nearest points on the plane that are asked, and across which a patch is connected: those around a point."""
@@ -115,22 +119,44 @@ def _mask(image: Picture, seed: tuple[float, float], tolerance: float) -> ImageP
 
 
 def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], seed: Array) -> Choices[WorldPart]:
-    """Patches of the cloud around a point (3,) of the world, in order of size.
+    """What lies on the plane around a point (3,) of the world, in order of size; the whole plane is taken.
 
-    Where the intensity marks a region of its own around the seed, that one is taken, else the whole plane. `scene_with`
-    makes a scene of one region whose world side is given. ValueError where no plane is.
+    Narrower: the patch that grows from there, and where the intensity marks a region of its own, as of a sign on a
+    wall, that one. `scene_with` makes a scene of one region whose world side is given. ValueError where no plane is.
     """
+    assert scan.cloud is not None
+    points, local = scan.cloud.local_points, seed - scan.origin
     place = {"seed": [float(value) for value in seed]}
-    whole: Choices[WorldPart] = Choices((partial(_patch, scan, scene_with, place, "the whole plane"),))
-    shade = _shade(scan, seed)
+    patch, whole = grow_plane(points, local), whole_plane(points, local)
+    made: list[tuple[int, Callable[[], WorldPart]]] = []
+    shade = _shade(scan, local, patch)
     if shade is not None:
-        marked = partial(_patch, scan, scene_with, {**place, "intensity_tolerance": shade}, "points of like intensity")
-        choices: Choices[WorldPart] = Choices((marked, *whole.makers))
         with suppress(ValueError):
-            _ = choices.chosen
-            return choices
-    _ = whole.chosen
-    return whole
+            marked = {**place, "intensity_tolerance": shade}
+            part = _patch(scan, scene_with, marked, "points of like intensity")
+            made.append((_count(part), partial(_held, part)))
+    if len(np.intersect1d(patch, whole, assume_unique=True)) < SAME_SET * len(np.union1d(patch, whole)):
+        made.append((len(patch), partial(_patch, scan, scene_with, place, "the patch around the click")))
+    taken = partial(picked_points, scan, whole, "the whole plane")
+    made.append((len(whole), taken))
+    makers = tuple(maker for _, maker in sorted(made, key=lambda one: one[0]))
+    choices = Choices(makers, makers.index(taken), (place["seed"][0], place["seed"][1], place["seed"][2]))
+    _ = choices.chosen
+    return choices
+
+
+def picked_points(scan: Scan, indices: NDArray[np.intp], label: str) -> WorldPart:
+    """The side of some of the cloud's points, ascending, which `save` writes to a file of their own."""
+    written = indices if scan.cloud is None else scan.cloud.to_file_indices(indices)
+    return WorldPart({"points": written}, points_side(indices, scan), label, picked=True)
+
+
+def _count(part: WorldPart) -> int:
+    return 0 if part.side.indices is None else len(part.side.indices)
+
+
+def _held(part: WorldPart) -> WorldPart:
+    return part
 
 
 def picked_world(scene: Scene, written: dict[str, Any], scan: Scan, label: str = "") -> WorldPart:
@@ -142,16 +168,17 @@ def _patch(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], written: d
     return picked_world(scene_with(written), written, scan, label)
 
 
-def _shade(scan: Scan, seed: Array) -> float | None:
-    """The tolerance of the intensity that marks a region of its own on the seed's plane; None where none does."""
+def _shade(scan: Scan, seed: Array, indices: NDArray[np.intp]) -> float | None:
+    """The tolerance of the intensity that marks a region of its own around a seed (3,), about the cloud's local origin,
+    on the patch of its plane; None where none does.
+    """
     cloud = scan.cloud
     if cloud is None or cloud.intensity is None:
         return None
-    indices = grow_plane(cloud.local_points, seed - scan.origin)
     low, high = np.percentile(cloud.intensity, RANGE_PERCENTILES)
     places, levels = cloud.local_points[indices], cloud.intensity[indices]
     neighbors = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
-    start = int(np.argmin(np.sum((places - (seed - scan.origin)) ** 2, axis=1)))
+    start = int(np.argmin(np.sum((places - seed) ** 2, axis=1)))
     found = [(_purity(levels, neighbors, start, share * (high - low)), share) for share in SHADES]
     purity, share = max(found)
     return float(f"{share * (high - low):.4g}") if purity >= LEAST_PURITY else None

@@ -16,7 +16,7 @@ from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
-from regionpose.pick.proposals import mask_choices, picked_world, plane_choices, segmenter_choices
+from regionpose.pick.proposals import mask_choices, picked_points, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, points_name, region_lists, scene_of, scene_text
 from regionpose.pick.sketch import Sketch
 from regionpose.progress import told_each
@@ -40,6 +40,10 @@ LEAST_POINTS = 3
 
 MOST_REFITS = 10
 """Fits of a plane to the points that it holds at the most, as many as `robust_plane` takes."""
+
+SAME_PLACE = 0.02
+"""Distance between two clicks at one place at the most, over that from the scanner: a degree, some ten pixels of a
+lidar's range image."""
 
 NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
 
@@ -194,7 +198,10 @@ class Session:
         if picked.world is None:
             return picked
         part = picked.world.chosen
-        again = replace(self._world_part(part.written, part.label), picked=part.picked)
+        if part.picked:
+            again = picked_points(self.scan, self.cloud.from_file_indices(part.written["points"]), part.label)
+        else:
+            again = self._world_part(part.written, part.label)
         return replace(picked, world=only(again))
 
     @property
@@ -266,9 +273,25 @@ class Session:
         self._give("image", only(self._image_part(written)), again)
 
     def click_cloud(self, place: Sequence[float] | Array, *, again: bool = False) -> None:
-        """Grow the plane around a point (3,) of the world for the selected region, or for a new one, as above."""
+        """Take the plane around a point (3,) of the world for the selected region, or for a new one, as above.
+
+        A further click at the place takes the next narrower proposal, and the whole plane again after the last.
+        """
+        selected = self.sketch.selected
+        held = None if selected is None else self.sketch.region(selected).world
+        if selected is not None and held is not None and self._is_at(held.place, place):
+            self.choose(selected, "world", (held.index or len(held)) - 1)
+            return
         choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
         self._give("world", choices, again)
+
+    def _is_at(self, clicked: tuple[float, float, float] | None, place: Sequence[float] | Array) -> bool:
+        """Whether a click is at the place of one before, as seen from the scanner, or from the cloud's zero."""
+        if clicked is None:
+            return False
+        eye = np.zeros(3) if self.scanner is None else self.scanner
+        one, other = np.asarray(clicked, dtype=np.float64), np.asarray(place, dtype=np.float64)
+        return float(np.linalg.norm(other - one)) <= SAME_PLACE * float(np.linalg.norm(one - eye))
 
     def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]], shown: NDArray[np.int64]) -> None:
         """Give the selected region, or a new one, the points of a plane for which `inside` says so, of local points
@@ -291,8 +314,7 @@ class Session:
             before, held = held, on_plane[inside(points[on_plane])]
             if np.array_equal(held, before):
                 break
-        part = replace(self._world_part({"points": self.cloud.to_file_indices(held).tolist()}, "cut out"), picked=True)
-        self._give("world", only(part), again=True)
+        self._give("world", only(picked_points(self.scan, held, "cut out")), again=True)
 
     @property
     def _selected_points(self) -> NDArray[np.intp] | None:
@@ -503,7 +525,7 @@ def _flattened(written: dict[str, Any]) -> dict[str, Any]:
     return {key: value[0] for key, value in written.items()}
 
 
-def _write_points(indices: list[int], path: Path) -> None:
+def _write_points(indices: NDArray[np.intp], path: Path) -> None:
     with path.open("wb") as file:
         np.save(file, np.asarray(indices, dtype=np.int64))
 

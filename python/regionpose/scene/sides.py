@@ -150,17 +150,25 @@ def plane_sides(scene: Scene, scan: Scan, *, progress: Progress | None = None) -
     assert scan.cloud is not None
     points = scan.cloud.local_points
     found = named(scene, ("world_regions",), lambda: find_planes(points, progress=progress))
-    sides = [side for indices in found for side in _plane_side(points, indices, scan)]
+    sides = [side for indices in found for side in _plane_side(indices, scan)]
     if not sides:
         raise scene.error(("world_regions",), "found no plane in the cloud; needed regions written out")
     return {f"plane {number}": side for number, side in enumerate(sides, start=1)}
 
 
-def _plane_side(points: Array, indices: Indices, scan: Scan) -> list[WorldSide]:
+def points_side(indices: Indices, scan: Scan) -> WorldSide:
+    """The world side of some of the scan's points, ascending, as of a scene file that names them; ValueError where they
+    are none.
+    """
+    assert scan.cloud is not None
+    points = scan.cloud.local_points
+    return _remarked(lambda: _scanned(points, indices, WorldPoints.model_construct(points=[]), scan))
+
+
+def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
     """The side of a plane's points; none where they are too few across to have an outline, or on one scan line."""
-    whole = WorldPoints.model_construct(points=[])
     try:
-        side = _remarked(lambda: _scanned(points, indices, whole, scan))
+        side = points_side(indices, scan)
     except ValueError:
         return []
     return [] if side.region.is_line else [side]

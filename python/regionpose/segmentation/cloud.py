@@ -61,9 +61,7 @@ def grow_plane(
     cloud = checked_cloud(points)
     check_positive(angle_deg=angle_deg)
     check_given(distance_m=distance_m, radius_m=radius_m, min_width_m=min_width_m)
-    start = _seed_position(cloud, seed)
-    nearest = nearest_points(cloud, start)
-    patch = _started(cloud, start, nearest, distance_m, radius_m)
+    start, patch = started_patch(cloud, seed, distance_m, radius_m)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
     return members if min_width_m is None else members[without_narrow_parts(cloud[members], start, min_width_m)]
 
@@ -126,8 +124,12 @@ def check_given(**values: float | None) -> None:
     check_positive(**{name: value for name, value in values.items() if value is not None})
 
 
-def _started(cloud: Array, seed: Array, nearest: Indices, distance: float | None, radius: float | None) -> Patch:
-    """The plane around the seed; ValueError for a seed away from all points, or on no plane."""
+def started_patch(
+    cloud: Array, given: ArrayLike | int, distance: float | None = None, radius: float | None = None
+) -> tuple[Array, Patch]:
+    """The seed's position and the plane around it; ValueError for a seed away from all points, or on no plane."""
+    seed = _seed_position(cloud, given)
+    nearest = nearest_points(cloud, seed)
     if not len(nearest):
         found = f"seed {seed.tolist()} is so far from all {len(cloud)} points that no number holds it"
         raise ValueError(f"{found}; needed a seed on a surface of the cloud")
@@ -137,7 +139,7 @@ def _started(cloud: Array, seed: Array, nearest: Indices, distance: float | None
         _check_reach(cloud, seed, nearest[0], 0.0)
         raise
     _check_reach(cloud, seed, nearest[0], patch.cell)
-    return patch
+    return seed, patch
 
 
 def _check_reach(cloud: Array, seed: Array, nearest: np.intp, gap: float) -> None:

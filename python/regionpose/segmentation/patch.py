@@ -259,8 +259,8 @@ def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: fl
     inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
     inside = inside[around.cells[tuple((cells[inside] - low).T)]]
     near, flat, cells, on_plane = near[inside], flat[inside], cells[inside] - low, on_plane[inside]
-    occupied = _counts(cells[on_plane], shape) > 0
-    core = occupied & _cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
+    occupied = counts(cells[on_plane], shape) > 0
+    core = occupied & cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
     core = _connected(core, middle - low)
     rim = ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
     kept: Indices = near[on_plane & rim[tuple(cells.T)]]
@@ -280,7 +280,7 @@ def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
     """Cells in and around the connected part of the filled cells (n, 2) of a square grid that is nearest to the
     seed's.
     """
-    connected = _connected(_counts(filled, (side, side)) > 0, seed)
+    connected = _connected(counts(filled, (side, side)) > 0, seed)
     rows, columns = (np.flatnonzero(connected.any(axis=axis)) for axis in (1, 0))
     if len(rows) == 0:
         return Surroundings(seed, np.zeros((1, 1), dtype=np.bool_))
@@ -289,19 +289,20 @@ def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
     return Surroundings(np.array([rows[0] - 1, columns[0] - 1]), grown_window)
 
 
-def _counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
-    counts = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
-    return counts.reshape(shape).astype(np.float64)
+def counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
+    """How many of the cells (n, 2) are each cell of a grid, or the sums of their weights."""
+    held = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
+    return held.reshape(shape).astype(np.float64)
 
 
-def _cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:
+def cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:
     """Cells of a grid whose points, with those of the cells around, have a normal along the patch's.
 
     The normal is the direction of least spread of the points (u, v, height) in the block of nine cells.
     """
 
     def block(weights: Array | None) -> Array:
-        return ndimage.uniform_filter(_counts(cells, shape, weights), 3, mode="constant") * 9.0
+        return ndimage.uniform_filter(counts(cells, shape, weights), 3, mode="constant") * 9.0
 
     count = block(None)
     filled = np.argwhere(count > 0.5)
