@@ -8,14 +8,23 @@
 //! `sum over e, f of s_e s_f * area below min(y_e, y_f)`, over the x that both edges span (`docs/math.md`, eq. 8.3).
 //! Every term depends continuously on the vertices: edges that touch or coincide need no care, and nothing is snapped
 //! to a grid.
+//!
+//! Below an edge lies what the sum over all edges of the other region above it counts there, of which those of a part of a ring
+//! that is above it as a whole leave the ends of that part. So no list of pairs is kept, and few pairs are looked at.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::ops::{Add, Range};
+use std::ops::Add;
 
-use nalgebra::Vector2;
-
+use crate::effort;
+use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, sign};
 use crate::geometry::rings::PlaneRings;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+
+/// Room around a part of a ring, as a share of the largest coordinate: more than heights are rounded by.
+const ROUNDING: f64 = 1e-9;
+
+/// What a segment counts as, in edges that are looked at: the half angle below it.
+const EDGES_OF_SEGMENT: usize = 2;
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -60,13 +69,14 @@ impl Add for OverlapAreas {
     }
 }
 
-/// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians.
+/// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; counts the edges
+/// and parts of rings that it looks at (`effort`).
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
-    let (first, second) = (Lines::of(observed), Lines::of(predicted));
-    let (first_area, second_area) = (first.area(), second.area());
+    let (first, second) = (Parts::of(observed.rings()), Parts::of(predicted.rings()));
+    let (first_area, second_area) = (Segments::of(&first).area(), Segments::of(&second).area());
     let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
         intersection,
@@ -75,173 +85,154 @@ pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAr
     }
 }
 
-/// A point of the chart.
-type Point = [f64; 2];
-
-/// Lines from left to right, of edges that go on to the same side; vertical edges bound no area below them.
-struct Lines {
-    /// The points of all lines, the last one of each repeated until they fill lane groups.
-    points: Vec<Point>,
-    /// The points of each line, and the sign of the area below it.
-    parts: Vec<(Range<usize>, f64)>,
+/// Sum over all pairs of edges that share some x, of one region each.
+fn common_area(first: &Parts, second: &Parts) -> f64 {
+    let mut lower = Segments::default();
+    lower.add_below(first, second, true);
+    lower.add_below(second, first, false);
+    lower.area()
 }
 
-/// One of the lines.
-#[derive(Clone, Copy)]
-struct Line<'a> {
-    points: &'a [Point],
-    /// +1 where the region lies below the line, -1 where it lies above.
-    sign: f64,
-}
+/// Parts of edges from left to right, each with the sign of the area below it.
+#[derive(Default)]
+struct Segments(Vec<([Point; 2], f64)>);
 
-impl Line<'_> {
-    fn left(&self) -> f64 {
-        self.points[0][0]
+impl Segments {
+    /// All of a region's edges; vertical ones bound no area below them.
+    fn of(region: &Parts) -> Self {
+        let edges = region.edges().iter().map(|edge| (edge.rising(), f64::from(edge.sign())));
+        Self(edges.filter(|(_, sign)| *sign != 0.0).collect())
     }
 
-    fn right(&self) -> f64 {
-        self.points[self.points.len() - 1][0]
-    }
-}
-
-/// Where an edge is at an x from its left end to its right one.
-fn y_at([left, right]: &[Point; 2], x: f64) -> f64 {
-    left[1] + (x - left[0]) / (right[0] - left[0]) * (right[1] - left[1])
-}
-
-impl Lines {
-    fn with_capacity(count: usize) -> Self {
-        Self { points: Vec::with_capacity(count), parts: Vec::new() }
-    }
-
-    /// Those of a region's edges.
-    fn of(region: &PlaneRings) -> Self {
-        let count: usize = region.rings().iter().map(Vec::len).sum();
-        // An end is a point of two lines.
-        let mut lines = Self::with_capacity(2 * count);
-        region.rings().iter().for_each(|ring| lines.add_ring(ring));
-        lines
+    /// Adds what of the edges of a region is the lower one with the edges of another region, as often as it is; with `ties` also
+    /// where both are the same.
+    fn add_below(&mut self, region: &Parts, other: &Parts, ties: bool) {
+        let room = ROUNDING * region.largest().max(other.largest());
+        let (mut steps, mut looked) = (Vec::new(), 0);
+        for edge in region.edges().iter().filter(|edge| edge.sign() != 0) {
+            let mut below = Below::new(edge, ties, room, steps);
+            looked += other.visit(&mut below);
+            steps = below.steps;
+            self.add_steps(edge, &mut steps);
+        }
+        effort::spend(looked + EDGES_OF_SEGMENT * self.0.len());
     }
 
-    fn add_ring(&mut self, ring: &[Vector2<f64>]) {
-        let Some(last) = ring.last() else { return };
-        let (mut before, mut sign, mut first) = ([last.x, last.y], 0.0, self.points.len());
-        for vertex in ring {
-            let point = [vertex.x, vertex.y];
-            let way = if point[0] > before[0] {
-                -1.0
-            } else if point[0] < before[0] {
-                1.0
-            } else {
-                0.0
-            };
-            if way != sign {
-                self.turn(first, sign);
-                (first, sign) = (self.points.len(), way);
-                self.points.extend((way != 0.0).then_some(before));
+    /// Adds an edge as often as the sum of steps along it says, which are empty then.
+    fn add_steps(&mut self, edge: &Edge, steps: &mut Vec<(f64, i32)>) {
+        let ends = edge.rising();
+        steps.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut count, mut begun) = (0_i32, 0.0);
+        for at_place in steps.chunk_by(|a, b| a.0 == b.0) {
+            let (x, step) = (at_place[0].0, at_place.iter().map(|(_, step)| step).sum::<i32>());
+            if step == 0 {
+                continue;
             }
-            self.points.extend((way != 0.0).then_some(point));
-            before = point;
+            let segment = ([begun, x].map(|x| [x, y_at(&ends, x)]), f64::from(count.signum() * edge.sign()));
+            self.0.extend((0..count.abs()).map(|_| segment));
+            (count, begun) = (count + step, x);
         }
-        self.turn(first, sign);
+        steps.clear();
     }
 
-    /// Ends the line of a ring that began with a point and went on to the left where its sign is positive.
-    fn turn(&mut self, first: usize, sign: f64) {
-        if sign > 0.0 {
-            self.points[first..].reverse();
-        }
-        self.close(first, sign);
-    }
-
-    /// Ends the line that began with a point, if it is one.
-    fn close(&mut self, first: usize, sign: f64) {
-        let end = self.points.len();
-        if sign != 0.0 {
-            self.points.resize(first + (end - first).next_multiple_of(LANES), self.points[end - 1]);
-            self.parts.push((first..end, sign));
-        }
-    }
-
-    /// The lines by their left ends.
-    fn rising(&self) -> Vec<Line<'_>> {
-        let line = |(part, sign): &(Range<usize>, f64)| Line { points: &self.points[part.clone()], sign: *sign };
-        let mut lines: Vec<_> = self.parts.iter().map(line).collect();
-        lines.sort_by(|a, b| a.left().total_cmp(&b.left()));
-        lines
-    }
-
-    /// Adds the lower one of a line and of one that begins no later and ends beyond its left end, over the x that they share:
-    /// its vertices, and where the two cross.
-    fn add_lower(&mut self, late: &Line, early: &Line) {
-        let (first, mut x) = (self.points.len(), late.left());
-        let (mut i, mut j) = (1, early.points.partition_point(|point| point[0] <= x));
-        // Which line's vertex comes next is a matter of chance where the two lie close: everything is computed and only kept
-        // where it counts, without a branch.
-        self.points.resize(first + 2 * (late.points.len() + early.points.len() - j) + 2, [0.0; 2]);
-        let (kept, mut count) = (&mut self.points[first..], 1);
-        let (mut y, mut other) = (late.points[0][1], y_at(&[early.points[j - 1], early.points[j]], x));
-        kept[0] = [x, lesser(y, other)];
-        while i < late.points.len() && j < early.points.len() {
-            let edges = [[late.points[i - 1], late.points[i]], [early.points[j - 1], early.points[j]]];
-            let ending = usize::from(edges[0][1][0] > edges[1][1][0]);
-            let [next, vertex] = edges[ending][1];
-            let crossed = y_at(&edges[1 - ending], next);
-            let [next_y, next_other] = if ending == 0 { [vertex, crossed] } else { [crossed, vertex] };
-            let (gap, next_gap) = (y - other, next_y - next_other);
-            let share = gap / (gap - next_gap);
-            kept[count] = [x + (next - x) * share, y + (next_y - y) * share];
-            count += usize::from(gap * next_gap < 0.0);
-            // A vertex of the higher one bends nothing.
-            kept[count] = [next, vertex];
-            count += usize::from(vertex <= crossed);
-            (x, y, other) = (next, next_y, next_other);
-            (i, j) = (i + 1 - ending, j + ending);
-        }
-        kept[count] = [x, lesser(y, other)];
-        self.points.truncate(first + count + 1);
-        self.close(first, late.sign * early.sign);
-    }
-
-    /// The solid angle below all lines by their signs, known to lie from 0 to 2 pi, but for rounding.
+    /// The solid angle below all segments by their signs, known to lie from 0 to 2 pi, but for rounding.
     fn area(&self) -> f64 {
-        let (re, im) = vectorized(HalfAngles(self));
+        let (re, im) = vectorized(HalfAngles(&self.0));
         let half = im.atan2(re);
         2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
     }
 }
 
-fn lesser(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
+/// Where an edge is at an x from its left end to its right one.
+fn y_at([left, right]: &[Point; 2], x: f64) -> f64 {
+    if x == right[0] { right[1] } else { left[1] + (x - left[0]) / (right[0] - left[0]) * (right[1] - left[1]) }
 }
 
-/// Sum over all pairs of edges that share some x: a sweep over lines from left to right.
-fn common_area(first: &Lines, second: &Lines) -> f64 {
-    let (mut open_first, mut open_second): (Vec<Line>, Vec<Line>) = (Vec::new(), Vec::new());
-    let (mut rest_first, mut rest_second) =
-        (first.rising().into_iter().peekable(), second.rising().into_iter().peekable());
-    // Twice as many vertices as either region has, and as many crossings.
-    let mut lower = Lines::with_capacity(2 * (first.points.len() + second.points.len()));
-    while rest_first.peek().is_some() || rest_second.peek().is_some() {
-        let from_first = match (rest_first.peek(), rest_second.peek()) {
-            (Some(a), Some(b)) => a.left() <= b.left(),
-            (next, _) => next.is_some(),
-        };
-        let (rest, same, other) = if from_first {
-            (&mut rest_first, &mut open_first, &mut open_second)
-        } else {
-            (&mut rest_second, &mut open_second, &mut open_first)
-        };
-        let Some(line) = rest.next() else { break };
-        other.retain(|open| open.right() > line.left());
-        other.iter().for_each(|open| lower.add_lower(&line, open));
-        same.push(line);
+/// An edge, and where others lie above it.
+struct Below {
+    edge: [Point; 2],
+    /// Whether edges that lie where it does count as above it.
+    ties: bool,
+    /// How far from it a part of a ring lies on one side for certain.
+    room: f64,
+    /// From the left end of the edge to its right one.
+    step: Point,
+    length: f64,
+    /// Where the sum of the signs of the edges above changes, and by how much.
+    steps: Vec<(f64, i32)>,
+}
+
+impl Below {
+    fn new(edge: &Edge, ties: bool, room: f64, steps: Vec<(f64, i32)>) -> Self {
+        let [left, right] = edge.rising();
+        let step = [right[0] - left[0], right[1] - left[1]];
+        Self { edge: [left, right], ties, room, step, length: step[0].hypot(step[1]), steps }
     }
-    lower.area()
+
+    /// Adds a path from one x to another that lies above, as far as the edge goes.
+    fn add(&mut self, path: [f64; 2]) {
+        let [left, right] = [self.edge[0][0], self.edge[1][0]];
+        let (from, to) = (path[0].min(path[1]).max(left), path[0].max(path[1]).min(right));
+        if from < to {
+            self.steps.extend([(from, sign(path)), (to, -sign(path))]);
+        }
+    }
+
+    /// How far the corners of a part lie from the edge's line at least and at most, above it being positive, times its length.
+    fn sides(&self, part: &Part) -> [f64; 2] {
+        let [left, _] = self.edge;
+        let side = |point: Point| self.step[0] * (point[1] - left[1]) - self.step[1] * (point[0] - left[0]);
+        let sides = part.corners.map(side);
+        [sides.into_iter().fold(f64::INFINITY, f64::min), sides.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+    }
 }
 
-/// The product of complex numbers whose arguments are half the solid angles below edges (`docs/math.md`, eq. 8.6).
-struct HalfAngles<'a>(&'a Lines);
+impl Visitor for Below {
+    fn enters(&mut self, part: &Part) -> bool {
+        let [left, right] = self.edge;
+        if part.low[0] >= right[0] || part.high[0] <= left[0] {
+            return false;
+        }
+        let [least, most] = self.sides(part);
+        let far = self.room * self.length;
+        if part.high[1] < left[1].min(right[1]) - self.room || most < -far {
+            return false;
+        }
+        let is_above = part.low[1] > left[1].max(right[1]) + self.room || least > far;
+        if is_above {
+            part.paths.into_iter().for_each(|path| self.add(path));
+        }
+        !is_above
+    }
+
+    fn meets(&mut self, other: &Edge) {
+        let [left, right] = other.rising();
+        let (from, to) = (left[0].max(self.edge[0][0]), right[0].min(self.edge[1][0]));
+        // The comparison fails for vertical edges, too.
+        if from < to {
+            let gap = |x: f64| y_at(&[left, right], x) - y_at(&self.edge, x);
+            let (begin, end) = (gap(from), gap(to));
+            // The other edge finds the same gaps, negative ones, and the same place between.
+            let cross = from + (to - from) * (begin / (begin - end));
+            let path = match (begin > 0.0, end > 0.0) {
+                _ if begin >= 0.0 && end >= 0.0 => {
+                    if self.ties || begin > 0.0 || end > 0.0 {
+                        [from, to]
+                    } else {
+                        return;
+                    }
+                }
+                (true, _) => [from, cross],
+                (_, true) => [cross, to],
+                _ => return,
+            };
+            self.add(if other.sign() > 0 { [path[1], path[0]] } else { path });
+        }
+    }
+}
+
+/// The product of complex numbers whose arguments are half the solid angles below segments (`docs/math.md`, eq. 8.6).
+struct HalfAngles<'a>(&'a [([Point; 2], f64)]);
 
 impl NullaryFnOnce for HalfAngles<'_> {
     type Output = (f64, f64);
@@ -249,20 +240,21 @@ impl NullaryFnOnce for HalfAngles<'_> {
     #[inline(always)]
     fn call(self) -> (f64, f64) {
         let (mut re, mut im) = (Lanes::splat(1.0), Lanes::ZERO);
-        for (part, sign) in &self.0.parts {
-            let padded = part.start..part.start + part.len().next_multiple_of(LANES);
-            let mut next = None;
-            for &[a, b, c, d] in self.0.points[padded].as_chunks().0.iter().rev() {
-                let left = Ends::at(Lanes([a[0], b[0], c[0], d[0]]), Lanes([a[1], b[1], c[1], d[1]]));
-                // The last point has no edge: one without any length, to itself.
-                let right = left.shifted(next.unwrap_or(left.numbers(LANES - 1)));
-                next = Some(left.numbers(0));
-                let (real, imaginary) = half_angle(Lanes::splat(*sign), &left, &right);
-                (re, im) = (re * real - im * imaginary, re * imaginary + im * real);
-                // Kept near size 1, so that it neither overflows nor vanishes.
-                let inverse = (re.map(f64::abs) + im.map(f64::abs)).map(|size| 1.0 / size);
-                (re, im) = (re * inverse, im * inverse);
+        for segments in self.0.chunks(LANES) {
+            // A lane without a segment has one without any length.
+            let (mut signs, mut left, mut right) = (Lanes::ZERO, [Lanes::ZERO; 2], [Lanes::ZERO; 2]);
+            for (lane, ([from, to], sign)) in segments.iter().enumerate() {
+                signs.0[lane] = *sign;
+                for axis in 0..2 {
+                    (left[axis].0[lane], right[axis].0[lane]) = (from[axis], to[axis]);
+                }
             }
+            let (left, right) = (Ends::at(left[0], left[1]), Ends::at(right[0], right[1]));
+            let (real, imaginary) = half_angle(signs, &left, &right);
+            (re, im) = (re * real - im * imaginary, re * imaginary + im * real);
+            // Kept near size 1, so that it neither overflows nor vanishes.
+            let inverse = (re.map(f64::abs) + im.map(f64::abs)).map(|size| 1.0 / size);
+            (re, im) = (re * inverse, im * inverse);
         }
         (0..LANES).fold((1.0, 0.0), |(a, b), i| (a * re.0[i] - b * im.0[i], a * im.0[i] + b * re.0[i]))
     }
@@ -283,19 +275,6 @@ impl Ends {
         let square = Lanes::splat(1.0) + x * x;
         let root = square.map(f64::sqrt);
         Self { x, y, root, whole: root + (square + y * y).map(f64::sqrt) }
-    }
-
-    /// The numbers of one end.
-    #[inline(always)]
-    fn numbers(&self, lane: usize) -> [f64; 4] {
-        [self.x.0[lane], self.y.0[lane], self.root.0[lane], self.whole.0[lane]]
-    }
-
-    /// The ends one edge on, `last` being the numbers of that after the last.
-    #[inline(always)]
-    fn shifted(&self, [x, y, root, whole]: [f64; 4]) -> Self {
-        let Self { x: xs, y: ys, root: roots, whole: wholes } = self;
-        Self { x: xs.shifted(x), y: ys.shifted(y), root: roots.shifted(root), whole: wholes.shifted(whole) }
     }
 }
 

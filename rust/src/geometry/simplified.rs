@@ -1,8 +1,18 @@
 //! Rings without the vertices that hardly bend them.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use nalgebra::SVector;
 
+use crate::effort;
+use crate::geometry::point_tree::PointTree;
+
 /// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
+///
+/// Counts what it looks at: a tree of balls finds the vertex farthest from a chord without a look at all of them, and chords
+/// wait in a list of their own, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
+/// the thread's stack.
 pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
     let farthest = |from: &SVector<f64, D>| {
         let squares = ring.iter().map(|point| (point - from).norm_squared()).enumerate();
@@ -11,50 +21,62 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
     let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
     let Some(first) = farthest(&middle) else { return Vec::new() };
     let Some(second) = farthest(&ring[first]) else { return Vec::new() };
+    effort::spend(2 * ring.len());
     // Each side of a long chord is a line of its own.
     let side = |from: usize, to: usize| {
         let count = (to + ring.len() - from) % ring.len();
         (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
     };
-    let mut kept = Vec::new();
-    for line in [side(first, second), side(second, first)] {
-        kept.push(line[0]);
-        keep_between(&line, tolerance * tolerance, &mut kept);
-    }
+    let lines = [side(first, second), side(second, first)];
+    let kept = lines.iter().flat_map(|line| needed(line, tolerance * tolerance)).collect();
     without_needless(kept, tolerance * tolerance)
 }
 
-/// Adds the vertices that a line needs between its ends.
-fn keep_between<const D: usize>(line: &[SVector<f64, D>], limit: f64, kept: &mut Vec<SVector<f64, D>>) {
-    let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
-    let step = last - first;
-    let inverse = step.norm_squared().max(f64::MIN_POSITIVE).recip();
-    let mut farthest = (limit, 0);
-    for (k, point) in line.iter().enumerate().take(line.len() - 1).skip(1) {
-        let offset = point - first;
-        let share = (offset.dot(&step) * inverse).clamp(0.0, 1.0);
-        let square = (offset - step * share).norm_squared();
-        farthest = if square > farthest.0 { (square, k) } else { farthest };
+/// The first vertex of a line, and those that it needs between its ends.
+fn needed<const D: usize>(line: &[SVector<f64, D>], limit: f64) -> Vec<SVector<f64, D>> {
+    let tree = PointTree::new(line);
+    let mut is_kept = vec![false; line.len()];
+    is_kept[0] = true;
+    let mut chords = vec![(0, line.len() - 1)];
+    while let Some((first, last)) = chords.pop() {
+        if let Some(farthest) = tree.farthest_from_chord(first, last, limit) {
+            is_kept[farthest] = true;
+            chords.extend([(first, farthest), (farthest, last)]);
+        }
     }
-    if let (_, k @ 1..) = farthest {
-        keep_between(&line[..=k], limit, kept);
-        kept.push(line[k]);
-        keep_between(&line[k..], limit, kept);
-    }
+    line.iter().zip(is_kept).filter_map(|(point, is_kept)| is_kept.then_some(*point)).collect()
 }
 
 /// The corners but those between which others, found later, have drawn the ring straight, the straightest first.
-fn without_needless<const D: usize>(mut ring: Vec<SVector<f64, D>>, limit: f64) -> Vec<SVector<f64, D>> {
-    while ring.len() > 3 {
-        let count = ring.len();
-        let square = |k: usize| square_off(&ring[k], &ring[(k + count - 1) % count], &ring[(k + 1) % count]);
-        let straightest = (0..count).map(|k| (square(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
-        match straightest {
-            Some((least, k)) if least <= limit => ring.remove(k),
-            _ => break,
-        };
+fn without_needless<const D: usize>(ring: Vec<SVector<f64, D>>, limit: f64) -> Vec<SVector<f64, D>> {
+    let count = ring.len();
+    let mut next: Vec<usize> = (0..count).map(|k| (k + 1) % count).collect();
+    let mut previous: Vec<usize> = (0..count).map(|k| (k + count - 1) % count).collect();
+    let square = |k: usize, before: usize, after: usize| square_off(&ring[k], &ring[before], &ring[after]);
+    let mut squares: Vec<f64> = (0..count).map(|k| square(k, previous[k], next[k])).collect();
+    // Squares are not negative: as bits they have the same order.
+    let entry = |square: f64, k: usize| Reverse((square.to_bits(), k));
+    let mut straightest: BinaryHeap<_> = squares.iter().enumerate().map(|(k, &square)| entry(square, k)).collect();
+    let (mut is_left, mut left) = (vec![true; count], count);
+    effort::spend(count);
+    while left > 3 {
+        let Some(Reverse((bits, k))) = straightest.pop() else { break };
+        // Its neighbors may have moved since.
+        if !is_left[k] || bits != squares[k].to_bits() {
+            continue;
+        }
+        if squares[k] > limit {
+            break;
+        }
+        let (before, after) = (previous[k], next[k]);
+        (next[before], previous[after]) = (after, before);
+        (is_left[k], left) = (false, left - 1);
+        for beside in [before, after] {
+            squares[beside] = square(beside, previous[beside], next[beside]);
+            straightest.push(entry(squares[beside], beside));
+        }
     }
-    ring
+    ring.into_iter().zip(is_left).filter_map(|(point, is_left)| is_left.then_some(point)).collect()
 }
 
 /// Squared distance of a point from the line between two others.
