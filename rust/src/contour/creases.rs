@@ -1,10 +1,15 @@
 //! Lines in which the planes of two regions meet, seen as an edge that their outlines share (`docs/math.md`, section
 //! 16).
 
+use std::cell::OnceCell;
+
 use nalgebra::{Vector2, Vector3, Vector6};
 
+use super::neighbors::neighbors;
 use super::pieces::{edges, straight_runs};
+use crate::effort;
 use crate::equations::residual::RegionEquations;
+use crate::geometry::edge_boxes::{Corners, EdgeBoxes};
 use crate::geometry::pose::Pose;
 use crate::prior::Gaussian;
 use crate::region::WorldRegion;
@@ -48,21 +53,19 @@ pub struct Crease {
 
 /// The creases of all pairs of regions, world coordinates about `origin`.
 pub fn creases(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vector3<f64>) -> Vec<Crease> {
-    let pairs = (0..regions.len()).flat_map(|second| (0..second).map(move |first| [first, second]));
-    pairs.filter_map(|pair| crease(pair, regions, worlds, origin)).collect()
+    let sides: Vec<OnceCell<Vec<Side>>> = vec![OnceCell::new(); regions.len()];
+    let sides_of = |index: usize| sides[index].get_or_init(|| self::sides(&regions[index])).as_slice();
+    let crease = |pair: [usize; 2]| {
+        let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]])?;
+        let ends = shared_edge(&regions[pair[0]], pair.map(sides_of))?;
+        let pixels = pair.map(|index| pixels_per_radian(&regions[index]));
+        Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
+    };
+    neighbors(regions, |region| SHARED / pixels_per_radian(region)).into_iter().filter_map(crease).collect()
 }
 
-fn crease(
-    pair: [usize; 2],
-    regions: &[RegionEquations],
-    worlds: &[WorldRegion],
-    origin: &Vector3<f64>,
-) -> Option<Crease> {
-    let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]])?;
-    let observed = pair.map(|index| &regions[index]);
-    let ends = shared_edge(observed[0], observed[1])?;
-    let pixels = observed.map(|region| region.pixel_area().sqrt() * region.chart().scale);
-    Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
+fn pixels_per_radian(region: &RegionEquations) -> f64 {
+    region.pixel_area().sqrt() * region.chart().scale
 }
 
 /// The line in which two planes meet, if both regions reach it: a point and the direction.
@@ -77,6 +80,7 @@ fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f6
     let across = a.axes[2].cross(&direction);
     let point = a.origin + across * (-b.height(&a.origin) / b.axes[2].dot(&across));
     let meets = |world: &WorldRegion| {
+        effort::spend(world.outline().rings().iter().map(Vec::len).sum());
         let side = world.frame().axes[2].cross(&direction);
         let offsets = world.rings().concat().into_iter().map(|x| side.dot(&(x - point)));
         let (low, high) = offsets.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
@@ -85,28 +89,44 @@ fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f6
     (meets(first) && meets(second)).then_some((point, direction))
 }
 
-/// Bearings of the ends of the longest edge that two observed outlines share, each outline on its own side of it.
-fn shared_edge(first: &RegionEquations, second: &RegionEquations) -> Option<[Vector3<f64>; 2]> {
-    let chart = first.chart();
-    let pixels = first.pixel_area().sqrt() * chart.scale;
+/// A straight side of an observed outline, as the rays of its ends.
+type Side = [Vector3<f64>; 2];
+
+/// Bearings of the ends of the longest edge that two observed outlines share, each outline on its own side of it; `first` is the
+/// region of the first of both lists of sides.
+fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
+    let (chart, pixels) = (first.chart(), pixels_per_radian(first));
     let in_pixels = |ray: &Vector3<f64>| {
         let turned = chart.rotation * ray;
         (turned.z > 0.0).then(|| turned.xy() * (pixels / turned.z))
     };
-    let seen = |side: [Vector3<f64>; 2]| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]);
-    let [own, others] = [first, second].map(|region| sides(region).into_iter().filter_map(seen).collect::<Vec<_>>());
-    let pairs = own.iter().flat_map(|a| others.iter().filter_map(|b| shared_part(a, b)));
+    let seen = |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]);
+    let [own, others] = sides.map(|sides| sides.iter().filter_map(seen).collect::<Vec<_>>());
+    effort::spend(own.len() + others.len());
+    let others = EdgeBoxes::new(others);
     let length = |part: &[Vector2<f64>; 2]| (part[1] - part[0]).norm();
-    let longest = pairs.max_by(|a, b| length(a).total_cmp(&length(b)))?;
-    Some(longest.map(|p| chart.rotation.inverse() * (p / pixels).push(1.0).normalize()))
+    let mut longest: Option<[Vector2<f64>; 2]> = None;
+    for side in &own {
+        // What runs beside it is no farther from it anywhere than what is shared may be.
+        let (low, high) = (side[0].inf(&side[1]).add_scalar(-SHARED), side[0].sup(&side[1]).add_scalar(SHARED));
+        let is_near = |other: &Corners| (0..2).all(|axis| other[0][axis] <= high[axis] && other[1][axis] >= low[axis]);
+        others.for_each_near(is_near, |_, other| {
+            let part = shared_part(side, &other);
+            if part.is_some_and(|part| longest.is_none_or(|longest| length(&part) >= length(&longest))) {
+                longest = part;
+            }
+        });
+    }
+    Some(longest?.map(|p| chart.rotation.inverse() * (p / pixels).push(1.0).normalize()))
 }
 
-/// The straight sides of an observed outline that are its own, as pairs of rays.
-fn sides(region: &RegionEquations) -> Vec<[Vector3<f64>; 2]> {
+/// The straight sides of an observed outline that are its own.
+fn sides(region: &RegionEquations) -> Vec<Side> {
     let (chart, mut runs) = (region.chart(), 0);
-    let mut found: Vec<[Vector3<f64>; 2]> = Vec::new();
+    let mut found: Vec<Side> = Vec::new();
     let lift = |p: Vector2<f64>| chart.rotation.inverse() * (p / chart.scale).push(1.0);
     for (ring, foreign) in region.outline().rings().iter().zip(region.foreign_edges()) {
+        effort::spend(ring.len());
         let mut last = None;
         let numbers = straight_runs(ring, &mut runs);
         for (((from, to), number), &foreign) in edges(ring).zip(numbers).zip(foreign) {

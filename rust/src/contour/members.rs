@@ -20,9 +20,9 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     let shares = fit.clean_shares();
     let all: usize = fit.regions().map(|(_, readings)| readings.len()).sum();
     let independent = fit.independent() / all.max(1) as f64;
+    let cleanest = greatest_of_others(&shares);
     let odds = |(region, pieces): (usize, usize)| {
-        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
-        let Some(own) = others.reduce(f64::max).map(|cleanest| MOSTLY * cleanest) else { return f64::INFINITY };
+        let Some(own) = cleanest[region].map(|cleanest| MOSTLY * cleanest) else { return f64::INFINITY };
         // Where nothing is found, nothing is known of what belongs together.
         let own = if own < LEAST_OWN { BY_CHANCE } else { own };
         let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
@@ -38,11 +38,24 @@ pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
     let shares = fit.clean_shares().into_iter().zip(fit.regions());
     let shares: Vec<f64> =
         shares.map(|(clean, (_, readings))| clean.max(near(readings) / readings.len().max(1) as f64)).collect();
-    let cleanest = |region: usize| {
-        let others = (0..shares.len()).filter(|&other| other != region).map(|other| shares[other]);
-        others.reduce(f64::max).unwrap_or(0.0)
+    let cleanest = greatest_of_others(&shares);
+    shares.iter().zip(cleanest).map(|(share, cleanest)| share + MOSTLY < cleanest.unwrap_or(0.0)).collect()
+}
+
+/// The greatest of all numbers but each; `None` of one alone.
+fn greatest_of_others(numbers: &[f64]) -> Vec<Option<f64>> {
+    let greater = |most: Option<f64>, number: f64| Some(most.map_or(number, |most| most.max(number)));
+    let mut behind = vec![None; numbers.len()];
+    for place in (1..numbers.len()).rev() {
+        behind[place - 1] = greater(behind[place], numbers[place]);
+    }
+    let mut before = None;
+    let with_behind = |(&number, behind): (&f64, Option<f64>)| {
+        let others = behind.map_or(before, |behind| greater(before, behind));
+        before = greater(before, number);
+        others
     };
-    (0..shares.len()).map(|region| shares[region] + MOSTLY < cleanest(region)).collect()
+    numbers.iter().zip(behind).map(with_behind).collect()
 }
 
 /// The least logarithm of the odds that a region is where the pose shows it, and not near by chance, over all regions.

@@ -7,6 +7,7 @@ pub mod creases;
 pub mod fit;
 pub mod members;
 pub mod mixture;
+mod neighbors;
 pub mod numbers;
 pub mod pieces;
 pub mod readings;

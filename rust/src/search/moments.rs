@@ -1,5 +1,7 @@
 //! Candidates from the moments: closed forms of each region, led to the minima of the equations.
 
+use std::collections::BTreeMap;
+
 use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
@@ -107,12 +109,13 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, starts: Starts, 
 /// Starts of single regions that were followed, and where they led: those that are likely are followed first, and are among
 /// all of them.
 #[derive(Debug, Default)]
-pub struct Alone(Vec<(usize, Pose, Pose)>);
+pub struct Alone(BTreeMap<usize, Vec<(Pose, Pose)>>);
 
 impl Alone {
     /// The minimum of one region's unweighted equations near a start; `None` once the effort is spent.
     fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
-        if let Some((_, _, found)) = self.0.iter().find(|(region, from, _)| *region == index && from == start) {
+        let followed = self.0.get(&index).into_iter().flatten();
+        if let Some((_, found)) = followed.into_iter().find(|(from, _)| from == start) {
             return Some(*found);
         }
         // Each start costs a look at least: once the effort is spent, what was found has to do.
@@ -120,7 +123,7 @@ impl Alone {
             return None;
         }
         let found = minimize(&problem.coarse()[index..=index], start, Weighting::Uniform, CANDIDATE).pose;
-        self.0.push((index, *start, found));
+        self.0.entry(index).or_default().push((*start, found));
         Some(found)
     }
 }
