@@ -8,6 +8,7 @@ use super::belief::Belief;
 use super::readings::Edge;
 use super::single;
 use super::trust::{Label, Trust};
+use crate::effort;
 use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Ends of a stretch.
@@ -31,8 +32,18 @@ const AS_ROUND: f64 = 0.4;
 /// Margins beyond this many of a label's deviations are certain: less than 1 in 10^6 is on the other side.
 const CERTAIN: f64 = 5.0;
 
-/// Labels whose probabilities are multiplied before a logarithm is taken: of 10^-4 each, they are still numbers.
+/// Labels whose probabilities are multiplied before a logarithm is taken, at most: a convention. Where so few labels are wrong that
+/// the least product of these is no number of single precision any more, the logarithm is taken before.
 const OFTEN: usize = 8;
+
+/// Such logarithms after which the greatest of their sums is taken from all, which keeps those that count small: of 500 labels, single
+/// precision holds the sums to 1e-4.
+const SELDOM: usize = 64;
+
+/// What a label on a grid counts as, in edges that are looked at: about eight of the places take the time of one. And what a grid by
+/// itself takes beside its labels, as so many of these: its densities, logarithms and moments.
+const EDGES_OF_LABEL: usize = PLACES * PLACES / 8;
+const LABELS_OF_GRID: usize = 6;
 
 /// One number of each place, row by row.
 type Places<T> = [[T; PLACES]; PLACES];
@@ -76,13 +87,24 @@ impl Beside {
     }
 }
 
-/// Mean and covariance of both ends once all labels are heard, and the logarithm of the labels' probability, where everything else
-/// leaves `before`; looked for about `about` first. `None` where a direction is left free.
-pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> Option<(Belief<ENDS>, f64)> {
+/// What is believed of both ends once all labels are heard.
+#[derive(Debug, Clone, Copy)]
+pub struct Heard {
+    /// Mean and covariance.
+    pub belief: Belief<ENDS>,
+    /// Logarithm of the labels' probability.
+    pub log_probability: f64,
+    /// Whether the last grid was about what it found: if not, neither is of any worth.
+    pub is_settled: bool,
+}
+
+/// What is believed where everything else leaves `before`; looked for about `about` first. `None` where a direction is left free.
+pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> Option<Heard> {
     let information = before.covariance.try_inverse()?;
     let mut about = *about;
-    let mut found = None;
+    let mut found: Option<Heard> = None;
     for _ in 0..MOST_GRIDS {
+        effort::spend(EDGES_OF_LABEL * (labels.len() + LABELS_OF_GRID));
         let root = about.covariance.cholesky()?.unpack();
         let grid = Grid { middle: about.mean, root };
         let (scaled, log_integral) =
@@ -91,10 +113,11 @@ pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> 
         let covariance = root * scaled.covariance * root.transpose();
         about = Belief { mean, covariance };
         let normalizer = (2.0 * PI).ln() + 0.5 * before.covariance.determinant().ln();
-        found = Some((about, log_integral - normalizer));
         let is_near = scaled.mean.amax() < NEAR;
         let is_as_wide = (0..ENDS).all(|axis| AS_WIDE.contains(&scaled.covariance[(axis, axis)]));
-        if is_near && is_as_wide && scaled.covariance[(0, 1)].abs() < AS_ROUND {
+        let is_settled = is_near && is_as_wide && scaled.covariance[(0, 1)].abs() < AS_ROUND;
+        found = Some(Heard { belief: about, log_probability: log_integral - normalizer, is_settled });
+        if is_settled {
             break;
         }
     }
@@ -159,7 +182,7 @@ impl Grid {
     #[inline(always)]
     fn told(&self, labels: &[Beside]) -> (Places<f32>, f64) {
         let (mut logs, mut product) = ([[0.0; PLACES]; PLACES], [[1.0; PLACES]; PLACES]);
-        let (mut always, mut since) = (0.0, 0);
+        let (mut always, mut since, mut taken, mut least_product) = (0.0, 0, 0, 1.0_f32);
         for label in labels {
             let deviation = label.deviation();
             let slope = self.root.transpose() * label.weights / deviation;
@@ -171,6 +194,15 @@ impl Grid {
                 continue;
             }
             let (least, more) = ((least / right) as f32, (more / right) as f32);
+            // A product of many small numbers is out of a number's range.
+            if since == OFTEN || least_product * least < f32::MIN_POSITIVE {
+                take(&mut logs, &mut product);
+                taken += 1;
+                if taken % SELDOM == 0 {
+                    always += f64::from(without_most(&mut logs));
+                }
+                (since, least_product) = (0, 1.0);
+            }
             let reach = FARTHEST * slope.y.abs();
             for (row, products) in product.iter_mut().enumerate() {
                 let start = middle + slope.x * FAR[row];
@@ -182,15 +214,19 @@ impl Grid {
                     products[column] *= least + more * single::cumulative(margin);
                 }
             }
-            since += 1;
-            // A product of many small numbers is out of a number's range.
-            if since % OFTEN == 0 {
-                take(&mut logs, &mut product);
-            }
+            (since, least_product) = (since + 1, least_product * least);
         }
         take(&mut logs, &mut product);
         (logs, always)
     }
+}
+
+/// Takes the greatest of logarithms, which it gives, from all of them.
+#[inline(always)]
+fn without_most(logs: &mut Places<f32>) -> f32 {
+    let most = logs.iter().flatten().copied().fold(f32::NEG_INFINITY, f32::max);
+    logs.iter_mut().flatten().for_each(|log| *log -= most);
+    most
 }
 
 /// Adds the logarithm of each product, which begins anew.

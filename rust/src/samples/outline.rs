@@ -29,6 +29,8 @@ pub struct View {
     pub stretches: Vec<[KindView; KINDS]>,
     /// Logarithm of the probability of the labels.
     pub log_probability: f64,
+    /// Whether all of it was found: if not, none of it is of any worth.
+    pub is_settled: bool,
 }
 
 impl Outline {
@@ -67,8 +69,10 @@ impl Outline {
     /// direction is left free.
     pub fn sweep(&mut self, others: &Gaussian) -> Option<Gaussian> {
         let (all, mut factors) = (others.among() + self.grown(), self.factors());
+        let (behind, mut before) = (sums_behind(&factors), all);
         for (number, ring) in self.rings.iter_mut().enumerate() {
-            factors[number] = ring.sweep(&all_but(number, &all, &factors))?;
+            factors[number] = ring.sweep(&(before + behind[number]))?;
+            before = before + factors[number];
         }
         Some(self.message_of(&factors))
     }
@@ -77,13 +81,15 @@ impl Outline {
     pub fn view(&mut self, others: &Gaussian) -> Option<View> {
         let (all, factors) = (others.among() + self.grown(), self.factors());
         let (_, mut log_probability) = factors.iter().fold(all, |sum, factor| sum + *factor).belief()?;
-        let mut stretches = Vec::new();
+        let (behind, mut before, mut stretches) = (sums_behind(&factors), all, Vec::new());
         for (number, ring) in self.rings.iter_mut().enumerate() {
-            let (views, log_scale) = ring.view(&all_but(number, &all, &factors))?;
+            let (views, log_scale) = ring.view(&(before + behind[number]))?;
+            before = before + factors[number];
             stretches.extend(views);
             log_probability += log_scale;
         }
-        Some(View { stretches, log_probability })
+        let is_settled = stretches.iter().flatten().all(|view| view.is_settled);
+        Some(View { stretches, log_probability, is_settled })
     }
 
     /// The factors of increment and growth that stand for its rings.
@@ -104,8 +110,11 @@ impl Outline {
     }
 }
 
-/// All that is said but by the ring of a number.
-fn all_but(number: usize, all: &Gaussian<WHOLE>, factors: &[Gaussian<WHOLE>]) -> Gaussian<WHOLE> {
-    let others = factors.iter().enumerate().filter(|(other, _)| *other != number);
-    others.fold(*all, |sum, (_, factor)| sum + *factor)
+/// What the rings behind each say together.
+fn sums_behind(factors: &[Gaussian<WHOLE>]) -> Vec<Gaussian<WHOLE>> {
+    let mut behind = vec![Gaussian::default(); factors.len()];
+    for number in (1..factors.len()).rev() {
+        behind[number - 1] = behind[number] + factors[number];
+    }
+    behind
 }

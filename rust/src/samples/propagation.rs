@@ -196,7 +196,7 @@ pub struct Propagated {
     pub views: Vec<View>,
     /// Logarithm of the evidence; of no worth where sweeps did not settle.
     pub log_evidence: f64,
-    /// Whether the last sweep moved the mean by little.
+    /// Whether the last sweep moved the mean by little, and the places of all ends were found.
     pub is_settled: bool,
 }
 
@@ -221,7 +221,8 @@ pub fn propagated<S: AsRef<Site>>(
     outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
     let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
-        count_sweep(sites.len())?;
+        // Grids and stretches are counted where they are.
+        count_sweep(0)?;
         let before = belief.mean;
         for (outline, message) in outlines.iter_mut().zip(&mut messages) {
             let rest = all - *message;
@@ -245,7 +246,8 @@ pub fn propagated<S: AsRef<Site>>(
     if log_evidence > of_certain + APPROXIMATE {
         return None;
     }
-    Some(Propagated { belief, views, log_evidence, is_settled: moved < LOST })
+    let is_settled = moved < LOST && views.iter().all(|view| view.is_settled);
+    Some(Propagated { belief, views, log_evidence, is_settled })
 }
 
 /// The same of samples by themselves, each beside a part of a contour of its own.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, Matrix6, SMatrix, Vector2, Vector6};
 
 use super::belief::{Belief, INCREMENT, WHOLE};
-use super::ends::{Beside, ENDS, heard};
+use super::ends::{Beside, ENDS, Heard, heard};
 use super::kinds::{KINDS, Kind};
 use super::propagation::Site;
 use super::trust::Label;
@@ -62,6 +62,8 @@ pub struct KindView {
     pub square: f64,
     /// Logarithm of the probability of its labels.
     log_probability: f64,
+    /// Whether that was found: if not, none of it is of any worth.
+    pub(super) is_settled: bool,
 }
 
 impl Stretch {
@@ -119,7 +121,7 @@ impl Stretch {
         for (kind, found) in self.kinds.iter().zip(&mut self.known.found) {
             let square = Matrix2::identity() * kind.off.powi(2);
             let before = Belief { covariance: rest.covariance + square, ..*rest };
-            let (belief, log_probability) = heard(&self.labels, &before, &found.unwrap_or(before))?;
+            let Heard { belief, log_probability, is_settled } = heard(&self.labels, &before, &found.unwrap_or(before))?;
             *found = Some(belief);
             // What the ends show is shared by pose and offsets as far as each is uncertain.
             let inverse = before.covariance.try_inverse()?;
@@ -132,7 +134,7 @@ impl Stretch {
             let (off, around) = shared(&square);
             let square = 0.5 * (off.norm_squared() + around.trace());
             let clean = Belief { mean: rest.mean + moved, covariance };
-            views.push(KindView { belief, clean, square, log_probability });
+            views.push(KindView { belief, clean, square, log_probability, is_settled });
         }
         views.try_into().ok()
     }
