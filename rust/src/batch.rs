@@ -6,10 +6,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
+use crate::effort::Carried;
 use crate::error::{Error, Result};
 
 /// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number. A problem that
-/// panics has that error in its place ([`Error::Panicked`]), and the others have their answers.
+/// panics has that error in its place ([`Error::Panicked`]), and the others have their answers. Where `solve` itself solves many
+/// problems, each of them has a bound of its own all the same.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -48,7 +50,10 @@ pub fn in_parallel<P: Sync, A: Send>(
     // Nothing is shared that a panic could leave half done.
     let guarded =
         |problem| catch_unwind(AssertUnwindSafe(|| solve(problem))).unwrap_or_else(|held| Err(panicked(&*held)));
-    Ok(pool.install(|| problems.par_iter().map(guarded).collect()))
+    let carried = Carried::new();
+    let solved: Vec<_> = pool.install(|| problems.par_iter().map(|problem| carried.run(|| guarded(problem))).collect());
+    carried.end(solved.iter().map(|(_, counted)| counted).sum());
+    Ok(solved.into_iter().map(|(answer, _)| answer).collect())
 }
 
 /// What a panic said.

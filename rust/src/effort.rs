@@ -3,6 +3,9 @@
 //!
 //! A search runs on one thread, and what it may spend is that thread's: kernels count what they do without being handed
 //! anything. Only what looks for further answers asks whether the rest is spent. What was found by then is judged as ever.
+//!
+//! A thread of a pool may take up another task in the middle of one, where that waits for a pool of its own. So tasks of a
+//! pool are [`Carried`]: each has the bound that its caller had when all of them began, whatever else its thread was at.
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -38,15 +41,12 @@ thread_local! {
 
 /// Counts so many edges that were looked at, or work that takes as long.
 pub fn spend(edges: usize) {
-    EFFORT.with(|effort| {
-        let edges = edges as u64;
-        effort.left.set(effort.left.get().saturating_sub(edges));
-        effort.done.set(effort.done.get().saturating_add(edges));
-        match effort.unasked.get().checked_sub(edges) {
-            Some(rest) => effort.unasked.set(rest),
-            None => effort.ask(),
-        }
-    });
+    EFFORT.with(|effort| effort.spend(edges as u64));
+}
+
+/// Asks as often whether anybody waits as if so many edges were looked at, of work that was counted as a whole.
+pub fn pass(edges: usize) {
+    EFFORT.with(|effort| effort.pass(edges as u64));
 }
 
 /// Whether nothing further is to be looked for.
@@ -90,7 +90,86 @@ pub fn interruptible<T>(stop: Stop, work: impl FnOnce() -> T) -> Option<T> {
     (!is_stopped()).then_some(found)
 }
 
+/// What work on other threads may spend in place of this one, and whether anybody waits for it.
+pub struct Carried {
+    left: u64,
+    stop: Option<Stop>,
+    stopped: bool,
+}
+
+impl Carried {
+    /// That of this thread.
+    pub fn new() -> Self {
+        EFFORT.with(|effort| Self {
+            left: effort.left.get(),
+            stop: effort.stop.borrow().clone(),
+            stopped: effort.stopped.get(),
+        })
+    }
+
+    /// Work on any thread, which counts nothing to what that was at, and how much it counted.
+    pub fn run<T>(&self, work: impl FnOnce() -> T) -> (T, u64) {
+        let _instead = Instead::new(Effort {
+            left: Cell::new(self.left),
+            done: Cell::new(0),
+            unasked: Cell::new(PATIENCE),
+            stop: RefCell::new(self.stop.clone()),
+            stopped: Cell::new(self.stopped),
+        });
+        let found = work();
+        (found, done())
+    }
+
+    /// Counts to the caller what all tasks together have counted.
+    pub fn end(self, counted: u64) {
+        EFFORT.with(|effort| effort.spend(counted));
+    }
+}
+
+impl Default for Carried {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Another effort in place of the thread's, which is given back, also after a panic.
+struct Instead(Effort);
+
+impl Instead {
+    fn new(own: Effort) -> Self {
+        EFFORT.with(|effort| effort.swap(&own));
+        Self(own)
+    }
+}
+
+impl Drop for Instead {
+    fn drop(&mut self) {
+        EFFORT.with(|effort| effort.swap(&self.0));
+    }
+}
+
 impl Effort {
+    fn swap(&self, other: &Self) {
+        self.left.swap(&other.left);
+        self.done.swap(&other.done);
+        self.unasked.swap(&other.unasked);
+        self.stop.swap(&other.stop);
+        self.stopped.swap(&other.stopped);
+    }
+
+    fn spend(&self, edges: u64) {
+        self.left.set(self.left.get().saturating_sub(edges));
+        self.done.set(self.done.get().saturating_add(edges));
+        self.pass(edges);
+    }
+
+    fn pass(&self, edges: u64) {
+        match self.unasked.get().checked_sub(edges) {
+            Some(rest) => self.unasked.set(rest),
+            None => self.ask(),
+        }
+    }
+
     fn ask(&self) {
         self.unasked.set(PATIENCE);
         // The question may be long, and must not find the cell borrowed.
@@ -209,5 +288,38 @@ mod tests {
         assert_eq!((rounds.get(), asked.load(Ordering::Relaxed)), (3, 3));
         assert!(!is_spent());
         assert_eq!(interruptible(Arc::new(|| false), || 5), Some(5));
+    }
+
+    #[test]
+    fn a_task_of_a_pool_has_its_callers_bound_and_not_its_threads() {
+        let (caller, spent) = bounded(100, || {
+            spend(30);
+            let carried = Carried::new();
+            // As on a thread of the pool that waits in the middle of another task.
+            let (tasks, other) = counted(|| {
+                let task = || carried.run(|| (is_spent(), spend(60), is_spent(), spend(10), is_spent()));
+                bounded(5, || [task(), task()])
+            });
+            assert_eq!((tasks.1, other), (false, 0), "the other task had none of it");
+            for ((begun, (), on_the_way, (), ended), counted) in tasks.0 {
+                assert_eq!((begun, on_the_way, ended, counted), (false, false, true, 70));
+            }
+            assert!(!is_spent());
+            counted(|| carried.end(140)).1
+        });
+        assert_eq!((caller, spent), (140, true));
+    }
+
+    #[test]
+    fn a_task_of_a_pool_ends_when_nobody_waits_for_its_caller_and_gives_its_thread_back() {
+        let asked = interruptible(Arc::new(|| true), || {
+            let carried = Carried::new();
+            let task = || carried.run(|| (spend(PATIENCE as usize + 1), is_stopped()).1).0;
+            std::thread::scope(|scope| scope.spawn(task).join().unwrap())
+        });
+        assert_eq!(asked, Some(true), "the caller itself has not asked yet");
+        let carried = Carried::new();
+        assert!(catch_unwind(std::panic::AssertUnwindSafe(|| carried.run(|| panic!("on purpose")))).is_err());
+        assert!(!is_stopped() && !is_spent());
     }
 }

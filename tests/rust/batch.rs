@@ -2,6 +2,7 @@
 
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
+use regionpose::effort;
 use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 
 fn scenes() -> Vec<Scene> {
@@ -84,4 +85,30 @@ fn more_threads_than_problems_are_fine() {
 fn zero_threads_are_refused() {
     let message = in_parallel(&[1], Some(0), |x| Ok(x + 1)).unwrap_err().to_string();
     assert_eq!(message, "threads is 0; it needs to be at least 1");
+}
+
+/// A pool's threads take up other problems while one waits for a pool of its own: what those count is not taken from its bound, and
+/// each has what the caller had left.
+#[test]
+fn problems_within_problems_have_bounds_of_their_own() {
+    let outer: Vec<u32> = (0..8).collect();
+    let solve = |_: &u32| {
+        let (spent_before, exhausted) = effort::bounded(1_000, || {
+            effort::spend(400);
+            let inner = in_parallel(&outer, Some(2), |_| {
+                let before = effort::is_spent();
+                effort::spend(10);
+                std::thread::yield_now();
+                Ok(before || effort::is_spent())
+            });
+            let inner: Vec<bool> = inner.unwrap().into_iter().collect::<Result<_>>().unwrap();
+            (inner.into_iter().any(|spent| spent), effort::is_spent())
+        });
+        Ok((spent_before, exhausted))
+    };
+    let (solved, counted) = effort::counted(|| in_parallel(&outer, Some(2), solve).unwrap());
+    for each in solved {
+        assert_eq!(each.unwrap(), ((false, false), false), "480 of 1,000 are spent");
+    }
+    assert_eq!(counted, 8 * 480);
 }
