@@ -10,6 +10,7 @@ use regionpose::mesh::even_mesh as even;
 use regionpose::mesh::triangulation::{self, MeshOptions};
 
 use crate::arrays::{array, optional, points, scalar, value_error};
+use crate::interrupts::detached;
 
 /// Vertices and triangles.
 pub type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
@@ -48,7 +49,7 @@ pub fn plane_rings<'py>(
     polygon: bool,
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let valid = py.detach(|| if polygon { PlaneRings::polygon(given) } else { PlaneRings::new(given) });
+    let valid = detached(py, || if polygon { PlaneRings::polygon(given) } else { PlaneRings::new(given) })?;
     ring_arrays(py, valid.map_err(value_error)?.rings())
 }
 
@@ -74,7 +75,7 @@ pub fn triangulate<'py>(
         max_area: optional("max_area", max_area, "a number or None")?,
         min_angle: optional("min_angle", min_angle, "a number or None")?,
     };
-    let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)));
+    let mesh = detached(py, || PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)))?;
     plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
@@ -85,7 +86,7 @@ pub fn triangulate<'py>(
 #[pyfunction]
 pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f64) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let mesh = py.detach(|| PlaneRings::new(given).and_then(|rings| even::even_mesh(&rings, edge_length)));
+    let mesh = detached(py, || PlaneRings::new(given).and_then(|rings| even::even_mesh(&rings, edge_length)))?;
     plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
@@ -106,6 +107,6 @@ pub fn alpha_shape<'py>(
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = self::points::<2>("points", points)?;
     let radius = scalar("radius", radius, "a positive number")?;
-    let rings = py.detach(|| outline::alpha_shape(&given, radius));
+    let rings = detached(py, || outline::alpha_shape(&given, radius))?;
     ring_arrays(py, rings.map_err(value_error)?.rings())
 }

@@ -3,7 +3,10 @@
 //! Points are scaled by a power of two, hence exactly, so that the largest coordinate lies in [1, 2): spade refuses
 //! coordinates below 2^-142 other than zero.
 
+use std::any::Any;
+use std::cell::Cell;
 use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use nalgebra::Vector2;
 use spade::handles::{FixedFaceHandle, InnerTag};
@@ -20,6 +23,39 @@ const AREA_TOLERANCE: f64 = 1e-9;
 
 /// Rounding of a new vertex, in units of the largest coordinate: it moves the boundary, hence the area, by this much.
 const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// Positions that spade asks for between two looks at whether anybody waits: it asks for some hundred of each vertex, in about the
+/// time of so many edges.
+const POSITIONS: u32 = 1 << 16;
+
+thread_local! {
+    /// Positions until the next look.
+    static UNASKED: Cell<u32> = const { Cell::new(POSITIONS) };
+}
+
+/// What unwinds out of spade, which has no other way to end early, once nobody waits for it.
+struct Unwound;
+
+/// Work with triangulations: an error once nobody waits for it.
+pub(super) fn interruptible<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    // What was half done is dropped.
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|held: Box<dyn Any + Send>| match held.is::<Unwound>() {
+        true => Err(Error::Stopped),
+        false => resume_unwind(held),
+    })
+}
+
+/// Unwinds once nobody waits, without a word of the panic hook.
+fn pass_position() {
+    let left = UNASKED.get() - 1;
+    UNASKED.set(if left == 0 { POSITIONS } else { left });
+    if left == 0 {
+        effort::pass(POSITIONS as usize);
+        if effort::is_stopped() {
+            resume_unwind(Box::new(Unwound));
+        }
+    }
+}
 
 /// The triangulation with constraint edges.
 pub(super) type Cdt = ConstrainedDelaunayTriangulation<Vertex>;
@@ -47,6 +83,7 @@ impl HasPosition for Vertex {
     type Scalar = f64;
 
     fn position(&self) -> Point2<f64> {
+        pass_position();
         self.0
     }
 }

@@ -42,6 +42,10 @@ const SLIVER_FRACTION: f64 = 1e-9;
 /// An edge length that is not positive and finite, would make more than [`MOST_TRIANGLES`] triangles, or is far longer than
 /// the region is wide for its length; a mesh that does not cover the region's area ([`Error::MeshArea`]).
 pub fn even_mesh(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
+    delaunay::interruptible(|| mesh_of(region, edge_length))
+}
+
+fn mesh_of(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
     check_edge_length(region, edge_length)?;
     let mut graph = RingGraph::new(region);
     let side = edge_length * graph.scale;

@@ -73,6 +73,10 @@ impl MeshOptions {
 /// An option out of range; a refinement that does not end within its budget of vertices ([`Error::MeshIncomplete`]); a
 /// mesh that does not cover the region's area ([`Error::MeshArea`]).
 pub fn triangulate(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMesh> {
+    delaunay::interruptible(|| mesh_of(region, options))
+}
+
+fn mesh_of(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMesh> {
     options.check(region.area())?;
     let graph = RingGraph::new(region);
     let mut cdt = graph.triangulated()?;
