@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
+use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
@@ -45,7 +46,7 @@ pub struct PoseSigma {
 /// let initial = Pose::new(Pose::identity().rotation, Vector3::new(-0.4, 0.1, 4.1));
 /// let sigma = PoseSigma { rotation: 0.1, place: 0.2 };
 /// let prior = Prior { initial: Some(initial), initial_sigma: Some(sigma), ..Prior::default() };
-/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() }).expect("a pose in view");
+/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() })?.expect("a pose in view");
 /// assert!(estimate.alternatives.is_empty() && estimate.best.pose.angle_to(&initial) < 1e-6);
 /// # Ok::<(), regionpose::Error>(())
 /// ```
@@ -135,6 +136,40 @@ impl FromNear {
 }
 
 impl Prior {
+    /// Refuses what no pose could be compared with: [`Problem::search`](crate::Problem::search) does.
+    ///
+    /// # Errors
+    /// An initial pose, a direction or a place that is not finite, a rotation that is none, a direction of no length, and a
+    /// deviation that is not a positive number; the message names the field.
+    pub fn check(&self) -> Result<()> {
+        if let Some(Pose { rotation, translation }) = self.initial {
+            Pose::from_matrix(rotation.matrix(), translation)?;
+        }
+        for (item, vector) in [("near entry", self.near), ("up entry", self.up)] {
+            let entries = vector.iter().flatten().enumerate();
+            if let Some((index, &value)) = entries.into_iter().find(|(_, entry)| !entry.is_finite()) {
+                return Err(Error::NotFinite { item: item.into(), index, value });
+            }
+        }
+        if let Some(length) = self.up.map(|up| up.norm()).filter(|length| !is_positive(*length)) {
+            let found = if length == 0.0 { "a zero vector".into() } else { format!("a vector of length {length}") };
+            return Err(Error::OutOfRange { item: "up", found, needed: "a direction".into() });
+        }
+        let deviations = [
+            ("initial_sigma.rotation", self.initial_sigma.map(|sigma| sigma.rotation)),
+            ("initial_sigma.place", self.initial_sigma.map(|sigma| sigma.place)),
+            ("up_sigma", self.up_sigma),
+            ("near_sigma", self.near_sigma),
+        ];
+        match deviations.into_iter().find_map(|(item, sigma)| Some((item, sigma.filter(|sigma| !is_positive(*sigma))?)))
+        {
+            Some((item, found)) => {
+                Err(Error::OutOfRange { item, found: found.to_string(), needed: "a positive number".into() })
+            }
+            None => Ok(()),
+        }
+    }
+
     /// The initial pose and how rough it is, where both are known.
     fn rough(&self) -> Option<(Pose, PoseSigma)> {
         self.initial.zip(self.initial_sigma)
@@ -238,6 +273,10 @@ impl Gaussian {
     fn add_place(&mut self, pose: &Pose, place: &Vector3<f64>, sigma: f64) {
         self.add(3, &Matrix3::identity(), &-pose.transform(place), sigma);
     }
+}
+
+fn is_positive(number: f64) -> bool {
+    number > 0.0 && number.is_finite()
 }
 
 /// Length of an increment in standard deviations; 0 where a direction is left free.

@@ -215,7 +215,7 @@ fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
         prior,
         ..Options::default()
     });
-    estimate.is_some_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
+    estimate.unwrap().is_some_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
 }
 
 /// Facing lies midway between two poses that look alike, so that least squares from there may end at the wrong one.

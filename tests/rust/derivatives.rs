@@ -95,7 +95,7 @@ fn one_sided(random: &mut Random, camera: &Pose, front: bool) -> Scene {
     let shape = pierced_star(random, 9, 1.0);
     let axes = [0, 1, 2].map(|k| plane.rotation.matrix().column(k).into_owned());
     let frame = PlaneFrame { origin: plane.translation, axes };
-    let world = WorldRegion::from_outline(frame, PlaneRings::polygon(shape.clone()).unwrap());
+    let world = WorldRegion::from_outline(frame, PlaneRings::polygon(shape.clone()).unwrap()).unwrap();
     Scene { pose: *camera, observed: vec![rendered(&placed(&shape, &plane), camera)], worlds: vec![world] }
 }
 

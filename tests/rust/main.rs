@@ -22,6 +22,7 @@ mod estimate;
 #[cfg(feature = "mesh")]
 mod found;
 mod frame_error;
+mod growth;
 mod hidden;
 mod mask;
 #[cfg(feature = "mesh")]

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use regionpose::equations::least_squares::{Minimum, Termination};
 use regionpose::geometry::pose::{Tangent, increment_derivative};
 use regionpose::verdict::warning::Cause;
-use regionpose::{Estimate, Integration, Limits, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
+use regionpose::{Error, Estimate, Integration, Limits, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
 
 /// Error allowed of the poses of a symmetric shape: rad, and a share of the distance.
 const SYMMETRIC: f64 = 1e-8;
@@ -20,7 +20,7 @@ fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
     // Poses of a single plane are trusted farther here.
     let limits = Limits { rotation: 1.5_f64.to_radians(), ..Limits::default() };
     let options = Options { prior: *prior, limits, ..Options::default() };
-    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
+    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap().unwrap()
 }
 
 fn codes(estimate: &Estimate) -> Vec<&'static str> {
@@ -365,8 +365,49 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         termination: Termination::EvaluationLimit,
         evaluations: 140,
     };
-    let judged = |converged: bool| problem.search(&Options::default()).judged(vec![ended(converged)]).unwrap().warnings;
+    let judged =
+        |converged: bool| problem.search(&Options::default()).unwrap().judged(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());
     assert_eq!(judged(false)[0].to_string(), "the search did not converge: the limit of evaluations was reached");
     assert_eq!(judged(false)[0].code(), "not-converged");
+}
+
+/// What no pose can be compared with is refused by its name, and is not left out without a word.
+#[test]
+fn a_prior_of_anything_but_numbers_is_refused() {
+    let scene = view(&mut Random::new(31), angle_piece(1.0), 0.4);
+    let problem = scene.problem(System::Plane, Integration::Boundary);
+    let item = |prior: Prior| {
+        let options = Options { prior, ..Options::default() };
+        let refused = problem.search(&options).unwrap_err();
+        assert_eq!(problem.estimate_with(&options).unwrap_err(), refused);
+        match refused {
+            Error::NotFinite { item, index, .. } => format!("{item} {index}"),
+            Error::OutOfRange { item, .. } => item.to_owned(),
+            other => panic!("{other:?}"),
+        }
+    };
+    let known = Prior {
+        initial: Some(scene.pose),
+        initial_sigma: Some(ROUGH),
+        up: Some(scene.pose.rotation.inverse() * -Vector3::y()),
+        up_sigma: Some(0.1),
+        near: Some(scene.pose.inverse().translation),
+        near_sigma: Some(0.5),
+    };
+    assert!(known.check().is_ok() && problem.estimate_with(&Options { prior: known, ..Options::default() }).is_ok());
+    let nan = Vector3::new(0.0, f64::NAN, 1.0);
+    assert_eq!(item(Prior { near: Some(nan), ..known }), "near entry 1");
+    assert_eq!(item(Prior { up: Some(nan), ..known }), "up entry 1");
+    assert_eq!(item(Prior { up: Some(Vector3::zeros()), ..known }), "up");
+    assert_eq!(item(Prior { initial: Some(Pose::new(scene.pose.rotation, nan)), ..known }), "pose entry 10");
+    let scaled = Rotation3::from_matrix_unchecked(scene.pose.rotation.matrix() * 1.1);
+    assert_eq!(item(Prior { initial: Some(Pose::new(scaled, Vector3::z())), ..known }), "rotation");
+    for sigma in [f64::NAN, f64::INFINITY, 0.0, -0.1] {
+        assert_eq!(item(Prior { up_sigma: Some(sigma), ..known }), "up_sigma");
+        assert_eq!(item(Prior { near_sigma: Some(sigma), ..known }), "near_sigma");
+        let rough = |rotation, place| Prior { initial_sigma: Some(PoseSigma { rotation, place }), ..known };
+        assert_eq!(item(rough(sigma, 0.1)), "initial_sigma.rotation");
+        assert_eq!(item(rough(0.1, sigma)), "initial_sigma.place");
+    }
 }

@@ -4,6 +4,7 @@ use crate::support::random::Random;
 use crate::support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 use nalgebra::Vector3;
 use proptest::prelude::*;
+use regionpose::geometry::rings::PlaneRings;
 use regionpose::region::PlaneFrame;
 use regionpose::{Error, ObservedRegion, Pose, WorldRegion};
 
@@ -264,4 +265,33 @@ fn the_pixel_area_is_a_positive_number() {
         );
     }
     assert_eq!(ObservedRegion::new(Vec::new(), 12.5).checked_pixel_area(), Ok(12.5));
+}
+
+#[test]
+fn an_outline_needs_a_plane_with_axes_of_its_own() {
+    let outline = || PlaneRings::new(vec![rectangle(2.0, 1.0)]).unwrap();
+    let axes = Random::new(3).pose(1.0).rotation;
+    let frame =
+        PlaneFrame { origin: Vector3::new(1.0, 2.0, 3.0), axes: [0, 1, 2].map(|k| axes.matrix().column(k).into()) };
+    let [u, v, normal] = frame.axes;
+    assert!((WorldRegion::from_outline(frame.clone(), outline()).unwrap().outline().area() - 2.0).abs() < ROUNDING);
+    let item = |origin: Vector3<f64>, axes: [Vector3<f64>; 3]| match WorldRegion::from_outline(
+        PlaneFrame { origin, axes },
+        outline(),
+    )
+    .unwrap_err()
+    {
+        Error::NotFinite { item, .. } => item,
+        Error::OutOfRange { item, .. } => item.to_owned(),
+        other => panic!("{other:?}"),
+    };
+    for broken in [f64::NAN, f64::INFINITY] {
+        assert_eq!(item(Vector3::new(0.0, 0.0, broken), frame.axes), "the plane's origin");
+        assert_eq!(item(frame.origin, [u, Vector3::repeat(broken), normal]), "the matrix of the plane's axes");
+    }
+    for axes in
+        [[u * 2.0, v, normal], [u, (v + u * 0.1).normalize(), normal], [u, v, -normal], [u, v, Vector3::zeros()]]
+    {
+        assert_eq!(item(frame.origin, axes), "the matrix of the plane's axes");
+    }
 }

@@ -17,7 +17,7 @@ use regionpose::{Estimate, FrameSigma, Limits, Options, Pose, PoseSigma, Prior, 
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
     let (frame_sigma, limits) = (FrameSigma::ZERO, Limits { rotation: 1.0_f64.to_radians(), ..Limits::default() });
-    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap()
+    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap().unwrap()
 }
 
 /// A posterior about the true pose, and the problem that it is of.
@@ -79,7 +79,7 @@ fn rows(world: &WorldRegion, count: usize) -> WorldRegion {
     let is_kept = |p: &&Vector2<f64>| heights.iter().take(count).any(|y| (p.y - y).abs() < 1e-6);
     let kept =
         |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().lifted(p)).collect::<Vec<_>>();
-    let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone());
+    let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone()).unwrap();
     start.with_samples(&kept(samples.inside()), &kept(samples.outside())).unwrap()
 }
 
@@ -361,8 +361,10 @@ fn places_on_one_line_need_no_plane() {
         let turned = [u, (v + n) / 2f64.sqrt(), (n - v) / 2f64.sqrt()];
         let other = PlaneFrame { origin: frame.lifted(&middle), axes: turned };
         let strip = PlaneRings::polygon(vec![rectangle(1.0, 0.01)]).unwrap();
-        let line =
-            WorldRegion::from_outline(other, strip).with_line_samples(&lifted(inside), &lifted(outside)).unwrap();
+        let line = WorldRegion::from_outline(other, strip)
+            .unwrap()
+            .with_line_samples(&lifted(inside), &lifted(outside))
+            .unwrap();
         let line = line.seen_from(frame.origin + u + (v - n * 2.0)).unwrap();
         let [one, other] = [-5.0, 5.0].map(|far| frame.origin + turned[2] * far);
         assert!(line.is_line() && !line.is_behind(&one) && !line.is_behind(&other));

@@ -6,7 +6,7 @@ use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use proptest::prelude::*;
 use regionpose::prior::Gaussian;
 use regionpose::samples::belief::Belief;
-use regionpose::samples::ends::{Beside, heard};
+use regionpose::samples::ends::{Beside, Heard, heard};
 use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Site, propagated_apart};
 use regionpose::samples::readings::Edge;
@@ -170,12 +170,72 @@ proptest! {
         let way = exact.covariance.cholesky().unwrap().l() * Vector2::new(1.0, -1.0);
         let beside = Belief { mean: exact.mean + way, covariance: exact.covariance * 1.5 };
         for about in [before, beside] {
-            let (found, log_found) = heard(&labels, &before, &about).unwrap();
+            let Heard { belief: found, log_probability: log_found, is_settled } = heard(&labels, &before, &about).unwrap();
+            assert!(is_settled);
             let (mean, covariance) = differences_of(&found, &exact);
             prop_assert!(mean < 0.1 && covariance < 0.2, "{mean} deviations, {covariance}: {found:?} against {exact:?}");
             prop_assert!((log_found - log_integral).abs() < 0.1, "{log_found} against {log_integral}");
         }
     }
+}
+
+/// Of tens of thousands of labels, of which so few are wrong that eight such by chance are no number of single precision any more; each
+/// of 200 comes many times, against a grid about what they leave in double precision.
+#[test]
+fn ends_beside_many_labels_are_those_of_a_fine_grid() {
+    const TIMES: usize = 500;
+    for (seed, blur, mislabeled) in [(1, 1.0, 1e-6), (2, 2.0, 1e-5), (3, 0.5, 1e-4)] {
+        let trust = Trust { blur, disturbed: 0.0, mislabeled, ..CLEAN };
+        let (few, before) = beside(&mut Random::new(seed), 200, trust);
+        let labels: Vec<Beside> = few.iter().flat_map(|label| vec![*label; TIMES]).collect();
+        let Heard { belief, log_probability, is_settled } = heard(&labels, &before, &before).unwrap();
+        assert!(is_settled);
+        let (exact, log_integral) = by_fine_grid(&few, TIMES as f64, &before, &belief);
+        let (mean, covariance) = differences_of(&belief, &exact);
+        assert!(mean < 0.1 && covariance < 0.2, "{mean} deviations, {covariance}: {belief:?} against {exact:?}");
+        assert!((log_probability - log_integral).abs() < 0.2, "{log_probability} against {log_integral}");
+    }
+}
+
+/// Mean, covariance and logarithm of the integral where each label counts so many times, by a grid of 6 deviations about a belief.
+fn by_fine_grid(labels: &[Beside], times: f64, before: &Belief<2>, about: &Belief<2>) -> (Belief<2>, f64) {
+    const PLACES: i32 = 60;
+    let (information, root) = (before.covariance.try_inverse().unwrap(), about.covariance.cholesky().unwrap().l());
+    let log_at = |place: &Vector2<f64>| {
+        let known = Belief { mean: *place, covariance: Matrix2::zeros() };
+        let told: f64 = labels.iter().map(|label| label.label(&known).log_probability).sum();
+        let way = place - before.mean;
+        times * told - 0.5 * way.dot(&(information * way))
+    };
+    let most = log_at(&about.mean);
+    let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+    for (row, column) in (-PLACES..=PLACES).flat_map(|row| (-PLACES..=PLACES).map(move |column| (row, column))) {
+        let place = about.mean + root * Vector2::new(f64::from(row), f64::from(column)) * 0.1;
+        let weight = (log_at(&place) - most).exp();
+        all += weight;
+        first += (place - about.mean) * weight;
+        second += (place - about.mean) * (place - about.mean).transpose() * weight;
+    }
+    let mean = first / all;
+    let area = 0.01 * root.determinant() / (2.0 * std::f64::consts::PI * before.covariance.determinant().sqrt());
+    let covariance = second / all - mean * mean.transpose();
+    (Belief { mean: about.mean + mean, covariance }, most + (all * area).ln())
+}
+
+/// Far finer than a dozen grids, each a seventh of the last, come from what is known beforehand.
+#[test]
+fn ends_that_are_not_found_say_so() {
+    let trust = Trust { blur: 1e-9, disturbed: 0.0, mislabeled: 1e-6, ..CLEAN };
+    let label = |side: f64, along: f64| {
+        let weights = Vector2::new(1.0 - along, along) * side;
+        Beside { margin: 0.3 * side, weights, variance: 0.0, edge: Edge::Own, trust }
+    };
+    let labels: Vec<Beside> =
+        [(1.0, 0.0), (-1.0, 0.0), (1.0, 1.0), (-1.0, 1.0)].map(|(side, along)| label(side, along)).into();
+    let before = Belief { mean: Vector2::zeros(), covariance: Matrix2::identity() };
+    assert!(heard(&labels, &before, &before).is_some_and(|heard| heard.is_settled));
+    let wide = Belief { mean: Vector2::zeros(), covariance: Matrix2::identity() * 1e12 };
+    assert!(heard(&labels, &wide, &wide).is_some_and(|heard| !heard.is_settled));
 }
 
 proptest! {

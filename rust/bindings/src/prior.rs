@@ -1,13 +1,15 @@
 //! What is known of a pose beforehand.
 
-use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use regionpose::error::Error;
 use regionpose::prior::{self, PoseSigma};
 
-use crate::arrays::{covariance, matrix, pose, scalar, vector};
+use crate::arrays::{covariance, matrix, pose, scalar, value_error, vector};
 
+const UP_SIGMA: &str = "up_sigma_deg";
+const NEAR_SIGMA: &str = "camera_near_sigma_m";
 const ROTATION_SIGMA: &str = "initial_rotation_sigma_deg";
 const CENTER_SIGMA: &str = "initial_center_sigma_m";
 const DEGREES: &str = "a positive number of degrees";
@@ -37,20 +39,34 @@ impl Prior {
         camera_near: Option<&Bound<'_, PyAny>>,
         camera_near_sigma_m: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        check_given("up_sigma_deg", up_sigma_deg, "up", up.is_some())?;
+        check_given(UP_SIGMA, up_sigma_deg, "up", up.is_some())?;
         check_given(ROTATION_SIGMA, initial_rotation_sigma_deg, "initial", initial.is_some())?;
         check_given(CENTER_SIGMA, initial_center_sigma_m, "initial", initial.is_some())?;
-        check_given("camera_near_sigma_m", camera_near_sigma_m, "camera_near", camera_near.is_some())?;
-        let degrees = |sigma| deviation("up_sigma_deg", sigma, DEGREES);
-        let meters = |sigma| deviation("camera_near_sigma_m", sigma, METERS);
-        Ok(Self(prior::Prior {
+        check_given(NEAR_SIGMA, camera_near_sigma_m, "camera_near", camera_near.is_some())?;
+        check_both(initial_rotation_sigma_deg, initial_center_sigma_m)?;
+        let number =
+            |item, given: Option<&Bound<'_, PyAny>>, needed| given.map(|given| scalar(item, given, needed)).transpose();
+        let rotation_sigma = number(ROTATION_SIGMA, initial_rotation_sigma_deg, DEGREES)?;
+        let center_sigma = number(CENTER_SIGMA, initial_center_sigma_m, METERS)?;
+        let up_sigma = number(UP_SIGMA, up_sigma_deg, DEGREES)?;
+        let near_sigma = number(NEAR_SIGMA, camera_near_sigma_m, METERS)?;
+        let rough = |(rotation, place): (f64, f64)| PoseSigma { rotation: rotation.to_radians(), place };
+        let given = prior::Prior {
             initial: initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?,
-            initial_sigma: pose_sigma(initial_rotation_sigma_deg, initial_center_sigma_m)?,
-            up: up.map(direction).transpose()?,
-            up_sigma: up_sigma_deg.map(degrees).transpose()?.map(f64::to_radians),
+            initial_sigma: rotation_sigma.zip(center_sigma).map(rough),
+            up: up.map(|up| vector("up", up)).transpose()?,
+            up_sigma: up_sigma.map(f64::to_radians),
             near: camera_near.map(|place| vector("camera_near", place)).transpose()?,
-            near_sigma: camera_near_sigma_m.map(meters).transpose()?,
-        }))
+            near_sigma,
+        };
+        let sigmas = [
+            ("initial_sigma.rotation", ROTATION_SIGMA, rotation_sigma),
+            ("initial_sigma.place", CENTER_SIGMA, center_sigma),
+            ("up_sigma", UP_SIGMA, up_sigma),
+            ("near_sigma", NEAR_SIGMA, near_sigma),
+        ];
+        given.check().map_err(|error| as_given(error, &sigmas))?;
+        Ok(Self(given))
     }
 
     /// Standard deviation of the camera's place, meters, the conventional one where none was given; None without a
@@ -94,39 +110,23 @@ fn check_given(item: &str, sigma: Option<&Bound<'_, PyAny>>, of: &str, given: bo
     }
 }
 
-fn direction(up: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
-    let up = vector("up", up)?;
-    if up.norm() > 0.0 {
-        return Ok(up);
-    }
-    Err(PyValueError::new_err("up is a zero vector; it needs to be a direction"))
+/// Refuses one of both deviations of the initial pose.
+fn check_both(rotation: Option<&Bound<'_, PyAny>>, center: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let [here, missing] = match (rotation, center) {
+        (Some(_), None) => [ROTATION_SIGMA, CENTER_SIGMA],
+        (None, Some(_)) => [CENTER_SIGMA, ROTATION_SIGMA],
+        _ => return Ok(()),
+    };
+    Err(PyValueError::new_err(format!("{here} is given without {missing}; it needs both or neither")))
 }
 
-/// Both deviations of the initial pose, or none.
-fn pose_sigma(rotation: Option<&Bound<'_, PyAny>>, center: Option<&Bound<'_, PyAny>>) -> PyResult<Option<PoseSigma>> {
-    match (rotation, center) {
-        (Some(rotation), Some(center)) => Ok(Some(PoseSigma {
-            rotation: deviation(ROTATION_SIGMA, rotation, DEGREES)?.to_radians(),
-            place: deviation(CENTER_SIGMA, center, METERS)?,
-        })),
-        (None, None) => Ok(None),
-        (given, _) => {
-            let [here, missing] =
-                if given.is_some() { [ROTATION_SIGMA, CENTER_SIGMA] } else { [CENTER_SIGMA, ROTATION_SIGMA] };
-            Err(PyValueError::new_err(format!("{here} is given without {missing}; it needs both or neither")))
+/// What the crate refuses, by the names and in the units that were given.
+fn as_given(error: Error, sigmas: &[(&str, &str, Option<f64>)]) -> PyErr {
+    let Error::OutOfRange { item, .. } = &error else { return value_error(error) };
+    match sigmas.iter().find(|(field, ..)| field == item) {
+        Some((_, name, Some(value))) => {
+            PyValueError::new_err(format!("{name} holds {value}; it needs positive numbers"))
         }
+        _ => value_error(error),
     }
-}
-
-fn deviation(item: &str, given: &Bound<'_, PyAny>, needed: &str) -> PyResult<f64> {
-    let value = scalar(item, given, needed)?;
-    check_deviation(item, value)?;
-    Ok(value)
-}
-
-fn check_deviation(item: &str, value: f64) -> PyResult<()> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!("{item} holds {value}; it needs positive numbers")))
 }

@@ -75,9 +75,8 @@ impl WorldRegion {
         };
         let given = self::rings::<2>(rings)?;
         let frame = PlaneFrame { origin, axes: [u, v, u.cross(&v)] };
-        py.detach(|| PlaneRings::new(given))
-            .map(|outline| Self(region::WorldRegion::from_outline(frame, outline)))
-            .map_err(value_error)
+        let made = || PlaneRings::new(given).and_then(|outline| region::WorldRegion::from_outline(frame, outline));
+        py.detach(made).map(Self).map_err(value_error)
     }
 
     /// The region covered by a triangulated open surface.

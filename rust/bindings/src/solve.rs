@@ -327,7 +327,7 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        detached(py, || self.0.search(&options)).map(Search)
+        detached(py, || self.0.search(&options))?.map(Search).map_err(value_error)
     }
 
     /// The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None where a region is out
@@ -384,7 +384,7 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        Ok(detached(py, || self.0.estimate_with(&options))?.map(Estimate::new))
+        Ok(detached(py, || self.0.estimate_with(&options))?.map_err(value_error)?.map(Estimate::new))
     }
 }
 
@@ -532,9 +532,7 @@ pub fn estimate_batch<'py>(
         .zip(priors)
         .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), options(prior)?)));
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
-    let solve = |(sides, options): &(Sides, Options)| {
-        sides.problem(system, integration).map(|problem| problem.estimate_with(options))
-    };
+    let solve = |(sides, options): &(Sides, Options)| sides.problem(system, integration)?.estimate_with(options);
     let results = detached_threads(py, |stop| {
         // Nobody sees the answers of a batch that was interrupted.
         let waited_for = |task: &(Sides, Options)| {

@@ -16,6 +16,21 @@ const SMALL_ANGLE: f64 = 1e-4;
 /// How far a given rotation matrix may be from orthonormal, as the largest entry of `R^T R - I`.
 const ORTHONORMAL_TOLERANCE: f64 = 1e-6;
 
+/// Refuses a matrix that is no rotation, nearly; also one with entries that are not finite.
+pub(crate) fn check_rotation(item: &'static str, matrix: &Matrix3<f64>) -> Result<()> {
+    let defect = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    let determinant = matrix.determinant();
+    // The comparisons fail for NaN, too; the largest of several entries may leave it out.
+    if matrix.iter().all(|entry| entry.is_finite()) && defect <= ORTHONORMAL_TOLERANCE && determinant > 0.0 {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        item,
+        found: format!("a matrix with |R^T R - I| = {defect:.1e} and determinant {determinant:.3}"),
+        needed: format!("orthonormal to {ORTHONORMAL_TOLERANCE:.0e} with determinant +1"),
+    })
+}
+
 /// A rigid motion `x_camera = rotation * x_world + translation`, named `camera_from_world` where it is the camera's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
@@ -41,15 +56,7 @@ impl Pose {
                 return Err(Error::NotFinite { item: "pose entry".into(), index, value });
             }
         }
-        let defect = (rotation.transpose() * rotation - Matrix3::identity()).amax();
-        let determinant = rotation.determinant();
-        if defect > ORTHONORMAL_TOLERANCE || determinant < 0.0 {
-            return Err(Error::OutOfRange {
-                item: "rotation",
-                found: format!("a matrix with |R^T R - I| = {defect:.1e} and determinant {determinant:.3}"),
-                needed: format!("orthonormal to {ORTHONORMAL_TOLERANCE:.0e} with determinant +1"),
-            });
-        }
+        check_rotation("rotation", rotation)?;
         Ok(Self { rotation: orthonormalized(rotation), translation })
     }
 

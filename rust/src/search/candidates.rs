@@ -21,6 +21,7 @@ use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
+use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::options::{Options, Refinement, Start};
 use crate::prior::{BELIEVED, Prior};
@@ -65,7 +66,7 @@ pub const SAME_PLACE: f64 = 1e-3;
 /// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
-/// let search = Problem::new(&observed, &worlds)?.search(&Options::default());
+/// let search = Problem::new(&observed, &worlds)?.search(&Options::default())?;
 /// // Any least squares may run here; this one is `Problem::estimate`'s.
 /// let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
 /// assert!(search.judged(minima).is_some_and(|estimate| estimate.alternatives.is_empty()));
@@ -97,15 +98,24 @@ impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     ///
     /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
-    pub fn search(&self, options: &Options) -> Search {
-        let search = self.search_with_all(options);
+    ///
+    /// # Errors
+    /// A prior that [`Prior::check`] refuses.
+    pub fn search(&self, options: &Options) -> Result<Search> {
+        options.prior.check()?;
+        Ok(self.checked_search(options))
+    }
+
+    /// The same with a prior that is known to be one.
+    pub(crate) fn checked_search(&self, options: &Options) -> Search {
+        let search = self.bounded_search(options);
         match search.without_silent() {
-            Some(problem) => problem.search_with_all(options),
+            Some(problem) => problem.bounded_search(options),
             None => search,
         }
     }
 
-    fn search_with_all(&self, options: &Options) -> Search {
+    fn bounded_search(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
         // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so

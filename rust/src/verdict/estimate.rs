@@ -19,6 +19,7 @@ use crate::contour::votes::Vote;
 use crate::effort;
 use crate::equations::information::honest;
 use crate::equations::least_squares::{Minimum, Termination};
+use crate::error::Result;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::options::{FrameSigma, Options};
@@ -118,14 +119,22 @@ impl Problem {
     ///
     /// `None` where no pose shows every region in its chart.
     pub fn estimate(&self) -> Option<Estimate> {
-        self.estimate_with(&Options::default())
+        self.estimated(&Options::default())
     }
 
     /// The pose by the native solver, with options.
     ///
     /// `None` where no pose shows every region in its chart.
-    pub fn estimate_with(&self, options: &Options) -> Option<Estimate> {
-        let search = self.search(options);
+    ///
+    /// # Errors
+    /// A prior that [`Prior::check`] refuses.
+    pub fn estimate_with(&self, options: &Options) -> Result<Option<Estimate>> {
+        options.prior.check()?;
+        Ok(self.estimated(options))
+    }
+
+    fn estimated(&self, options: &Options) -> Option<Estimate> {
+        let search = self.checked_search(options);
         let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
         let (minima, _) = effort::bounded(self.most_work(), solved);
         search.judged(minima)
