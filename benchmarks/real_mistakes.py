@@ -10,8 +10,9 @@ without a prior and with the camera within 1 m of the scanner,
 - "place": a region is drawn beside its place in the photo, half its width away.
 
 The table has a row for each mistake: problems; how many poses are wrong, beyond 5 degrees or 1 meter; how many of these
-come without a warning by the regions alone, after photo and cloud are heard, and after they refine, too; and how many
-of the right ones have no warning in the same three. A second one has the confidences of all refined poses, and how many
+come without a warning by the regions alone, after photo and cloud are heard, and after they refine, too; how many of
+the right ones have no warning in the same three; and how many of all that have none at last are off by more than three
+of their standard deviations. A second one has the confidences of all refined poses, and how many
 of these are within 5 degrees, as they state. `--verbose` prints a line for each wrong pose that is trusted. Where there
 are no frames this says so and ends.
 
@@ -38,7 +39,7 @@ from regionpose.witness import witnessed
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.real_scenes import DEFAULT_DATA, RealScene, confidences, lidar_scenes
+from benchmarks.real_scenes import DEFAULT_DATA, MOST_SIGMAS, RealScene, confidences, errors_of, lidar_scenes
 from benchmarks.witness import frames
 
 Array = NDArray[np.float64]
@@ -66,7 +67,8 @@ class Problem(NamedTuple):
 
 class Row(NamedTuple):
     """What came of a problem: by the regions, heard, and refined, whether the pose is wrong and whether trusted; of the
-    refined one its confidence, and how far it is turned from the true one, degrees.
+    refined one its confidence, how far it is turned from the true one, degrees, and its errors over their standard
+    deviations, the larger of rotation's and place's.
     """
 
     mistake: str
@@ -74,6 +76,7 @@ class Row(NamedTuple):
     trusted: tuple[bool, bool, bool]
     confidence: float
     turned_deg: float
+    sigmas: float
 
 
 def problems(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Problem]:
@@ -161,7 +164,9 @@ def row_of(problem: Problem, *, verbose: bool) -> Row | None:
         place = np.linalg.norm(refined.pose.camera_center - problem.truth.camera_center)
         print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {witness}", flush=True)
     first, second = (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2])
-    return Row(problem.mistake, first, second, refined.confidence, turn)
+    errors = errors_of(refined.pose, refined.covariance, problem.truth)
+    sigmas = max(errors.rotation_sigmas, errors.center_sigmas)
+    return Row(problem.mistake, first, second, refined.confidence, turn, sigmas)
 
 
 def is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
@@ -178,12 +183,16 @@ def turned_deg(pose: rp.Pose, truth: rp.Pose) -> float:
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Lines of a Markdown table, by mistake."""
     ways = "by the regions | heard | refined"
-    yield f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} |"
-    yield "|" + "---|" * 11
+    yield (
+        f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} | refined and trusted,"
+        f" beyond {MOST_SIGMAS:g} sigmas |"
+    )
+    yield "|" + "---|" * 12
     for mistake in dict.fromkeys(row.mistake for row in rows):
         held = [row for row in rows if row.mistake == mistake]
         wrong, trusted = (np.array([getattr(row, name) for row in held]) for name in ("wrong", "trusted"))
-        counts = [*wrong.sum(0), *(wrong & trusted).sum(0), *(~wrong & trusted).sum(0)]
+        beyond = sum(row.trusted[2] and row.sigmas > MOST_SIGMAS for row in held)
+        counts = [*wrong.sum(0), *(wrong & trusted).sum(0), *(~wrong & trusted).sum(0), beyond]
         yield f"| {mistake} | {len(held)} | {' | '.join(map(str, counts))} |"
 
 
