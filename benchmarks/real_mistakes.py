@@ -184,8 +184,8 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
     """Lines of a Markdown table, by mistake."""
     ways = "by the regions | heard | refined"
     yield (
-        f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} | refined and trusted,"
-        f" beyond {MOST_SIGMAS:g} sigmas |"
+        f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} |"
+        f" refined and trusted, beyond {MOST_SIGMAS:g} sigmas |"
     )
     yield "|" + "---|" * 12
     for mistake in dict.fromkeys(row.mistake for row in rows):
