@@ -161,7 +161,7 @@ def _folding(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarnin
     if unique.all():
         return
     text = (
-        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {percent:.2g} % of its pixels see"
+        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {percent:.3g} % of its pixels see"
         " beyond that, where a direction is not sure or missing; check the coefficients and their order, calibrate with"
         " targets out to the corners, or keep regions away from there"
     )

@@ -232,6 +232,34 @@ def test_scenes_and_commands_say_the_model(tmp_path: Path, capsys: pytest.Captur
     assert scene_sides(load_scene(scene)).camera == AS_FISHEYE
 
 
+RECTIFIED_INFO = f"""image_width: {WIDTH}
+image_height: {HEIGHT}
+distortion_model: plumb_bob
+D: [-0.2, 0.05, 0, 0, 0]
+K: [310.0, 0, 160.0, 0, 311.0, 119.0, 0, 0, 1]
+P: [300.0, 0, 159.5, 0, 0, 300.0, 119.5, 0, 0, 0, 1, 0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("photo", "warned"), [("image_rect.png", True), ("direct.png", False), ("unrectified.png", False)]
+)
+def test_a_rectified_photo_has_another_camera_where_the_scene_says_so(
+    photo: str, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its pose is right to what polygons allow; without a word, and called rectified, it is warned of."""
+    (tmp_path / "info.yaml").write_text(RECTIFIED_INFO)
+    values = scene_values() | {"camera": {"file": "info.yaml", "rectified": True}, "image": photo}
+    scene = write_scene(tmp_path, values)
+    (tmp_path / "image.png").rename(tmp_path / photo)
+    run = estimate_scene(load_scene(scene))
+    assert np.abs(run.estimate.pose.translation - POSE.translation).max() < 1e-6
+    assert "rectified-photo" not in codes(scene)
+    assert ("rectified-photo" in codes(write_scene(tmp_path, values | {"camera": "info.yaml"}))) == warned
+    code, said = told(["info", str(tmp_path / "info.yaml"), "--rectified", "--json"], capsys)
+    assert (code, json.loads(said)["fx"], json.loads(said)["distortion"]) == (0, 300.0, [])
+
+
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared scenes are not here")
 def test_a_fisheye_calibration_of_a_real_scene_is_read_as_one() -> None:
     camera = rp.load_camera(SHARED / "acfr_fisheye" / "pose13" / "calib.json")
