@@ -5,6 +5,7 @@ from .calibration import load_camera as load_camera
 from .cameras import Camera as Camera
 from .cameras import EquirectangularCamera as EquirectangularCamera
 from .cameras import FisheyeCamera as FisheyeCamera
+from .cameras import FovCamera as FovCamera
 from .cameras import OcamCamera as OcamCamera
 from .cameras import PinholeCamera as PinholeCamera
 from .cameras import UnifiedCamera as UnifiedCamera

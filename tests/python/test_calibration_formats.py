@@ -26,7 +26,7 @@ from calibration_files import (
 )
 from regionpose.calibration import CalibrationError, load_camera, load_lidar_pose
 from regionpose.calibration.kinds import calibration_kind
-from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, FovCamera, PinholeCamera, UnifiedCamera
 from regionpose.cli.app import main
 
 
@@ -70,6 +70,8 @@ def dvlc(model: str, intrinsics: list[float], coefficients: list[float]) -> str:
             dvlc("fisheye", [500, 501, 640, 480], [0.1, 0, 0, 0]),
             FisheyeCamera(500, 501, 640, 480, distortion=(0.1, 0, 0, 0)),
         ),
+        (dvlc("atan", [500, 501, 640, 480], [0.9]), FovCamera(500, 501, 640, 480, omega=0.9)),
+        (dvlc("atan", [500, 501, 640, 480], [0.0]), PinholeCamera(500, 501, 640, 480)),
         (
             dvlc("omnidir", [900, 901, 640, 480, 1.5], [-0.1, 0.01, 1e-3, 0]),
             UnifiedCamera(900, 901, 640, 480, xi=1.5, distortion=(-0.1, 0.01, 1e-3, 0)),
@@ -84,7 +86,7 @@ def test_models_of_direct_visual_lidar_calibration(text: str, expected: Camera, 
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("a.json", dvlc("atan", [500, 500, 640, 480], [0.9]), "camera_model: found 'atan'; needed one of plumb_bob"),
+        ("a.json", dvlc("ds", [500, 500, 640, 480], [0.9]), "camera_model: found 'ds'; needed one of plumb_bob"),
         ("a.json", dvlc("plumb_bob", [500, 500, 640], [0.9]), "intrinsics: found 3 numbers; needed 4"),
         ("a.xml", METASHAPE.replace("<k1>", "<b2>0.5</b2><k1>"), "line 2: calibration: found b2 of 0.5; needed"),
         ("a.xml", METASHAPE.replace("frame", "cylindrical"), "projection: found 'cylindrical'; needed one of frame"),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import Camera, FisheyeCamera, FovCamera, OcamCamera, PinholeCamera, UnifiedCamera
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 WIDTH, HEIGHT = 1280, 960
@@ -46,6 +46,8 @@ CAMERAS = [
     PinholeCamera(700.0, 710.0, *CENTER, distortion=(-0.2, 0.05, 1e-3, -2e-3, 0, 0, 0, 0, 4e-3, -2e-3, -3e-3, 1e-3)),
     PinholeCamera(700.0, 710.0, *CENTER, distortion=(-0.2, 0.05, 1e-3, 0, 0, 0, 0, 0, 0.01, 0, 0, 0.02, 0.04, -0.06)),
     PinholeCamera(700.0, 710.0, *CENTER, distortion=(*(0.0,) * 12, 0.1, 0.2)),
+    FovCamera(600.0, 610.0, *CENTER, omega=0.95),
+    FovCamera(600.0, 610.0, *CENTER, omega=2.5),
 ]
 
 
@@ -391,6 +393,8 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
             lambda: OcamCamera((1.0,), (0, 0), stretch=(1, 2)),  # type: ignore[arg-type]
             r"stretch has shape \(2,\)",
         ),
+        (lambda: FovCamera(1, 1, 0, 0, omega=0.0), "omega: found 0.0; needed a number above 0"),
+        (lambda: FovCamera(1, 1, 0, 0, omega=3.2), "omega: found 3.2; needed an angle below pi"),
         (lambda: UnifiedCamera(1, 1, 0, 0, xi=-0.1), "xi: found -0.1; needed a number of at least 0"),
         (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels has shape \(2,\); needed \(n, 2\)"),
         (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points has shape \(3, 2\); needed \(n, 3\)"),

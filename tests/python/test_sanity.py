@@ -212,7 +212,7 @@ def test_a_caller_may_say_the_model_but_not_against_the_file(tmp_path: Path) -> 
     colmap.write_text("1 PINHOLE 640 480 500 500 320 240\n")
     with pytest.raises(ValueError, match="camera model: found pinhole; needed fisheye, or another model="):
         rp.load_camera(colmap, model="fisheye")
-    with pytest.raises(ValueError, match="model: found 'wide'; needed one of pinhole, fisheye, unified, ocam"):
+    with pytest.raises(ValueError, match="model: found 'wide'; needed one of pinhole, fisheye, unified, fov, ocam"):
         rp.load_camera(path, model="wide")
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from regionpose.calibration.yaml_items import YamlMapping
-from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, FovCamera, PinholeCamera, UnifiedCamera
 
-MODELS = ("plumb_bob", "fisheye", "equidistant", "omnidir", "equirectangular")
+MODELS = ("plumb_bob", "fisheye", "equidistant", "omnidir", "equirectangular", "atan")
 
 
 def describes(document: YamlMapping) -> bool:
@@ -35,6 +35,9 @@ def _camera(held: YamlMapping) -> Camera:
         raise model.error(repr(model.text()), f"one of {', '.join(MODELS)}")
     fx, fy, cx, cy, *xi = intrinsics.counted(5 if model.text() == "omnidir" else 4)
     coefficients = held.need("distortion_coeffs")
+    if model.text() == "atan":
+        (omega,) = coefficients.counted(1)
+        return FovCamera(fx, fy, cx, cy, omega=omega) if omega else PinholeCamera(fx, fy, cx, cy)
     if model.text() == "omnidir":
         return UnifiedCamera(fx, fy, cx, cy, xi=xi[0], distortion=tuple(coefficients.counted(0, 4)))
     if model.text() == "plumb_bob":

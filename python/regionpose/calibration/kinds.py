@@ -91,7 +91,7 @@ def load_camera(
         Selects among several cameras: the key of the matrix (`M1`, `K2`) in OpenCV's files, `cam0` in a camchain, the
         id in cameras.txt, `P2`, `P_rect_02` or `K_02` in KITTI's files, the photo in Pix4D's and nerfstudio's, the
         token in nuScenes', `Camera1` in ORB-SLAM's. Messages list the names.
-    model : {"pinhole", "fisheye", "unified", "ocam", "equirectangular"}, optional
+    model : {"pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular"}, optional
         For files that need not name one: four coefficients may be a pinhole's or a fisheye's.
     rectified : bool
         Whether the photos were rectified (ROS: image_rect): their camera has the projection matrix P of the

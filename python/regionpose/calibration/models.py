@@ -15,18 +15,20 @@ from regionpose.cameras import (
     Camera,
     EquirectangularCamera,
     FisheyeCamera,
+    FovCamera,
     OcamCamera,
     PinholeCamera,
     UnifiedCamera,
 )
 from regionpose.cameras.distortion import COEFFICIENT_COUNTS
 
-CameraModel = Literal["pinhole", "fisheye", "unified", "ocam", "equirectangular"]
+CameraModel = Literal["pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular"]
 
 CLASSES: dict[CameraModel, type[Camera]] = {
     "pinhole": PinholeCamera,
     "fisheye": FisheyeCamera,
     "unified": UnifiedCamera,
+    "fov": FovCamera,
     "ocam": OcamCamera,
     "equirectangular": EquirectangularCamera,
 }
@@ -40,6 +42,7 @@ SPELLINGS: dict[CameraModel, str] = {
     "fisheye": "fisheye opencvfisheye cv2fisheye equidistant kannalabrandt kannalabrandt4 kannalabrandt8 kb4 kb8"
     " equidistantcamera simpleradialfisheye radialfisheye",
     "unified": "unified omni omnidir opencvomnidir cv2omnidir mei",
+    "fov": "fov atan",
     "equirectangular": "equirectangular spherical",
 }
 WORDS = {word: model for model, words in SPELLINGS.items() for word in words.split()}
@@ -84,7 +87,7 @@ def matrix_camera(
             height=size[1],
             xi=document.need("xi").number(),
         )
-    if model in {"ocam", "equirectangular"}:
+    if model in {"fov", "ocam", "equirectangular"}:
         raise matrix.error("a camera matrix", f"a file without one for model={model}")
     return PinholeCamera.from_matrix(k, distortion=_radial_tangential(coefficients), width=size[0], height=size[1])
 

@@ -10,6 +10,7 @@ from regionpose.cameras.base import Camera
 from regionpose.cameras.colmap import camera_from_colmap, camera_to_colmap
 from regionpose.cameras.equirectangular import EquirectangularCamera
 from regionpose.cameras.fisheye import FisheyeCamera
+from regionpose.cameras.fov import FovCamera
 from regionpose.cameras.ocam import OcamCamera
 from regionpose.cameras.pinhole import PinholeCamera
 from regionpose.cameras.unified import UnifiedCamera
@@ -18,6 +19,7 @@ __all__ = [
     "Camera",
     "EquirectangularCamera",
     "FisheyeCamera",
+    "FovCamera",
     "OcamCamera",
     "PinholeCamera",
     "UnifiedCamera",

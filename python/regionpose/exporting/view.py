@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import (
+    Camera,
+    EquirectangularCamera,
+    FisheyeCamera,
+    FovCamera,
+    OcamCamera,
+    PinholeCamera,
+    UnifiedCamera,
+)
 from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
@@ -20,6 +28,7 @@ MODEL_NAMES: dict[type[Camera], str] = {
     PinholeCamera: "pinhole",
     FisheyeCamera: "fisheye",
     UnifiedCamera: "unified",
+    FovCamera: "fov",
     OcamCamera: "ocam",
     EquirectangularCamera: "equirectangular",
 }

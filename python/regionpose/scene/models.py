@@ -36,7 +36,7 @@ class CameraFile(_Camera):
 
     file: FileName
     name: str | None = Field(None, description="which camera, where the file holds several")
-    model: Literal["pinhole", "fisheye", "unified", "ocam", "equirectangular"] | None = Field(
+    model: Literal["pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular"] | None = Field(
         None, description="the camera model, where the file doesn't say"
     )
     rectified: bool = Field(
@@ -75,6 +75,13 @@ class InlineUnified(_Intrinsics):
     distortion: list[Number] = Field(default_factory=list)
 
 
+class InlineFov(_Intrinsics):
+    """The field-of-view camera of Devernay and Faugeras (ATAN); omega in radians."""
+
+    model: Literal["fov"]
+    omega: Positive
+
+
 class InlineOcam(_Camera):
     """Scaramuzza's omnidirectional camera: bearing (x, y, a0 + a1 rho + ...), a0 > 0; center as [column, row]."""
 
@@ -100,7 +107,7 @@ def _camera_kind(value: object) -> str | None:
     if isinstance(value, dict) and "file" in value:
         return "<file>"
     model = value.get("model") if isinstance(value, dict) else None
-    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "ocam", "equirectangular") else None
+    return f"<{model}>" if model in ("pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular") else None
 
 
 CameraItem = Annotated[
@@ -109,11 +116,12 @@ CameraItem = Annotated[
     | Annotated[InlinePinhole, Tag("<pinhole>")]
     | Annotated[InlineFisheye, Tag("<fisheye>")]
     | Annotated[InlineUnified, Tag("<unified>")]
+    | Annotated[InlineFov, Tag("<fov>")]
     | Annotated[InlineOcam, Tag("<ocam>")]
     | Annotated[InlineEquirectangular, Tag("<equirectangular>")],
     choice(
         _camera_kind,
-        "a calibration file, {file, name}, or a model: pinhole, fisheye, unified, ocam or equirectangular",
+        "a calibration file, {file, name}, or a model: pinhole, fisheye, unified, fov, ocam or equirectangular",
     ),
 ]
 

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from regionpose.bags.pictures import read_bag_picture
 from regionpose.bags.place import bag_place
 from regionpose.calibration import load_camera
-from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.cameras import (
+    Camera,
+    EquirectangularCamera,
+    FisheyeCamera,
+    FovCamera,
+    OcamCamera,
+    PinholeCamera,
+    UnifiedCamera,
+)
 from regionpose.cameras.base import resize_factor
 from regionpose.clouds import Cloud, read_cloud
 from regionpose.clouds.kinds import file_size
@@ -25,6 +33,7 @@ from regionpose.scene.models import (
     CameraFile,
     InlineEquirectangular,
     InlineFisheye,
+    InlineFov,
     InlineOcam,
     InlinePinhole,
     InlineUnified,
@@ -39,6 +48,7 @@ MODELS: dict[type, Callable[..., Camera]] = {
     InlinePinhole: PinholeCamera,
     InlineFisheye: FisheyeCamera,
     InlineUnified: UnifiedCamera,
+    InlineFov: FovCamera,
     InlineOcam: OcamCamera,
     InlineEquirectangular: EquirectangularCamera,
 }
