@@ -6,6 +6,8 @@ Errors of the libraries become `FileError`s that name the file.
 from __future__ import annotations
 
 import math
+import os
+import stat
 import warnings
 import zipfile
 from collections.abc import Callable
@@ -37,6 +39,9 @@ PICTURE_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "PPM", "GIF", "JPEG2000
 """Pillow's names of the formats that are read. It knows more, of which EPS starts another program, Ghostscript. JPEG
 stands for MPO, too, which phones write: a JPEG that holds further ones."""
 
+BOM = b"\xef\xbb\xbf"
+"""The byte order mark that some editors put before UTF-8."""
+
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
 
@@ -48,6 +53,20 @@ ARRAY_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[Any, ...]]] = {
 
 class FileError(ValueError):
     """A file that cannot be used: names the file, what was found and what is needed."""
+
+
+NO_FILES = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
+"""What isn't read, by its type: it may never come, or never end."""
+
+
+def check_regular(path: Path) -> None:
+    """FileError for a pipe, a device or a socket, behind a link or not; what isn't there is for the reader to tell."""
+    try:
+        kind = stat.S_IFMT(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return
+    if kind in NO_FILES:
+        raise FileError(f"{path}: found {NO_FILES[kind]}; needed a file")
 
 
 class Pixels(NamedTuple):
@@ -80,6 +99,7 @@ def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, cont
     FileError where it is damaged, none, or larger than twice `PIL.Image.MAX_IMAGE_PIXELS`, which raises the limit, or
     than its file makes likely. FileNotFoundError.
     """
+    check_regular(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -142,6 +162,7 @@ def read_array(path: Path) -> NDArray[Any]:
 
     FileError where it is damaged, holds objects, or promises more than the file holds. FileNotFoundError.
     """
+    check_regular(path)
     with path.open("rb") as file:
         if file.read(2) != b"PK":
             file.seek(0)
@@ -154,6 +175,7 @@ def read_array(path: Path) -> NDArray[Any]:
 
 def read_archive(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an .npz archive by name; errors as of `read_array`."""
+    check_regular(path)
     try:
         with zipfile.ZipFile(path) as archive:
             wrong = unfolding_error(path, sum(member.file_size for member in archive.infolist()))
@@ -198,6 +220,7 @@ def _array(path: Path, item: str, file: IO[bytes], size: int) -> NDArray[Any]:
 
 def read_json(path: Path) -> Any:
     """The value of a JSON file in UTF-8; FileError that names the place where it is none. FileNotFoundError."""
+    check_regular(path)
     try:
         return json_value(path.read_bytes().decode("utf-8-sig"))
     except TextError as error:

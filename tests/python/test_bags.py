@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -13,15 +14,19 @@ import pytest
 import regionpose as rp
 from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, points_of
 from numpy.typing import NDArray
+from regionpose.bags.messages import FURTHER_TYPES
 from regionpose.bags.pictures import read_bag_picture
 from regionpose.bags.place import BagPlace, bag_place, is_there
 from regionpose.bags.unfolding import _install
+from regionpose.calibration import load_camera
+from regionpose.cameras import PinholeCamera
 from regionpose.clouds import CloudError, MissingExtraError, read_cloud
 from regionpose.reading import FileError
 from regionpose.scene import load_scene, scene_sides
 from regionpose.scene.inputs import input_values
 from regionpose.scene.sensors import read_picture
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_types_from_msg
 from scene_files import scene_values, write_scene
 
 
@@ -174,7 +179,7 @@ def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
     [
         ({"width": 7}, "data: found 144 bytes in rows of 144; needed 1 rows of 7 points of 24 bytes"),
         ({"height": 2}, "data: found 144 bytes"),
-        ({"point_step": 12}, "fields: found"),
+        ({"point_step": 12}, "field intensity: found 1 values up to byte 16; needed"),
         ({"fields": []}, "columns: found none; needed x, y and z"),
     ],
 )
@@ -183,6 +188,61 @@ def test_messages_that_contradict_themselves_are_refused(changed: dict[str, Any]
     made.scan(BEGIN, points_of(0), **changed)
     with pytest.raises(CloudError, match=message):
         read_cloud(f"{made.write(tmp_path)}#/points")
+
+
+FLOAT, BYTE = 7, 2
+
+
+@pytest.mark.parametrize(
+    ("offset", "datatype", "count", "step"),
+    [
+        (2**31 - 1, 6, 1, 24),
+        (2**31 - 4, FLOAT, 1, 24),
+        (2**32 - 1, FLOAT, 1, 24),
+        (12, BYTE, 2**31 - 13, 2**31 - 1),
+        (16, BYTE, 2**31 - 1, 24),
+        (12, BYTE, 65537, 70_000),
+        (21, FLOAT, 1, 24),
+    ],
+)
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_fields_beyond_their_point_are_refused(
+    kind: str, offset: int, datatype: int, count: int, step: int, tmp_path: Path
+) -> None:
+    made = Bag(kind)
+    described = [("x", 0, FLOAT, 1), ("y", 4, FLOAT, 1), ("z", 8, FLOAT, 1), ("odd", offset, datatype, count)]
+    fields = [
+        made.make("sensor_msgs/msg/PointField", name=name, offset=at, datatype=of, count=many)
+        for name, at, of, many in described
+    ]
+    made.scan(BEGIN, points_of(0), fields=fields, point_step=step)
+    with pytest.raises(CloudError, match=rf"field odd: found \d+ values up to byte \d+; needed .* within {step} bytes"):
+        read_cloud(f"{made.write(tmp_path)}#/points")
+
+
+def test_a_field_that_ends_with_its_point_is_read(tmp_path: Path) -> None:
+    made = Bag("mcap")
+    made.scan(BEGIN, points_of(1), point_step=20, row_step=120)
+    points = points_of(1)[:1]
+    cloud = read_cloud(f"{made.write(tmp_path)}#/points")
+    assert cloud.points[0].tolist() == [points[axis][0] for axis in "xyz"] and cloud.colors is not None
+
+
+def test_values_that_a_small_database_computes_are_refused(tmp_path: Path) -> None:
+    path = filled("sqlite file").write(tmp_path)
+    database = sqlite3.connect(path)
+    database.executescript(
+        "ALTER TABLE messages RENAME TO held;"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, "
+        "head BLOB, data BLOB GENERATED ALWAYS AS (head || zeroblob(3000000)) VIRTUAL);"
+        "INSERT INTO messages(id, topic_id, timestamp, head) SELECT id, topic_id, timestamp, data FROM held;"
+        "DROP TABLE held;"
+    )
+    database.commit()
+    database.close()
+    assert path.stat().st_size < 100_000
+    with pytest.raises(FileError, match=r"found damage .*too big"):
+        read_cloud(f"{path}#/points@0x2")
 
 
 def test_scans_of_several_frames_are_not_joined(tmp_path: Path) -> None:
@@ -302,3 +362,84 @@ def test_commands_take_messages(tmp_path: Path) -> None:
     assert said("info", f"{path}#/camera") == {"kind": "image of a bag", "width_px": 7, "height_px": 5}
     assert said("segment", f"{path}#/plain", "--seed", "40,30")["pixels"] == pytest.approx(30 * 40, abs=60)
     assert rp.read_cloud(f"{path}#/points").source == path
+
+
+def livox_bag(folder: Path, *, stated: int | None = None, kind: str = "mcap") -> Path:
+    """A bag of one scan of a Livox driver, and the calibration of a camera."""
+    made = Bag(kind)
+    for name, definition in FURTHER_TYPES.items():
+        made.store.register(get_types_from_msg(definition, name))
+    given = points_of(1)
+    points = [
+        made.make(
+            "livox_ros_driver2/msg/CustomPoint",
+            offset_time=k * 10,
+            x=float(point["x"]),
+            y=float(point["y"]),
+            z=float(point["z"]),
+            reflectivity=200 - k,
+            tag=16,
+            line=k % 4,
+        )
+        for k, point in enumerate(given)
+    ]
+    scan = made.make(
+        "livox_ros_driver2/msg/CustomMsg",
+        header=made.header(BEGIN),
+        timebase=BEGIN,
+        point_num=len(points) if stated is None else stated,
+        lidar_id=1,
+        rsvd=np.zeros(3, np.uint8),
+        points=points,
+    )
+    made.written.append(("/livox/lidar", BEGIN, scan))
+    lower = kind != "ros1"
+    named = {name if lower else name.upper(): values for name, values in MATRICES.items()}
+    window = made.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    sizes = {"height": 480, "width": 640, "binning_x": 0, "binning_y": 0}
+    calibration = made.make(
+        "sensor_msgs/msg/CameraInfo",
+        header=made.header(BEGIN),
+        distortion_model="plumb_bob",
+        roi=window,
+        **sizes,
+        **named,
+    )
+    made.written.append(("/camera/camera_info", BEGIN, calibration))
+    return made.write(folder)
+
+
+MATRICES = {
+    "d": np.array([0.1, -0.2, 1e-3, -2e-3, 0.0]),
+    "k": np.array([500.0, 0.0, 320.5, 0.0, 501.25, 240.25, 0.0, 0.0, 1.0]),
+    "r": np.eye(3).ravel(),
+    "p": np.eye(3, 4).ravel(),
+}
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
+def test_scans_of_a_livox_driver_are_read(kind: str, tmp_path: Path) -> None:
+    given, cloud = points_of(1), read_cloud(f"{livox_bag(tmp_path, kind=kind)}#/livox/lidar")
+    np.testing.assert_array_equal(cloud.points, np.stack([given[name] for name in "xyz"], axis=1))
+    assert cloud.intensity is not None and cloud.sensor_origin is not None
+    np.testing.assert_array_equal(cloud.intensity, 200 - np.arange(6))
+    assert sorted(cloud.fields) == ["line", "offset_time", "tag"]
+    np.testing.assert_array_equal(cloud.fields["line"], np.arange(6) % 4)
+
+
+def test_a_livox_scan_that_states_another_number_of_points_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CloudError, match="points: found 6; needed 2147483647, as the message says"):
+        read_cloud(f"{livox_bag(tmp_path, stated=2**31 - 1)}#/livox/lidar")
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_the_camera_info_of_a_bag_is_a_calibration(kind: str, tmp_path: Path) -> None:
+    bag = livox_bag(tmp_path, kind=kind)
+    camera = load_camera(f"{bag}#/camera/camera_info")
+    assert camera == PinholeCamera(
+        500.0, 501.25, 320.5, 240.25, distortion=(0.1, -0.2, 1e-3, -2e-3, 0.0), width=640, height=480
+    )
+    with pytest.raises(FileError, match="found 2 messages asked for; needed one of a camera"):
+        load_camera(f"{bag}#/camera/camera_info@0x2")
+    with pytest.raises(FileError, match=r"found livox_ros_driver2/msg/CustomMsg; needed CameraInfo"):
+        load_camera(f"{bag}#/livox/lidar")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import resource
 import struct
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from regionpose.calibration import CalibrationError, load_lidar_pose
+from regionpose.calibration import CalibrationError, load_camera, load_lidar_pose
 from regionpose.calibration.poses import read_pose
 from regionpose.cameras import PinholeCamera
 from regionpose.cli.info import file_facts
@@ -282,3 +283,39 @@ def test_mutated_files_are_read_or_refused() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout
     assert re.match(r"1200 files of \d+ kinds .* 0 finds", done.stdout)
+
+
+def readers() -> dict[str, Callable[[Path], object]]:
+    """What reads each kind of file, by a name of one."""
+    camera = PinholeCamera(10.0, 10.0, 1.0, 1.0)
+    return {
+        **{
+            f"a{ending}": read_cloud
+            for ending in (".ply", ".pcd", ".las", ".e57", ".npy", ".npz", ".bin", ".xyz", ".stl")
+        },
+        "a.png": read_picture,
+        "depth.png": lambda path: cloud_from_depth(path, camera, unit_m=1e-3),
+        "calib.yaml": load_camera,
+        "scene.yaml": load_scene,
+        "a.mcap": lambda path: read_cloud(f"{path}#/points"),
+        "b.bag": lambda path: read_picture(Path(f"{path}#/camera")),
+        "indices.npy": read_array,
+        "pose.json": read_json,
+    }
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes are POSIX's")
+@pytest.mark.parametrize("name", readers())
+def test_pipes_and_devices_are_refused_before_they_are_read(name: str, tmp_path: Path) -> None:
+    read = readers()[name]
+    for folder, what in (("pipe", "a pipe"), ("device", "a device")):
+        (tmp_path / folder).mkdir()
+        path = tmp_path / folder / name
+        if what == "a pipe":
+            os.mkfifo(path)
+        else:
+            path.symlink_to("/dev/zero")
+        with pytest.raises(ValueError, match=rf"{name}.*: found {what}; needed a file"):
+            read(path)
+        with pytest.raises(FileNotFoundError):
+            masks_from_file(path)

@@ -12,13 +12,25 @@ from regionpose.bags.place import NANOSECONDS, BagPlace
 from regionpose.bags.unfolding import bounded
 from regionpose.extras import MissingExtraError, load_extra
 from regionpose.progress import Progress
-from regionpose.reading import FileError
+from regionpose.reading import FileError, check_regular
 
 ABSOLUTE_NS = 10**8 * NANOSECONDS
 """Times from here on count since 1970: 3 March 1973, and longer than any recording. A convention."""
 
 SEARCHED_NS = NANOSECONDS
 """How far from a time its message may lie: sensors send several a second."""
+
+
+LIVOX_POINT = "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
+LIVOX_SCAN = (
+    "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+)
+FURTHER_TYPES = {
+    f"{driver}/msg/{name}": definition
+    for driver in ("livox_ros_driver", "livox_ros_driver2")
+    for name, definition in (("CustomPoint", LIVOX_POINT), ("CustomMsg", LIVOX_SCAN))
+}
+"""Definitions of messages that clouds are read of and that ROS itself has not, for bags that don't hold their own."""
 
 
 class Message(NamedTuple):
@@ -78,10 +90,13 @@ def _opened(place: BagPlace) -> Iterator[Any]:
     """The reader of a bag; whatever fails inside is the bag's fault."""
     highlevel = load_extra("rosbags.highlevel", "ros", f"{place}: ROS")
     typesys = load_extra("rosbags.typesys", "ros", f"{place}: ROS")
+    check_regular(place.bag)
     if not place.bag.exists():
         raise FileNotFoundError(2, "No such file or directory", str(place.bag))
     # Bags of older releases of ROS 2 in SQLite don't hold their types.
     known = typesys.get_typestore(typesys.Stores.LATEST)
+    for name, definition in FURTHER_TYPES.items():
+        known.register(typesys.get_types_from_msg(definition, name))
     try:
         with bounded(place.bag), highlevel.AnyReader([place.bag], default_typestore=known) as reader:
             yield reader

@@ -13,16 +13,20 @@ from types import SimpleNamespace
 from typing import IO, Any, NamedTuple
 
 from regionpose.extras import MissingExtraError, load_extra
-from regionpose.reading import FileError, most_bytes
+from regionpose.reading import FileError, check_regular, most_bytes
+
+LEAST_LENGTH = 1 << 16
+"""Bytes of a value that SQLite needs for its own work, such as on the text of a query: a convention."""
 
 Opener = Callable[[IO[bytes]], IO[bytes]]
 
 
 class Budget(NamedTuple):
-    """Bytes to which each chunk of a bag may unfold."""
+    """Bytes to which each chunk of a bag may unfold, and those of its largest file, which no value in it exceeds."""
 
     bag: Path
     most: int
+    held: int
 
 
 BUDGET: ContextVar[Budget | None] = ContextVar("BUDGET", default=None)
@@ -33,8 +37,12 @@ BUDGET: ContextVar[Budget | None] = ContextVar("BUDGET", default=None)
 def bounded(bag: Path) -> Iterator[None]:
     """Bound what each chunk of a bag unfolds to while it is read: FileError beyond, `reading.most_bytes` of it."""
     _install()
-    files = [bag] if bag.is_file() else sorted(path for path in bag.rglob("*") if path.is_file())
-    token = BUDGET.set(Budget(bag, max(map(most_bytes, files), default=0)))
+    held_paths = [bag] if bag.is_file() else sorted(bag.rglob("*"))
+    for path in held_paths:
+        check_regular(path)
+    files = [path for path in held_paths if path.is_file()]
+    held = max((file.stat().st_size for file in files), default=0)
+    token = BUDGET.set(Budget(bag, max(map(most_bytes, files), default=0), held))
     try:
         yield
     finally:
@@ -46,9 +54,10 @@ def _install() -> None:
     """Put bounded decompressors in the place of those of rosbags."""
     ros1, ros2 = load_extra("rosbags.rosbag1.reader", "ros", "ROS"), load_extra("rosbags.rosbag2.reader", "ros", "ROS")
     mcap = load_extra("rosbags.rosbag2.storage_mcap", "ros", "ROS")
-    lz4 = load_extra("lz4.frame", "ros", "ROS")
+    sqlite, lz4 = load_extra("rosbags.rosbag2.storage_sqlite3", "ros", "ROS"), load_extra("lz4.frame", "ros", "ROS")
     try:
         of_chunks, of_mcap, zstd = ros1.decompressors, mcap.DECOMPRESSORS, ros2.zstd
+        apsw = sqlite.apsw
     except AttributeError as error:
         message = f'found another version of rosbags ({error}); needed pip install "regionpose[ros]"'
         raise MissingExtraError(message, name="rosbags") from error
@@ -59,8 +68,22 @@ def _install() -> None:
         (of_mcap, "zstd", zstd.open),
     ):
         held[name] = _within_budget(opener, held[name])
+    sqlite.apsw = SimpleNamespace(**vars(apsw) | {"Connection": _of_stored_values(apsw)})
     # Messages that are compressed one by one.
     ros2.zstd = SimpleNamespace(open=zstd.open, decompress=_within_budget(zstd.open, zstd.decompress))
+
+
+def _of_stored_values(apsw: Any) -> type:
+    """A connection to SQLite that refuses values longer than the bag: columns may be computed, a gigabyte each."""
+
+    class Connection(apsw.Connection):  # type: ignore[misc]
+        def __init__(self, *given: Any, **named: Any) -> None:
+            super().__init__(*given, **named)
+            budget = BUDGET.get()
+            if budget is not None:
+                self.limit(apsw.SQLITE_LIMIT_LENGTH, min(max(budget.held, LEAST_LENGTH), 2**31 - 1))
+
+    return Connection
 
 
 def _within_budget(opener: Opener, whole: Callable[..., bytes]) -> Callable[..., bytes]:

@@ -86,7 +86,7 @@ def load_camera(
     Parameters
     ----------
     path : str or Path
-        Of the file.
+        Of the file, or of a camera_info message in a bag, as `bag.mcap#/camera/camera_info@12.5`.
     name : str, optional
         Selects among several cameras: the key of the matrix (`M1`, `K2`) in OpenCV's files, `cam0` in a camchain, the
         id in cameras.txt, `P2`, `P_rect_02` or `K_02` in KITTI's files, the photo in Pix4D's and nerfstudio's, the

@@ -8,7 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from regionpose.bags.camera_info import camera_info_text
+from regionpose.bags.place import bag_place
 from regionpose.cameras import Camera
+from regionpose.reading import check_regular
 
 MAX_BYTES = 4 * 2**20
 """Largest file read, in bytes; calibrations hold some kilobytes."""
@@ -38,13 +41,18 @@ class CalibrationText:
     def read(
         cls, path: str | Path, model: str | None = None, *, rectified: bool = False, what: str = "calibration"
     ) -> CalibrationText:
-        """The text at `path`; FileNotFoundError when missing, CalibrationError when empty, binary or too large.
+        """The text at `path`, of a bag that of a CameraInfo; FileNotFoundError when missing.
 
+        CalibrationError when empty, binary or too large; FileError for what is no file, and for other messages.
         `what`: the kind of file that messages ask for.
         """
         if not isinstance(path, str | os.PathLike):
             raise CalibrationError(f"path is a {type(path).__name__}; needed the path of a {what} file")
+        place = bag_place(path)
+        if place is not None:
+            return cls(Path(path), camera_info_text(place), model, rectified)
         location = Path(path)
+        check_regular(location)
         if location.is_dir():
             raise CalibrationError(f"{location}: found a directory; needed a {what} file")
         size = location.stat().st_size

@@ -11,7 +11,7 @@ from regionpose.clouds.arrays import read_npy, read_npz
 from regionpose.clouds.bare_rows import read_bin
 from regionpose.clouds.cloud import Cloud
 from regionpose.clouds.e57 import read_e57
-from regionpose.clouds.errors import cloud_error
+from regionpose.clouds.errors import CloudError, cloud_error
 from regionpose.clouds.las import read_las
 from regionpose.clouds.meshes import read_mesh
 from regionpose.clouds.pcd import is_pcd, read_pcd
@@ -19,7 +19,7 @@ from regionpose.clouds.ply import read_ply
 from regionpose.clouds.ros import read_bag_cloud
 from regionpose.clouds.text import read_text
 from regionpose.progress import Progress
-from regionpose.reading import FileError
+from regionpose.reading import BOM, FileError, check_regular
 
 Reader = Callable[..., Cloud]
 
@@ -97,8 +97,12 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
     location = Path(path)
     if location.is_dir():
         raise cloud_error(location, "path", "a directory", "a file")
+    try:
+        check_regular(location)
+    except FileError as error:
+        raise CloudError(str(error)) from error
     with location.open("rb") as file:
-        start = file.read(START_BYTES)
+        start = file.read(START_BYTES).removeprefix(BOM)
     if not start:
         raise cloud_error(location, "file", "0 bytes", f"a cloud: {', '.join(ENDINGS)}")
     reader = _reader(location, start)

@@ -62,6 +62,28 @@ LINEAR_UNITS_KEY = 3076
 EPSG_METERS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 """Meters in EPSG's meter, international foot and US survey foot."""
 
+MODEL_KEY, PROJECTED_KEY, GEOGRAPHIC_KEY = 1024, 3072, 2048
+GEOGRAPHIC_MODEL = 2
+"""GTModelTypeGeoKey, ProjectedCSTypeGeoKey and GeographicTypeGeoKey of GeoTIFF; the model of longitude and latitude."""
+
+WKT_GEOGRAPHIC = re.compile(r"\b(GEOGCS|GEOGCRS|GEOGRAPHICCRS|GEODCRS|GEODETICCRS)\s*\[")
+WKT_METRIC = re.compile(
+    r"\b(PROJCS|PROJCRS|PROJECTEDCRS|GEOCCS|LOCAL_CS|ENGCRS|ENGINEERINGCRS)\s*\[|\bCS\s*\[\s*Cartesian", re.I
+)
+
+FARTHEST_DEGREES = (180.0, 90.0)
+FINEST_METERS = 1e-5
+"""Scale below which coordinates are no meters of a survey: a hundredth of a millimeter; a meter has 1e-5 degrees."""
+
+FLAT = 0.1
+"""Horizontal extent over vertical below which a cloud in meters would be a post. In degrees 10 km are less than 0.1, of
+heights of some meters."""
+
+PROJECTED = (
+    "meters: project it first, as by `pdal translate in.las out.las reprojection "
+    "--filters.reprojection.out_srs=EPSG:32632` with the UTM zone of the place"
+)
+
 RAW_COORDINATES = ("X", "Y", "Z")
 
 
@@ -79,7 +101,8 @@ def read_las(path: Path, *, progress: Progress | None = None) -> Cloud:
         named = {name: np.asarray(stored[name]) for name in names if name not in RAW_COORDINATES}
         coordinates = {name.lower(): np.asarray(stored[name.lower()]) for name in RAW_COORDINATES}
         stated = int(stored.header.point_count)
-        unit = _unit_m([*stored.header.vlrs, *(stored.evlrs or [])])
+        records = [*stored.header.vlrs, *(stored.evlrs or [])]
+        unit, scales = _unit_m(records), np.asarray(stored.header.scales, dtype=np.float64)
     except (KeyboardInterrupt, SystemExit):
         raise
     # Damage shows as errors of laspy, lazrs, numpy and struct, and as a panic, which is no Exception.
@@ -87,7 +110,12 @@ def read_las(path: Path, *, progress: Progress | None = None) -> Cloud:
         raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
     if len(coordinates["x"]) != stated:
         raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
-    return replace(cloud_of_columns(path, coordinates | _flat(named)), unit_m=unit)
+    cloud = cloud_of_columns(path, coordinates | _flat(named))
+    if _is_geographic(records) or (unit is None and _looks_geographic(cloud, scales)):
+        low, high = cloud.points[:, 0].min(), cloud.points[:, 0].max()
+        found = f"degrees of longitude and latitude, x from {low:.6f} to {high:.6f}"
+        raise cloud_error(path, "coordinates", found, PROJECTED)
+    return replace(cloud, unit_m=unit)
 
 
 def _points(laspy: Any, reader: Any, progress: Progress | None) -> Any:
@@ -112,6 +140,28 @@ def _unit_m(records: Sequence[Any]) -> float | None:
         if unit is not None:
             return unit
     return None
+
+
+def _is_geographic(records: Sequence[Any]) -> bool:
+    """Whether WKT or GeoTIFF keys say that coordinates are longitude and latitude."""
+    for record in records:
+        keys = {key.id: key.value_offset for key in getattr(record, "geo_keys", ())}
+        if keys.get(MODEL_KEY) == GEOGRAPHIC_MODEL or (
+            MODEL_KEY not in keys and GEOGRAPHIC_KEY in keys and PROJECTED_KEY not in keys
+        ):
+            return True
+        text = str(getattr(record, "string", ""))
+        if WKT_GEOGRAPHIC.search(text) and not WKT_METRIC.search(text):
+            return True
+    return False
+
+
+def _looks_geographic(cloud: Cloud, scales: Scalars) -> bool:
+    """Whether coordinates of a file that says nothing can hardly be meters: on the globe, finer, and flat."""
+    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    on_globe = np.maximum(np.abs(low), np.abs(high))[:2] <= FARTHEST_DEGREES
+    wide, tall = float((high - low)[:2].max()), float((high - low)[2])
+    return bool(on_globe.all() and scales[:2].max() < FINEST_METERS and wide < FLAT * tall)
 
 
 def _wkt_meters(text: str) -> float | None:

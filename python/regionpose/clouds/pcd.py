@@ -15,7 +15,7 @@ from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.pieces import file_bytes
 from regionpose.clouds.text import rows_of_text
 from regionpose.progress import Progress
-from regionpose.reading import whole_number
+from regionpose.reading import BOM, whole_number
 
 LONGEST_HEADER = 1 << 20
 """Bytes within which the header ends; it takes some hundreds."""
@@ -60,7 +60,8 @@ def is_pcd(start: bytes) -> bool:
 def read_pcd(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a PCD file; as in PCL the VIEWPOINT is not applied, but it is where the scanner stood."""
     with path.open("rb") as file:
-        header = _header(path, file.read(LONGEST_HEADER))
+        start = file.read(LONGEST_HEADER)
+    header = _header(path, start)
     readers = {"ascii": _text_columns, "binary": _binary_columns, "binary_compressed": _compressed_columns}
     if header.storage not in readers:
         raise cloud_error(path, "DATA", header.storage, "ascii, binary or binary_compressed")
@@ -74,7 +75,7 @@ def _header(path: Path, start: bytes) -> PcdHeader:
     data = re.search(rb"^\s*DATA\s+(\w+)[ \t]*\r?\n", start, re.MULTILINE)
     if data is None:
         raise cloud_error(path, "header", repr(start[:40]), "a PCD header that ends with a DATA line")
-    lines = start[: data.start()].decode("latin-1").splitlines()
+    lines = start[: data.start()].removeprefix(BOM).decode("latin-1").splitlines()
     entries = {words[0]: words[1:] for line in lines if (words := line.split()) and not words[0].startswith("#")}
     names = entries.get("FIELDS", entries.get("COLUMNS", []))
     counts = _whole_numbers(path, entries, "COUNT") if "COUNT" in entries else [1] * len(names)

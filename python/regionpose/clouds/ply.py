@@ -16,7 +16,7 @@ from regionpose.clouds.columns import cloud_of_columns
 from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.pieces import file_bytes, file_words
 from regionpose.progress import Progress
-from regionpose.reading import whole_number
+from regionpose.reading import BOM, whole_number
 
 LONGEST_HEADER = 1 << 20
 """Bytes within which the header ends; it takes some hundreds."""
@@ -106,7 +106,9 @@ class Body:
 def read_ply(path: Path, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a PLY file; polygons are cut into triangles about their first corner."""
     with path.open("rb") as file:
-        form, elements, offset = _header(path, file.read(LONGEST_HEADER))
+        start = file.read(LONGEST_HEADER)
+    form, elements, offset = _header(path, start.removeprefix(BOM))
+    offset += len(BOM) if start.startswith(BOM) else 0
     body = Body.read(path, form, offset, progress)
     tables: dict[str, dict[str, Scalars | Lists]] = {}
     at = 0

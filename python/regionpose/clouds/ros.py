@@ -1,4 +1,4 @@
-"""Clouds of a bag's messages, PointCloud2, in the scanner's frame."""
+"""Clouds of a bag's messages, PointCloud2 and Livox's CustomMsg, in the scanner's frame."""
 
 from __future__ import annotations
 
@@ -11,13 +11,19 @@ from regionpose.bags.place import BagPlace
 from regionpose.clouds.cloud import Cloud, Scalars
 from regionpose.clouds.columns import cloud_of_columns
 from regionpose.clouds.errors import cloud_error
-from regionpose.clouds.pcd import named_columns
+from regionpose.clouds.pcd import MOST_VALUES, named_columns
 from regionpose.progress import Progress
 
-KINDS = ("PointCloud2",)
+KINDS = ("PointCloud2", "CustomMsg")
+"""Scans of most drivers, and of Livox's."""
+
+LIVOX_FIELDS = {"x": "f4", "y": "f4", "z": "f4", "reflectivity": "u1", "tag": "u1", "line": "u1", "offset_time": "u4"}
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """The numbers of a PointField's `datatype`."""
+
+MOST_POINT_BYTES = 8 * MOST_VALUES
+"""Bytes of a point: the most values, of the widest type."""
 
 SCAN = "scan"
 """The field that numbers the scans of a cloud of several, from 0."""
@@ -50,12 +56,16 @@ def _joined(place: BagPlace, messages: list[Any]) -> Cloud:
 
 def _grid_shape(messages: list[Any]) -> tuple[int, int] | None:
     """Rows and columns of a single organized scan."""
+    if _is_livox(messages[0]):
+        return None
     height, width = (int(getattr(messages[0], name)) for name in ("height", "width"))
     return (height, width) if len(messages) == 1 and height > 1 and width > 1 else None
 
 
 def _columns(place: BagPlace, message: Any) -> dict[str, Scalars]:
     """The columns of a message as they are stored; CloudError where its bytes don't hold them."""
+    if _is_livox(message):
+        return _livox_columns(place, message)
     row, step = _row(place, message), int(message.row_step)
     height, width = int(message.height), int(message.width)
     data = np.asarray(message.data, dtype=np.uint8)
@@ -67,17 +77,39 @@ def _columns(place: BagPlace, message: Any) -> dict[str, Scalars]:
     return {name: points[name] for name in row.names or ()}
 
 
+def _is_livox(message: Any) -> bool:
+    return hasattr(message, "point_num")
+
+
+def _livox_columns(place: BagPlace, message: Any) -> dict[str, Scalars]:
+    """The columns of a CustomMsg, whose reflectivity is the intensity."""
+    points = message.points
+    if len(points) != int(message.point_num):
+        raise cloud_error(str(place), "points", len(points), f"{message.point_num}, as the message says")
+    columns = {
+        name: np.array([getattr(point, name) for point in points], dtype=kind) for name, kind in LIVOX_FIELDS.items()
+    }
+    return {"intensity" if name == "reflectivity" else name: values for name, values in columns.items()}
+
+
 def _row(place: BagPlace, message: Any) -> np.dtype[np.void]:
     """What the bytes of a point are."""
     order, size = ">" if message.is_bigendian else "<", int(message.point_step)
     names, kinds, offsets = [], [], []
     for field in message.fields:
-        number, count = NUMBERS.get(int(field.datatype)), max(1, int(field.count))
+        number, count, offset = NUMBERS.get(int(field.datatype)), max(1, int(field.count)), int(field.offset)
         if number is None:
             raise cloud_error(str(place), f"field {field.name}", f"datatype {field.datatype}", "one from 1 to 8")
+        # Python's whole numbers don't overflow, as numpy's own check of this does.
+        end = offset + count * np.dtype(number).itemsize
+        if count > MOST_VALUES or end > size or offset < 0:
+            found = f"{count} values up to byte {end}"
+            raise cloud_error(str(place), f"field {field.name}", found, f"at most {MOST_VALUES} within {size} bytes")
         names.append(str(field.name))
         kinds.append(np.dtype((order + number, (count,) if count > 1 else ())))
-        offsets.append(int(field.offset))
+        offsets.append(offset)
+    if size > MOST_POINT_BYTES:
+        raise cloud_error(str(place), "point_step", f"{size} bytes", f"at most {MOST_POINT_BYTES}")
     try:
         return np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": size})
     except ValueError as error:

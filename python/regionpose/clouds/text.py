@@ -19,7 +19,7 @@ from regionpose.clouds.columns import COORDINATES, cloud_of_table
 from regionpose.clouds.errors import cloud_error
 from regionpose.clouds.pieces import ToldFile
 from regionpose.progress import Progress
-from regionpose.reading import whole_number
+from regionpose.reading import BOM, whole_number
 
 COMMENTS = ("#", "//", "%")
 
@@ -41,8 +41,10 @@ class TextLayout:
 
 def read_text(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:
     """The cloud of a text file, by `columns`, else by a heading that names x, y and z, else by guess."""
-    layout = _layout(path)
-    table = rows_of_text(path, 0, np.float64, layout.delimiter, layout.lines_before, progress=progress)
+    with path.open("rb") as file:
+        offset = len(BOM) if file.read(len(BOM)) == BOM else 0
+    layout = _layout(path, offset)
+    table = rows_of_text(path, offset, np.float64, layout.delimiter, layout.lines_before, progress=progress)
     if layout.stated_count not in (None, len(table)):
         raise cloud_error(path, "rows", len(table), f"{layout.stated_count}, as the first line says")
     return cloud_of_table(path, table, columns if columns is not None else layout.names)
@@ -92,10 +94,11 @@ def _odd_line(path: Path, offset: int, delimiter: str | None, skip: int) -> tupl
     return None
 
 
-def _layout(path: Path) -> TextLayout:
-    """The layout by the lines up to the first point."""
+def _layout(path: Path, offset: int) -> TextLayout:
+    """The layout by the lines from byte `offset` up to the first point."""
     names, stated = None, None
     with path.open(encoding="latin-1") as file:
+        file.seek(offset)
         for number, line in enumerate(islice(file, PREAMBLE_LINES)):
             bare = line.strip()
             delimiter = next((mark for mark in (",", ";") if mark in bare), None)

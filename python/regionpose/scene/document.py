@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from regionpose.json_text import joined_pairs, json_value
+from regionpose.reading import check_regular
 from regionpose.text_error import TextError, refuse_halves
 from regionpose.yaml_text import MappingNode, Node, SequenceNode, line_of, plain_value, yaml_node
 
@@ -89,6 +90,7 @@ def _content(path: Path) -> bytes:
         raise SceneError(f"{path}: found a directory; needed a scene file")
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; needed a scene file")
+    check_regular(path)
     _check_size(path, path.stat().st_size)
     return path.read_bytes()
 
