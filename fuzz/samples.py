@@ -20,7 +20,8 @@ from regionpose.yaml_text import to_yaml
 
 # What writes bags is the tests'.
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
-from bag_files import filled
+from bag_files import filled, livox_bag
+from bare_rows import scanned_rows
 from calibration_files import FILES as CAMERAS
 from pose_files import FILES as POSES
 
@@ -127,7 +128,12 @@ def _clouds() -> list[Sample]:
         "cloud.npy": _npy(POINTS),
         "named.npy": _npy(np.zeros(3, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4")])),
         "cloud.npz": _npz(points=POINTS, intensity=np.arange(24.0)),
-        "turn.bin": np.column_stack([POINTS, np.ones(24)]).astype("<f4").tobytes(),
+        "turn.bin": scanned_rows(200, "intensity").tobytes(),
+        "waymo.bin": scanned_rows(1500, "intensity", "elongation", "stamp").tobytes(),
+        "sweep.pcd.bin": scanned_rows(30, "reflectivity", "ring").tobytes(),
+        "grid.pcd": _organized_pcd(),
+        "marked.xyz": b"\xef\xbb\xbfx,y,z\n" + "\n".join(",".join(map(str, row)) for row in POINTS).encode(),
+        "marked.ply": b"\xef\xbb\xbf" + _ascii_ply(),
         "cloud.xyz": b"x y z\n" + "\n".join(" ".join(map(str, row)) for row in POINTS).encode(),
         "cloud.las": _las("las"),
         "cloud.laz": _las("laz"),
@@ -227,7 +233,25 @@ def _arrays() -> list[Sample]:
     ]
 
 
+def _topic(path: Path, topic: str) -> object:
+    from regionpose.clouds import read_cloud
+
+    return read_cloud(f"{path}#{topic}")
+
+
+def _calibration(path: Path, topic: str) -> object:
+    from regionpose.calibration import load_camera
+
+    return load_camera(f"{path}#{topic}")
+
+
+def _livox(kind: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return livox_bag(Path(folder), kind=kind).read_bytes()
+
+
 def _bags() -> list[Sample]:
+    from regionpose.cli.info import file_facts
     from regionpose.clouds import read_cloud
     from regionpose.scene.sensors import read_picture
 
@@ -243,9 +267,18 @@ def _bags() -> list[Sample]:
         "plain.mcap": _bag("mcap file"),
         "zstd.mcap": _bag("mcap file", "STORAGE"),
     }
+    livox = [
+        Sample(f"livox_{kind}.{ending}", _livox(kind), partial(_topic, topic="/livox/lidar"))
+        for kind, ending in (("ros1", "bag"), ("mcap file", "mcap"))
+    ]
+    cameras = [
+        Sample(f"camera_{kind}.{ending}", _livox(kind), partial(_calibration, topic="/camera/camera_info"))
+        for kind, ending in (("ros1", "bag"), ("mcap file", "mcap"))
+    ]
+    facts = [Sample(f"facts_{name}", content, file_facts) for name, content in files.items()]
     # What one reader is shown, the other is shown too, under another name.
     pictures = [Sample(f"picture_{name}", content, picture) for name, content in files.items()]
-    return [*(Sample(name, content, scan) for name, content in files.items()), *pictures]
+    return [*(Sample(name, content, scan) for name, content in files.items()), *pictures, *livox, *cameras, *facts]
 
 
 def _calibrations(folder: Path) -> list[Sample]:
@@ -290,6 +323,14 @@ def _ascii_ply() -> bytes:
 def _pcd(form: str, body: bytes) -> bytes:
     head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 24\nHEIGHT 1\n"
     return (head + f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 24\nDATA {form}\n").encode() + body
+
+
+def _organized_pcd() -> bytes:
+    head = "VERSION 0.7\nFIELDS x y z _ intensity _\nSIZE 4 4 4 1 4 1\nTYPE F F F U F U\nCOUNT 1 1 1 4 1 0\n"
+    head += "WIDTH 6\nHEIGHT 4\nVIEWPOINT 1 0 0 1 0 0 0\nPOINTS 24\nDATA binary\n"
+    rows = np.zeros((24, 5), "<f4")
+    rows[2:, :3] = POINTS[2:]
+    return head.encode() + rows.tobytes()
 
 
 def _packed(plain: bytes) -> bytes:

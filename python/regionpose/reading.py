@@ -42,6 +42,9 @@ stands for MPO, too, which phones write: a JPEG that holds further ones."""
 BOM = b"\xef\xbb\xbf"
 """The byte order mark that some editors put before UTF-8."""
 
+PICTURE_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "GIF")
+"""Formats of pictures that are told by their first bytes, as Pillow names them."""
+
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
 
@@ -88,6 +91,15 @@ def unfolding_error(path: Path, bytes_promised: int) -> str | None:
     if bytes_promised <= most:
         return None
     return f"found {bytes_promised} bytes in a file of {path.stat().st_size}; needed at most {most}"
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a file is a picture that Pillow knows, by its first bytes."""
+    try:
+        with Image.open(path, formats=PICTURE_FORMATS) as picture:
+            return bool(picture.format)
+    except Exception:
+        return False
 
 
 def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, content: IO[bytes] | None = None) -> Pixels:

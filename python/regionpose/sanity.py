@@ -195,6 +195,17 @@ def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
     return (PoseWarning("odd-unit", text, values={"unit_m": factor}),)
 
 
+def check_intensity(cloud: Cloud) -> tuple[PoseWarning, ...]:
+    """What a cloud lost on its way: `no-intensity`, where its file holds one without a single finite number."""
+    if "intensity" not in cloud.empty:
+        return ()
+    text = (
+        "the intensity of the cloud's file holds no finite number and is left out: seeds can't keep to it, and photo"
+        " and cloud are compared by depth alone; export the cloud with its intensity, if the scanner measures one"
+    )
+    return (PoseWarning("no-intensity", text),)
+
+
 def unit_remark(spacing: float, extent: float) -> str | None:
     """What a cloud's size says of its unit: None where it may well be the meter, else the factor to use.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from regionpose.bags.messages import FURTHER_TYPES
 from rosbags import rosbag1, rosbag2, typesys
 
 SECOND, BEGIN = 10**9, 1_700_000_000 * 10**9
@@ -121,3 +122,56 @@ def filled(kind: str, packed: str | None = None) -> Bag:
     bag.picture(BEGIN + SECOND // 4, PIXELS, "rgb8", pad=3)
     bag.compressed(BEGIN + SECOND // 4, PIXELS)
     return bag
+
+
+MATRICES = {
+    "d": np.array([0.1, -0.2, 1e-3, -2e-3, 0.0]),
+    "k": np.array([500.0, 0.0, 320.5, 0.0, 501.25, 240.25, 0.0, 0.0, 1.0]),
+    "r": np.eye(3).ravel(),
+    "p": np.eye(3, 4).ravel(),
+}
+
+
+def livox_bag(folder: Path, *, stated: int | None = None, kind: str = "mcap") -> Path:
+    """A bag of one scan of a Livox driver, and the calibration of a camera."""
+    made = Bag(kind)
+    for name, definition in FURTHER_TYPES.items():
+        made.store.register(typesys.get_types_from_msg(definition, name))
+    given = points_of(1)
+    points = [
+        made.make(
+            "livox_ros_driver2/msg/CustomPoint",
+            offset_time=k * 10,
+            x=float(point["x"]),
+            y=float(point["y"]),
+            z=float(point["z"]),
+            reflectivity=200 - k,
+            tag=16,
+            line=k % 4,
+        )
+        for k, point in enumerate(given)
+    ]
+    scan = made.make(
+        "livox_ros_driver2/msg/CustomMsg",
+        header=made.header(BEGIN),
+        timebase=BEGIN,
+        point_num=len(points) if stated is None else stated,
+        lidar_id=1,
+        rsvd=np.zeros(3, np.uint8),
+        points=points,
+    )
+    made.written.append(("/livox/lidar", BEGIN, scan))
+    lower = kind != "ros1"
+    named = {name if lower else name.upper(): values for name, values in MATRICES.items()}
+    window = made.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    sizes = {"height": 480, "width": 640, "binning_x": 0, "binning_y": 0}
+    calibration = made.make(
+        "sensor_msgs/msg/CameraInfo",
+        header=made.header(BEGIN),
+        distortion_model="plumb_bob",
+        roi=window,
+        **sizes,
+        **named,
+    )
+    made.written.append(("/camera/camera_info", BEGIN, calibration))
+    return made.write(folder)

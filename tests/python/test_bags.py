@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, points_of
+from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, livox_bag, points_of
 from numpy.typing import NDArray
-from regionpose.bags.messages import FURTHER_TYPES
 from regionpose.bags.pictures import read_bag_picture
 from regionpose.bags.place import BagPlace, bag_place, is_there
 from regionpose.bags.unfolding import _install
@@ -26,7 +25,6 @@ from regionpose.scene import load_scene, scene_sides
 from regionpose.scene.inputs import input_values
 from regionpose.scene.sensors import read_picture
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import get_types_from_msg
 from scene_files import scene_values, write_scene
 
 
@@ -362,59 +360,6 @@ def test_commands_take_messages(tmp_path: Path) -> None:
     assert said("info", f"{path}#/camera") == {"kind": "image of a bag", "width_px": 7, "height_px": 5}
     assert said("segment", f"{path}#/plain", "--seed", "40,30")["pixels"] == pytest.approx(30 * 40, abs=60)
     assert rp.read_cloud(f"{path}#/points").source == path
-
-
-def livox_bag(folder: Path, *, stated: int | None = None, kind: str = "mcap") -> Path:
-    """A bag of one scan of a Livox driver, and the calibration of a camera."""
-    made = Bag(kind)
-    for name, definition in FURTHER_TYPES.items():
-        made.store.register(get_types_from_msg(definition, name))
-    given = points_of(1)
-    points = [
-        made.make(
-            "livox_ros_driver2/msg/CustomPoint",
-            offset_time=k * 10,
-            x=float(point["x"]),
-            y=float(point["y"]),
-            z=float(point["z"]),
-            reflectivity=200 - k,
-            tag=16,
-            line=k % 4,
-        )
-        for k, point in enumerate(given)
-    ]
-    scan = made.make(
-        "livox_ros_driver2/msg/CustomMsg",
-        header=made.header(BEGIN),
-        timebase=BEGIN,
-        point_num=len(points) if stated is None else stated,
-        lidar_id=1,
-        rsvd=np.zeros(3, np.uint8),
-        points=points,
-    )
-    made.written.append(("/livox/lidar", BEGIN, scan))
-    lower = kind != "ros1"
-    named = {name if lower else name.upper(): values for name, values in MATRICES.items()}
-    window = made.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    sizes = {"height": 480, "width": 640, "binning_x": 0, "binning_y": 0}
-    calibration = made.make(
-        "sensor_msgs/msg/CameraInfo",
-        header=made.header(BEGIN),
-        distortion_model="plumb_bob",
-        roi=window,
-        **sizes,
-        **named,
-    )
-    made.written.append(("/camera/camera_info", BEGIN, calibration))
-    return made.write(folder)
-
-
-MATRICES = {
-    "d": np.array([0.1, -0.2, 1e-3, -2e-3, 0.0]),
-    "k": np.array([500.0, 0.0, 320.5, 0.0, 501.25, 240.25, 0.0, 0.0, 1.0]),
-    "r": np.eye(3).ravel(),
-    "p": np.eye(3, 4).ravel(),
-}
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from regionpose.cameras import FisheyeCamera, PinholeCamera
 from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_depth, read_cloud, write_ply
+from regionpose.sanity import check_intensity
 
 
 def test_small_coordinates_have_no_origin() -> None:
@@ -326,3 +327,12 @@ def test_a_grid_that_does_not_hold_the_points_is_refused(cells: list[int]) -> No
         Cloud(POINTS, grid_shape=(2, 2), grid_indices=np.array(cells))
     with pytest.raises(CloudError, match="grid_shape: found None"):
         Cloud(POINTS, grid_indices=np.arange(4))
+
+
+def test_an_intensity_without_a_number_is_left_out_and_named() -> None:
+    cloud = Cloud.from_points(POINTS, intensity=np.full(4, np.nan))
+    assert cloud.intensity is None and cloud.empty == ("intensity",)
+    assert [warning.code for warning in check_intensity(cloud)] == ["no-intensity"]
+    some = Cloud.from_points(POINTS, intensity=[np.nan, 1.0, 2.0, np.nan])
+    assert some.intensity is not None and not some.empty and not check_intensity(some)
+    np.testing.assert_array_equal(some.intensity, [np.nan, 1.0, 2.0, np.nan])

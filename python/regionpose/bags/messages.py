@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from regionpose.bags.place import NANOSECONDS, BagPlace
@@ -58,6 +59,26 @@ def read_messages(place: BagPlace, kinds: Sequence[str], *, progress: Progress |
     if len(found) < place.count:
         raise FileError(f"{place}: found {len(found)} messages from there on; needed {place.count}")
     return found
+
+
+class BagSummary(NamedTuple):
+    """What a bag holds: its length and beginning, seconds, and name, type and number of messages of each topic."""
+
+    duration_s: float
+    begins_s: float | None
+    topics: list[tuple[str, str, int]]
+
+
+def summary(bag: Path) -> BagSummary:
+    """What a bag holds; errors as of `read_messages`."""
+    with _opened(BagPlace(bag, "")) as reader:
+        topics: dict[tuple[str, str], int] = {}
+        for each in reader.connections:
+            topics[each.topic, each.msgtype] = topics.get((each.topic, each.msgtype), 0) + each.msgcount
+        listed = [(name, kind, count) for (name, kind), count in sorted(topics.items())]
+        if not any(topics.values()):
+            return BagSummary(0.0, None, listed)
+        return BagSummary(reader.duration / NANOSECONDS, reader.start_time / NANOSECONDS, listed)
 
 
 def kind_of(place: BagPlace) -> str:

@@ -48,7 +48,7 @@ def bag_place(path: str | Path) -> BagPlace | None:
     FileError for a time that is none.
     """
     bag, mark, rest = str(path).partition(MARK)
-    if not mark or not _is_bag(Path(bag)) or os.path.exists(path):
+    if not mark or not is_bag(Path(bag)) or os.path.exists(path):
         return None
     topic, at, when = rest.partition("@")
     if not topic:
@@ -68,5 +68,6 @@ def is_there(path: str | Path) -> bool:
     return os.path.exists(path if place is None else place.bag)
 
 
-def _is_bag(path: Path) -> bool:
+def is_bag(path: Path) -> bool:
+    """Whether a path is that of a bag by its name, or a folder with a bag of ROS 2."""
     return path.suffix.lower() in BAG_ENDINGS or os.path.isfile(path / METADATA)

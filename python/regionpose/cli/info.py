@@ -19,8 +19,24 @@ if TYPE_CHECKING:
     from regionpose.clouds import Cloud
     from regionpose.scene.loading import NamedRegion
 
-TEXT_SUFFIXES = {".yaml", ".yml", ".json", ".txt", ".xml", ".cameramodel"}
-"""Files that may be scenes, results or calibrations; what is none of these is read as a cloud."""
+DOCUMENT_SUFFIXES = {".yaml", ".yml", ".json"}
+"""Files that may be scenes and results."""
+
+READ = (
+    "a cloud or mesh (PLY, PCD, LAS, LAZ, E57, .npy, .npz, .bin, .xyz, .txt, .csv, .asc, .pts, OBJ, STL, GLB), a bag"
+    " (.bag, .mcap, .db3, or the folder of a ROS 2 bag), a photo or masks (PNG, JPEG, TIFF, BMP, WebP; COCO, labelme),"
+    " a calibration, a pose, a scene file or a result"
+)
+"""What is read, in words."""
+
+LARGE = 1e6
+"""Numbers from here on, times and coordinates of maps, are shown to a thousandth."""
+
+ARRAY_SUFFIXES = {".npy", ".npz"}
+
+LABELS_AT_MOST = 64
+"""Different values of a gray or indexed picture up to which it is taken for one of labels: photos have more. A
+convention."""
 
 SHOWN_OF_RESULT = (
     "scene",
@@ -43,7 +59,9 @@ class CameraChoice(NamedTuple):
 
 
 def info(
-    file: Annotated[Path, typer.Argument(help="Cloud, mesh, calibration, pose, image, scene file or result.json.")],
+    file: Annotated[
+        Path, typer.Argument(help="Cloud, bag, calibration, pose, image, masks, scene file or result.json.")
+    ],
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     columns: Columns = None,
@@ -51,12 +69,13 @@ def info(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Describe a cloud, calibration, pose, image, scene file or result.
+    """Say what kind of file it is, and describe it: cloud, bag, calibration, pose, image, masks, scene file, result.
 
     \b
     Examples:
       regionpose info cloud.ply
       regionpose info calib.yaml --camera-name cam1
+      regionpose info drive.mcap
       regionpose info scene.yaml --json
     """
     with Progress(quiet) as progress:
@@ -66,7 +85,9 @@ def info(
         say_json(facts)
     else:
         typer.echo(f"{file}: {facts.pop('kind')}")
+        topics = facts.pop("topics", [])
         say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
+        say_rows([(each["topic"], _topic_line(each)) for each in topics])
 
 
 def file_facts(
@@ -77,22 +98,32 @@ def file_facts(
     columns: list[str] | None = None,
 ) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
+    from regionpose.bags.camera_info import KINDS as CALIBRATIONS
     from regionpose.bags.messages import kind_of
-    from regionpose.bags.place import bag_place
+    from regionpose.bags.place import bag_place, is_bag
+    from regionpose.clouds.kinds import is_cloud
     from regionpose.clouds.ros import KINDS as CLOUDS
-    from regionpose.reading import IMAGE_SUFFIXES
+    from regionpose.reading import IMAGE_SUFFIXES, check_regular, is_picture
 
     suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
     place = bag_place(path)
     if place is not None:
-        return _cloud_facts(path, said, columns) if kind_of(place) in CLOUDS else _picture_facts(place)
+        kind = kind_of(place)
+        if kind in CALIBRATIONS:
+            return _camera_facts(path, choice or CameraChoice())
+        return _cloud_facts(path, said, columns) if kind in CLOUDS else _picture_facts(place)
+    if is_bag(path) and path.exists():
+        return _bag_facts(path)
     if path.is_dir():
-        raise ValueError(f"{path}: found a directory; needed a file")
+        raise ValueError(f"{path}: found a directory; needed {READ}")
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
-    if suffix in IMAGE_SUFFIXES:
+    check_regular(path)
+    if suffix in IMAGE_SUFFIXES or is_picture(path):
         return _image_facts(path)
-    if suffix not in TEXT_SUFFIXES:
+    if suffix in ARRAY_SUFFIXES and (facts := _array_facts(path)) is not None:
+        return facts
+    if is_cloud(path):
         return _cloud_facts(path, said, columns)
     return _text_facts(path, choice or CameraChoice(), said, columns)
 
@@ -102,7 +133,7 @@ def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: l
     from regionpose.scene.document import SceneError, read_document
 
     held: object = None
-    if path.suffix.lower() != ".txt":
+    if path.suffix.lower() in DOCUMENT_SUFFIXES:
         try:
             held = read_document(path).value
         except SceneError:
@@ -112,9 +143,11 @@ def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: l
     if isinstance(held, dict) and _is_scene(held):
         return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, choice), lambda: pose_facts(path, choice.name)]
+    if path.suffix.lower() in {".json", ".xml"}:
+        readers.append(lambda: _mask_facts(path))
     if path.suffix.lower() == ".txt":
         readers.append(lambda: _cloud_facts(path, progress, columns))
-    return _first_that_reads(readers)
+    return _first_that_reads(path, readers)
 
 
 def _is_scene(held: dict[Any, Any]) -> bool:
@@ -124,23 +157,73 @@ def _is_scene(held: dict[Any, Any]) -> bool:
     return len(held.keys() & SceneModel.model_fields.keys()) > 1
 
 
-def _first_that_reads(readers: list[Callable[[], Facts]]) -> Facts:
-    """The facts of the first reader that knows the file; else the first one's error."""
+def _first_that_reads(path: Path, readers: list[Callable[[], Facts]]) -> Facts:
+    """The facts of the first reader that knows the file; ValueError with what is read, and the first one's error."""
     errors = []
     for read in readers:
         try:
             return read()
         except ValueError as error:
-            errors.append(error)
-    raise errors[0]
+            errors.append(str(error).removeprefix(f"{path}: "))
+    raise ValueError(f"{path}: found no kind of file that is known; needed {READ}. As a calibration: {errors[0]}")
+
+
+def _bag_facts(path: Path) -> Facts:
+    """The facts about a bag: its topics, and what each can be read as."""
+    from regionpose.bags.camera_info import KINDS as CALIBRATIONS
+    from regionpose.bags.messages import summary
+    from regionpose.bags.pictures import KINDS as PICTURES
+    from regionpose.clouds.ros import KINDS as CLOUDS
+
+    held, uses = summary(path), {**dict.fromkeys(CLOUDS, "cloud"), **dict.fromkeys(PICTURES, "image")}
+    uses |= dict.fromkeys(CALIBRATIONS, "calibration")
+    topics = [
+        {"topic": name, "type": kind, "messages": count, "read_as": uses.get(kind.rpartition("/")[2])}
+        for name, kind, count in held.topics
+    ]
+    return {"kind": "bag", "duration_s": held.duration_s, "begins_s": held.begins_s, "topics": topics}
+
+
+def _topic_line(topic: Facts) -> str:
+    """A topic as `sensor_msgs/msg/PointCloud2, 20 messages, read as cloud`."""
+    use = "not read" if topic["read_as"] is None else f"read as {topic['read_as']}"
+    return f"{topic['type']}, {topic['messages']} messages, {use}"
+
+
+def _array_facts(path: Path) -> Facts | None:
+    """The facts about an array of one value a point: indices, labels or a mask; None of other arrays."""
+    from regionpose.reading import FileError, read_array
+
+    try:
+        values = read_array(path)
+    except FileError:
+        return None
+    if values.ndim != 1 or values.dtype.kind not in "biu" or not len(values):
+        return None
+    held = "mask" if values.dtype.kind == "b" else "indices or labels"
+    low, high = int(values.min()), int(values.max())
+    return {"kind": f"{held} of points", "values": len(values), "lowest": low, "highest": high}
+
+
+def _mask_facts(path: Path) -> Facts:
+    """The facts about a file of masks: its regions."""
+    from regionpose.segmentation.masks import masks_from_file
+
+    return {"kind": "masks", "regions": list(masks_from_file(path))}
 
 
 def _image_facts(path: Path) -> Facts:
+    import numpy as np
+
     from regionpose.reading import read_pixels
 
     values, mode, form = read_pixels(path)
     height, width = values.shape[:2]
-    return {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
+    facts = {"kind": "image", "width_px": width, "height_px": height, "mode": mode, "format": form}
+    labels = np.unique(values) if values.ndim == 2 and values.dtype.kind in "biu" else np.arange(LABELS_AT_MOST + 1)
+    if len(labels) > LABELS_AT_MOST:
+        return facts
+    return facts | {"kind": "image of labels", "labels": labels.astype(int).tolist()}
 
 
 def _picture_facts(place: BagPlace) -> Facts:
@@ -169,7 +252,9 @@ def _cloud_facts(path: Path, progress: Progress, columns: list[str] | None = Non
         "unit": _unit(cloud, spacing),
         "colors": cloud.colors is not None,
         "intensity": cloud.intensity is not None,
+        "empty_columns": list(cloud.empty),
         "fields": sorted(cloud.fields),
+        "grid": None if cloud.grid_shape is None else f"{cloud.grid_shape[0]} x {cloud.grid_shape[1]}",
         "dropped_points": cloud.dropped,
     }
 
@@ -301,7 +386,7 @@ def _shown(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f"{value:.6g}" if abs(value) < LARGE else f"{value:.3f}"
     if isinstance(value, list):
         return ", ".join(_shown(item) for item in value) or "none"
     if isinstance(value, dict):

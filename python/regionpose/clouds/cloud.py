@@ -43,7 +43,7 @@ class Cloud:
     colors : (n, 3) array of uint8, optional
         sRGB.
     intensity : (n,) array of float64, optional
-        In the file's own scale.
+        In the file's own scale; NaN where it wasn't measured.
     fields : mapping of str to (n,) array
         Other scalars by name.
     triangles : (k, 3) array of int64, optional
@@ -57,6 +57,8 @@ class Cloud:
         beam without a return. A mesh keeps its vertices at zero.
     file_indices : (n,) array of int64, optional
         Ascending, of the points among all of the file's, the dropped ones counted; None where none was dropped.
+    empty : tuple of str
+        Columns of the file left out since they hold no finite number: `intensity` or nothing.
     grid_shape : tuple of 2 int, optional
         Rows and columns of an organized scan; None where the file has no grid.
     grid_indices : (n,) array of int64, optional
@@ -92,6 +94,7 @@ class Cloud:
     sensor_origin: Array | None = None
     unit_m: float | None = None
     file_indices: NDArray[np.int64] | None = None
+    empty: tuple[str, ...] = ()
     grid_shape: tuple[int, int] | None = None
     grid_indices: NDArray[np.int64] | None = None
 
@@ -184,7 +187,7 @@ class Cloud:
         colors : (n, 3) array, optional
             Of 8 bits, which are kept; of 16 bits, or fractions up to 1, which are brought to 8.
         intensity : (n,) array, optional
-            In any scale.
+            In any scale; left out, and named in `empty`, where none of it is finite.
         fields : mapping of str to (n,) array, optional
             Other scalars.
         triangles : (k, 3) array of int, optional
@@ -214,12 +217,15 @@ class Cloud:
             return _kept_rows(name, values, kept_rows, source)
 
         points = kept("points", world)
+        strengths = None if intensity is None else kept("intensity", intensity)
+        is_empty = strengths is not None and strengths.dtype.kind == "f" and not np.isfinite(strengths).any()
         origin = _origin(points)
         cells = np.arange(len(world)) if grid_indices is None else grid_indices
         return cls(
             local_points=points - origin if origin.any() else points,
             colors=None if colors is None else _bytes_of_colors(kept("colors", colors), source),
-            intensity=None if intensity is None else kept("intensity", intensity),
+            intensity=None if is_empty else strengths,
+            empty=("intensity",) if is_empty else (),
             fields={name: kept(f"field {name}", values) for name, values in (fields or {}).items()},
             triangles=None if triangles is None else _kept_triangles(np.asarray(triangles), kept_rows, source),
             origin=origin,

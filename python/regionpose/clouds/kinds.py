@@ -114,6 +114,15 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
     return reader(location, **told)
 
 
+def is_cloud(path: Path) -> bool:
+    """Whether a file that is there is a cloud or a mesh, by its first bytes or its name; .txt files may be anything."""
+    with path.open("rb") as file:
+        start = file.read(START_BYTES).removeprefix(BOM)
+    if any(start.startswith(beginning) for beginning, _ in BEGINNINGS) or is_pcd(start):
+        return True
+    return path.suffix.lower() in ENDINGS.keys() - {".txt"}
+
+
 def file_size(path: Path) -> int:
     """The bytes of a cloud's file, for who waits; 0 of a bag's messages, and where it is missing or misnamed."""
     try:

@@ -217,5 +217,6 @@ def _grays(cloud: Cloud) -> NDArray[np.float64]:
     """A gray (n,) of each point: its intensity where it is known."""
     if cloud.intensity is None:
         return np.full(len(cloud), 255.0 * UNSEEN)
-    brightest = float(np.percentile(cloud.intensity, 98)) or 1.0
-    return 255.0 * UNSEEN * np.clip(cloud.intensity / brightest, 0.25, 1.0)
+    known = np.nan_to_num(cloud.intensity, nan=0.0, posinf=0.0, neginf=0.0)
+    brightest = float(np.percentile(known, 98)) or 1.0
+    return 255.0 * UNSEEN * np.clip(known / brightest, 0.25, 1.0)

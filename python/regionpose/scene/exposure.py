@@ -17,7 +17,7 @@ from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 from regionpose.progress import Progress, part, told_each
 from regionpose.regions.image import ImageRegion
-from regionpose.sanity import check_camera, check_photo_name, check_regions, check_unit
+from regionpose.sanity import check_camera, check_intensity, check_photo_name, check_regions, check_unit
 from regionpose.scene.document import Place
 from regionpose.scene.known import scene_prior, scene_solver
 from regionpose.scene.loading import Scene, named_regions
@@ -162,9 +162,9 @@ def checked(sides: SceneSides) -> SceneSides:
         for remark in side.remarks
     )
     regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
-    unit = () if sides.cloud is None else check_unit(sides.cloud)
+    cloud = () if sides.cloud is None else (*check_unit(sides.cloud), *check_intensity(sides.cloud))
     camera = (*check_camera(sides.camera, size), *check_photo_name(sides.camera, sides.scene.image))
-    return replace(sides, warnings=(*camera, *unit, *regions, *sparse))
+    return replace(sides, warnings=(*camera, *cloud, *regions, *sparse))
 
 
 def matched(sides: SceneSides) -> SceneSides:

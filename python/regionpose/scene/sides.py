@@ -295,7 +295,10 @@ def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
     count = min(SEED_NEIGHBORS, len(cloud))
     squares = np.sum((cloud.local_points - seed) ** 2, axis=1)
     around = np.argpartition(squares, count - 1)[:count]
-    return np.flatnonzero(np.abs(cloud.intensity - np.median(cloud.intensity[around])) <= tolerance)
+    levels = cloud.intensity[around]
+    if not np.isfinite(levels).any():
+        raise ValueError("found no intensity of the points around the seed; needed some that have it, or no such key")
+    return np.flatnonzero(np.abs(cloud.intensity - np.median(levels[np.isfinite(levels)])) <= tolerance)
 
 
 def _points(scene: Scene, item: WorldPoints, scan: Scan) -> WorldSide:
