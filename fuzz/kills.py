@@ -17,6 +17,7 @@ import stat
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from pathlib import Path
 from random import Random
@@ -36,6 +37,9 @@ REPLACED, NEXT = "replaced", "next"
 """Files that say that there were older ones, and that another run was there."""
 
 EXIT = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -signal.SIGKILL}
+UNEXPECTED = 70
+"""Of a run that ends by an exception."""
+
 MOST_PLACING_S = 2e-3
 """A few times what three files take to change places."""
 
@@ -91,11 +95,17 @@ def started(scene: Path, out: Path) -> int:
     number = os.fork()
     if number:
         return number
-    quiet = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(quiet, 1)
-    os.dup2(quiet, 2)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    os._exit(command(["estimate", str(scene), "--out", str(out), "--force", "--quiet"]))
+    code = UNEXPECTED
+    try:
+        said = os.open(out.parent / f"{out.name}.txt", os.O_WRONLY | os.O_CREAT)
+        os.dup2(said, 1)
+        os.dup2(said, 2)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        code = command(["estimate", str(scene), "--out", str(out), "--force", "--quiet"])
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)
 
 
 def saves(out: Path, what: str) -> bool:
@@ -164,6 +174,7 @@ def main() -> int:
                 if is_find:
                     found += 1
                     print(f"found: run {number}, {words}: {seen(folder / str(number))}", flush=True)
+                    print((folder / f"{number}.txt").read_text(encoding="utf-8"), flush=True)
     for words, count in sorted(kinds.items()):
         print(f"{count:5} {words}")
     print(f"{len(EXIT) * given.kills} signals, {found} finds")

@@ -101,6 +101,25 @@ def read_only(values: NDArray[Kind]) -> NDArray[Kind]:
     return kept
 
 
+class KeptArrays:
+    """An object all of whose arrays are read-only, also in what is unpickled and in deep copies."""
+
+    def __setstate__(self, state: Mapping[str, object]) -> None:
+        """Take what was kept; numpy's arrays come back writeable."""
+        for value in state.values():
+            _lock(value)
+        self.__dict__.update(state)
+
+
+def _lock(value: object) -> None:
+    """Make arrays read-only, those in tuples and mappings, too."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple | Mapping):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            _lock(item)
+
+
 def signed_area(ring: Array) -> float:
     """Area of a ring (n, 2), negative where it turns clockwise."""
     # The last edge adds nothing: it ends in the vertex that all are counted from.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.arguments import checked_arguments
-from regionpose.arrays import finite_array, read_only, real_array
+from regionpose.arrays import KeptArrays, finite_array, read_only, real_array
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
@@ -24,7 +24,7 @@ UNIT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(KeptArrays):
     """The pose `camera_from_world`: `x_camera = rotation * x_world + translation`.
 
     Camera axes: x right, y down, z along the optical axis.

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import os
 import stat
-import warnings
 import zipfile
 from collections.abc import Callable
 from io import BytesIO
@@ -113,17 +112,15 @@ def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, cont
     """
     check_regular(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            # The open file: of a path, Pillow 13 maps the rows of a turned TIFF into memory by the width that is shown.
-            with (
-                path.open("rb") if content is None else content as file,
-                Image.open(file, formats=PICTURE_FORMATS) as picture,
-            ):
-                _check_pixels(path, picture, per_pixel)
-                ImageOps.exif_transpose(picture, in_place=True)
-                is_kept = mode is None or _depth(picture) > 1
-                return Pixels(np.array(picture if is_kept else picture.convert(mode)), picture.mode, picture.format)
+        # The open file: of a path, Pillow 13 maps the rows of a turned TIFF into memory by the width that is shown.
+        with (
+            path.open("rb") if content is None else content as file,
+            Image.open(file, formats=PICTURE_FORMATS) as picture,
+        ):
+            _check_pixels(path, picture, per_pixel)
+            ImageOps.exif_transpose(picture, in_place=True)
+            is_kept = mode is None or _depth(picture) > 1
+            return Pixels(np.array(picture if is_kept else picture.convert(mode)), picture.mode, picture.format)
     except (FileNotFoundError, FileError):
         raise
     # Damage shows as errors of every type, and without the file's name.
@@ -213,9 +210,7 @@ def _member(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> ND
 def _array(path: Path, item: str, file: IO[bytes], size: int) -> NDArray[Any]:
     """The array at the start of a file of `size` bytes."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            shape, _, kind = ARRAY_HEADERS[np.lib.format.read_magic(file)](file)
+        shape, _, kind = ARRAY_HEADERS[np.lib.format.read_magic(file)](file)
         promised, held = math.prod(shape) * kind.itemsize, size - file.tell()
         if kind.hasobject or not kind.itemsize:
             raise FileError(f"{path}: {item}: found {kind} values; needed numbers")

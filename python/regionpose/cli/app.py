@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated
@@ -75,6 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Expected errors (bad input, files, a missing extra) are one line on standard error; others are raised.
     """
+    if arguments is None:
+        # The process is this program's alone. Readers have a limit of their own, and say where it is exceeded.
+        warnings.filterwarnings("ignore", "Image size .* exceeds limit")
     with _terminated_cleanly():
         return _run(arguments)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionpose.arrays import KeptArrays
 from regionpose.clouds.errors import cloud_error
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ BYTE_LIMIT, WORD_LIMIT = 255, 65535
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class Cloud(KeptArrays):
     """Points of the world, each with what was measured there.
 
     Parameters
@@ -117,6 +118,14 @@ class Cloud:
         if triangles.size and (triangles.min() < 0 or triangles.max() >= count):
             found = f"indices from {triangles.min()} to {triangles.max()}"
             raise cloud_error(self.source, "triangles", found, f"indices from 0 to {count - 1}")
+
+    def __getstate__(self) -> dict[str, object]:
+        """Its parts, without what is made of them; a view of a mapping can't be pickled."""
+        return {part.name: getattr(self, part.name) for part in fields(self)} | {"fields": dict(self.fields)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Take the parts that were kept, read-only again."""
+        super().__setstate__({**state, "fields": MappingProxyType(state["fields"])})
 
     def _keep(self, name: str, kind: type[np.generic], shape: tuple[int, ...]) -> Scalars:
         """The attribute `name` as a read-only array of `shape` (-1: any length), stored so unless it is None."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -177,12 +176,22 @@ def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
     if not text.strip():
         return np.empty(0)
     try:
-        with warnings.catch_warnings():
-            # Before numpy 2.3 words that are no numbers end the reading with a warning.
-            warnings.simplefilter("error", DeprecationWarning)
-            return np.fromstring(text, dtype=np.float64, sep=" ")
-    except (ValueError, DeprecationWarning) as error:
-        raise cloud_error(path, "data", repr(_first_word_not_a_number(text)), "numbers alone") from error
+        numbers = np.fromstring(text, dtype=np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        numbers = np.empty(0)
+    # Before numpy 2.3 words that are no numbers end the reading, and no more.
+    if len(numbers) != _word_count(text):
+        raise cloud_error(path, "data", repr(_first_word_not_a_number(text)), "numbers alone")
+    return numbers
+
+
+def _word_count(text: bytes) -> int:
+    """The number of words that blanks of ASCII part, as `bytes.split` does."""
+    letters = np.frombuffer(text, np.uint8)
+    # One operation for all blanks: 9 to 13, which wrap to 0 to 4, and 32, to 23.
+    wrapped = letters - np.uint8(9)
+    in_word = (wrapped > 4) & (wrapped != 23)
+    return int(in_word[0]) + int(np.count_nonzero(in_word[1:] & ~in_word[:-1]))
 
 
 def _first_word_not_a_number(text: bytes) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -60,20 +59,27 @@ def rows_of_text(
     progress: Progress | None = None,
 ) -> NDArray[Any]:
     """The rows of numbers from byte `offset` on: (n, k), or (n,) of a structured type; CloudError for anything else."""
+    structured = np.dtype(kind).names is not None
+    if not _has_rows(path, offset, skip):
+        # numpy warns of it; it is an error of the caller's own.
+        return np.empty(0 if structured else (0, 1), dtype=kind)
     with io.BufferedReader(ToldFile(path, offset, progress)) as file:
         text = io.TextIOWrapper(file, encoding="latin-1")
         try:
-            with warnings.catch_warnings():
-                # An empty table is an error of the caller's own.
-                warnings.filterwarnings("ignore", message=".*input contained no data", category=UserWarning)
-                structured = np.dtype(kind).names is not None
-                return np.loadtxt(
-                    text, kind, delimiter=delimiter, comments=COMMENTS, skiprows=skip, ndmin=1 if structured else 2
-                )
+            return np.loadtxt(
+                text, kind, delimiter=delimiter, comments=COMMENTS, skiprows=skip, ndmin=1 if structured else 2
+            )
         except ValueError as error:
             said = ("rows", repr(str(error).partition(";")[0]))
             item, found = _odd_line(path, offset, delimiter, skip) or said
             raise cloud_error(path, item, found, "the same count of numbers on every line") from error
+
+
+def _has_rows(path: Path, offset: int, skip: int) -> bool:
+    """Whether there is more than blank lines and comments from byte `offset` on, so many lines left out."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        return any(_COMMENT.split(line.decode("latin-1"), maxsplit=1)[0].strip() for line in islice(file, skip, None))
 
 
 def _odd_line(path: Path, offset: int, delimiter: str | None, skip: int) -> tuple[str, str] | None:

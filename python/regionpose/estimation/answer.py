@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
-from regionpose.arrays import read_only
+from regionpose.arrays import KeptArrays, read_only
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 
@@ -19,7 +19,7 @@ class PoseError(ValueError):
     """No pose shows the regions as they were observed."""
 
 
-class Judged:
+class Judged(KeptArrays):
     """A pose with its covariance and overlap errors, its arrays read-only."""
 
     pose: Pose
@@ -72,7 +72,7 @@ class Alternative(Judged):
 
 
 @dataclass(frozen=True, eq=False)
-class Crease:
+class Crease(KeptArrays):
     """A straight edge that two regions share where their planes meet.
 
     Parameters

@@ -1,5 +1,5 @@
-"""Files put in place together: what was there is put back after an error or an interrupt in between, and by the next
-run after a kill.
+"""Files put in place together: an error or an interrupt in between puts back what was there, and so does the next run
+after a kill.
 """
 
 from __future__ import annotations

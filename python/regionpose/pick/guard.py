@@ -91,11 +91,15 @@ class Guard:
         return scope["type"] == "http" and scope["path"] == "/" and bool(_query_token(scope))
 
     async def _welcome(self, send: Send) -> None:
-        """Put the token into a cookie and go on to the page, so that it stays out of the address and of its history."""
+        """Put the token into a cookie and go on to the page, so that it stays out of the address and of its history.
+
+        A page goes on, and not the answer's status: browsers keep a strict cookie to themselves where a file sent them.
+        """
         cookie = f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
-        headers = [(b"location", b"/"), (b"set-cookie", cookie.encode()), (b"referrer-policy", b"no-referrer")]
-        await send({"type": "http.response.start", "status": 303, "headers": headers})
-        await send({"type": "http.response.body", "body": b""})
+        headers = [(b"content-type", b"text/html"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
+        headers.append((b"referrer-policy", b"no-referrer"))
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": leading_to("/").encode()})
 
     def _with_policy(self, send: Send, host: str) -> Send:
         held = [
@@ -110,6 +114,13 @@ class Guard:
             await send(message)
 
         return sent
+
+
+def leading_to(address: str) -> str:
+    """A page that leads to an address, and is no place to come back to."""
+    return f"""<!DOCTYPE html><meta charset="utf-8"><title>regionpose pick</title>
+<script>location.replace("{address}")</script><noscript><meta http-equiv="refresh" content="0;url={address}"></noscript>
+"""
 
 
 def _query_token(scope: Scope) -> str:

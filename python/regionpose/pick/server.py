@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import socket
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Timer
 
 from regionpose.extras import load_extra
 from regionpose.pick.desk import Desk
-from regionpose.pick.guard import MOST_BYTES, Guard
+from regionpose.pick.guard import MOST_BYTES, Guard, leading_to
 
 OPENING_S = 1.0
 """Seconds until the browser is opened, by when the server listens."""
+
+MOST_WAITING = 16
+"""Pages without a connection that are kept: more than anybody opens at once. A convention."""
 
 
 def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
@@ -34,19 +40,50 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
-    ui.run_with(app, root=lambda: Page(desk), title="regionpose pick", dark=False, show_welcome_message=False)
+
+    def page() -> None:
+        _forget_waiting()
+        Page(desk)
+
+    ui.run_with(app, root=page, title="regionpose pick", dark=False, show_welcome_message=False)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", port))
         # Who comes as soon as the address is said waits until the page is there.
         listening.listen()
         guard = Guard(app, listening.getsockname()[1])
         say(guard.address)
-        if browser:
-            Timer(OPENING_S, webbrowser.open, [guard.address]).start()
         try:
-            _run(guard, listening)
+            with _address_file(guard.address) as file:
+                if browser:
+                    Timer(OPENING_S, webbrowser.open, [file.as_uri()]).start()
+                _run(guard, listening)
         finally:
             desk.close()
+
+
+def _forget_waiting() -> None:
+    """Give up the oldest of very many pages that were fetched and have no connection.
+
+    Each is a thousand objects, which NiceGUI keeps for a minute, and which Python takes milliseconds to be rid of.
+    """
+    from nicegui import Client
+
+    waiting = [client for client in Client.instances.values() if not client.has_socket_connection]
+    for client in waiting[:-MOST_WAITING]:
+        client.delete()
+
+
+@contextmanager
+def _address_file(address: str) -> Iterator[Path]:
+    """A page that leads to an address with a token in it, for this user's eyes alone.
+
+    Every user of the computer can read what a browser is started with: that names this file, and not the token.
+    """
+    with TemporaryDirectory(prefix="regionpose-") as folder:
+        file = Path(folder) / "pick.html"
+        file.touch(mode=0o600)
+        file.write_text(leading_to(address), encoding="utf-8")
+        yield file
 
 
 def _run(guard: Guard, listening: socket.socket) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.arguments import checked_arguments
-from regionpose.arrays import read_only, ring_list, signed_area
+from regionpose.arrays import KeptArrays, read_only, ring_list, signed_area
 from regionpose.cameras import Camera
 from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
@@ -33,7 +33,7 @@ ALONG_BORDER = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImageRegion:
+class ImageRegion(KeptArrays):
     """A region of the image, bounded by closed rings of pixels (an integer is a pixel's center, x right, y down).
 
     Edges of the rings along the border are not the region's own: they carry no weight, and the world region is compared

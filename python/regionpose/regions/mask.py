@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arrays import read_only
+from regionpose.arrays import KeptArrays, read_only
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class MaskWindow:
+class MaskWindow(KeptArrays):
     """The part of a mask that holds any coverage; all other pixels are empty.
 
     Parameters

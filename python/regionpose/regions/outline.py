@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +55,28 @@ class SparseSamplingWarning(UserWarning):
     """An outline of samples too sparse to show the patch."""
 
 
+_told: ContextVar[Callable[[str], object] | None] = ContextVar("_told", default=None)
+
+
+@contextmanager
+def sparse_sampling_told_to(tell: Callable[[str], object]) -> Iterator[None]:
+    """In the block, in this thread, `tell` gets the messages of what would be a SparseSamplingWarning else.
+
+    Filters of warnings are the whole process's: threads that change and restore them leave them changed.
+    """
+    token = _told.set(tell)
+    try:
+        yield
+    finally:
+        _told.reset(token)
+
+
 def _warn(message: str) -> None:
-    """Warn at the line outside of the package that led here."""
+    """Tell who wants to know, else warn at the line outside of the package that led here."""
+    tell = _told.get()
+    if tell is not None:
+        tell(message)
+        return
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == PACKAGE:
         level, frame = level + 1, frame.f_back

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,11 +28,26 @@ class TriangleMesh(Protocol):
     faces: ArrayLike
 
 
+Given = ArrayLike | list[Array]
+
+
+class Step(NamedTuple):
+    """A function of the core that made a region, or a method of it, and what it was given.
+
+    From what a region says of itself, which is rounded, another would come that differs in its last digits.
+    """
+
+    name: str
+    given: tuple[Given, ...]
+    options: dict[str, bool]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class WorldRegion:
     """A region of the 3D data: a planar patch with holes, or an open triangulated surface; or samples of a patch."""
 
     core: _core.WorldRegion
+    steps: tuple[Step, ...]
 
     @classmethod
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
@@ -56,7 +70,7 @@ class WorldRegion:
         >>> rp.WorldRegion.from_polygon([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
         WorldRegion(area=2, vertices=4)
         """
-        return cls(_core.WorldRegion.from_rings(ring_list(rings, 3)))
+        return cls._made("from_rings", ring_list(rings, 3))
 
     @classmethod
     def from_polygons(cls, polygons: Sequence[Sequence[ArrayLike]]) -> WorldRegion:
@@ -76,7 +90,7 @@ class WorldRegion:
         parts = _polygon_list(polygons)
         origin, axes = _common_plane(parts)
         flat = [[counter_clockwise((ring - origin) @ axes.T) for ring in rings] for rings in parts]
-        region = cls(_core.WorldRegion.from_outline(origin, axes, [ring for rings in flat for ring in rings]))
+        region = cls._on_plane(origin, axes, [ring for rings in flat for ring in rings])
         given = sum(signed_area(outer) - sum(map(signed_area, holes)) for outer, *holes in flat)
         # Nesting decides what is a hole: a polygon inside another would become one.
         if region.area < (1.0 - OVERLAP_SHARE) * given:
@@ -126,7 +140,7 @@ class WorldRegion:
         outline = outline_of_points(
             points, radius_m=radius_m, correct_sampling=correct_sampling, sensor_origin=sensor_origin
         )
-        return cls(_core.WorldRegion.from_outline(outline.origin, outline.axes, outline.rings))
+        return cls._on_plane(outline.origin, outline.axes, outline.rings)
 
     @classmethod
     def from_samples(cls, inside: ArrayLike, outside: ArrayLike) -> WorldRegion:
@@ -158,7 +172,7 @@ class WorldRegion:
         region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
         within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
         inside = plane.origin + plane.flat @ plane.axes[:2]
-        return cls(region.core.with_samples(inside, beside[~within], beside[within]))
+        return region._then("with_samples", inside, beside[~within], beside[within])
 
     @classmethod
     def from_scan(
@@ -205,19 +219,18 @@ class WorldRegion:
         numbers = _member_array(members, len(cloud))
         line = line_samples(cloud, numbers, sensor_origin, extends)
         if line is not None:
-            core = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip]).core
-            return cls(core.with_samples(*line.plane.lifted(line.samples), is_line=True))
+            strip = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip])
+            return strip._then("with_samples", *line.plane.lifted(line.samples), is_line=True)
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
         if samples is None:
             return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
-        core = cls._on_plane(plane.origin, plane.axes, rings).core
-        return cls(core.with_samples(*plane.lifted(samples)))
+        return cls._on_plane(plane.origin, plane.axes, rings)._then("with_samples", *plane.lifted(samples))
 
     @classmethod
     def _on_plane(cls, origin: Array, axes: Array, rings: list[Array]) -> WorldRegion:
-        return cls(_core.WorldRegion.from_outline(origin, axes[:2], rings))
+        return cls._made("from_outline", origin, axes[:2], rings)
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
@@ -236,7 +249,7 @@ class WorldRegion:
         if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
         vertices = real_array(mesh.vertices, "mesh.vertices", "(n, 3)").astype(np.float64)
-        return cls(_core.WorldRegion.from_mesh(vertices, real_array(mesh.faces, "mesh.faces", "(k, 3)")))
+        return cls._made("from_mesh", vertices, real_array(mesh.faces, "mesh.faces", "(k, 3)"))
 
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region, of which a point lies on the side that the camera sees.
@@ -254,7 +267,7 @@ class WorldRegion:
         ValueError
             For a point that is on no side, within 0.06 deg of the plane.
         """
-        return WorldRegion(self.core.seen_from(viewpoint))
+        return self._then("seen_from", viewpoint)
 
     @property
     def viewpoint(self) -> Array | None:
@@ -302,41 +315,42 @@ class WorldRegion:
         known += ", is_line=True" if self.is_line else ""
         return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
 
+    @classmethod
+    def _made(cls, name: str, *given: Given) -> WorldRegion:
+        """The region that a function of the core makes."""
+        return _remade((Step(name, tuple(map(_kept, given)), {}),))
+
+    def _then(self, name: str, *given: Given, **options: bool) -> WorldRegion:
+        """What a method of the core makes of it."""
+        return _remade((*self.steps, Step(name, tuple(map(_kept, given)), options)))
+
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
-        """What pickling keeps: the plane, the outline and the samples, or the surface, and the viewpoint."""
-        if self.core.surface is not None:
-            return _surface_region, (*self.core.surface, self.viewpoint)
-        core = self.core
-        known = core.samples, core.is_line, self.viewpoint
-        return _planar_region, (core.origin, core.axes[:2], core.outline, *known)
+        """What pickling keeps."""
+        return _remade, (self.steps,)
+
+    def __deepcopy__(self, _: object) -> WorldRegion:
+        """Itself: nothing of it changes."""
+        return self
 
 
-def _planar_region(
-    origin: Array,
-    axes: Array,
-    outline: list[Array],
-    samples: tuple[Array, ...] | None,
-    is_line: bool,
-    viewpoint: Array | None,
-) -> WorldRegion:
-    core = _core.WorldRegion.from_outline(origin, axes, outline)
-    if samples is not None:
-        core = core.with_samples(*samples, is_line=is_line)
-    region = WorldRegion(core)
-    return region if viewpoint is None else region.seen_from(viewpoint)
+def _remade(steps: tuple[Step, ...]) -> WorldRegion:
+    """The region that steps lead to."""
+    core: Any = _core.WorldRegion
+    for step in steps:
+        core = getattr(core, step.name)(*step.given, **step.options)
+    return WorldRegion(core, steps)
 
 
-def _surface_region(vertices: Array, triangles: NDArray[np.int64], viewpoint: Array | None) -> WorldRegion:
-    region = WorldRegion(_core.WorldRegion.from_mesh(vertices, triangles))
-    return region if viewpoint is None else region.seen_from(viewpoint)
+def _kept(given: Given) -> Given:
+    """A copy of an array, or of several."""
+    return [np.array(each) for each in given] if isinstance(given, list) else np.array(given)
 
 
 def _start_outline(flat: Array) -> list[Array]:
     """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
-    from regionpose.regions.outline import SparseSamplingWarning, flat_outline
+    from regionpose.regions.outline import flat_outline, sparse_sampling_told_to
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SparseSamplingWarning)
+    with sparse_sampling_told_to(lambda _: None):
         return flat_outline(flat)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +17,7 @@ from regionpose.clouds import Cloud, read_cloud
 from regionpose.progress import Progress
 from regionpose.reading import read_array
 from regionpose.regions.image import ImageRegion
-from regionpose.regions.outline import SparseSamplingWarning
+from regionpose.regions.outline import sparse_sampling_told_to
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene, named_regions
@@ -176,10 +175,10 @@ def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
 
 def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
     """The side that is made, with what its outline was warned of."""
-    with warnings.catch_warnings(record=True) as raised:
-        warnings.simplefilter("always", SparseSamplingWarning)
+    told: list[str] = []
+    with sparse_sampling_told_to(told.append):
         side = made()
-    return replace(side, remarks=tuple(str(warning.message) for warning in raised))
+    return replace(side, remarks=tuple(told))
 
 
 def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:

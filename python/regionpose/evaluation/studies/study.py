@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -27,6 +26,7 @@ from regionpose.evaluation.studies.conditions import (
 )
 from regionpose.evaluation.studies.problems import StudyProblem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
+from regionpose.regions.outline import SparseSamplingWarning, sparse_sampling_told_to
 
 ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
 ProblemMaker = Callable[[Setup, Condition, int], StudyProblem]
@@ -137,8 +137,8 @@ class Study:
         problem = None
         try:
             started = perf_counter()
-            with warnings.catch_warnings(record=True) as said:
-                warnings.simplefilter("always")
+            said: list[str] = []
+            with sparse_sampling_told_to(said.append):
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
             prior, solver = estimate_options(problem, condition.solver, exact_exposure=self.exact_exposure)
@@ -148,7 +148,7 @@ class Study:
             ended = perf_counter()
             bound = pose_bound(problem) if self.bounds else None
             row = solved_row(problem, estimate, prepared - started, ended - prepared, bound)
-            return {**row, "input_warnings": ";".join(dict.fromkeys(warning.category.__name__ for warning in said))}
+            return {**row, "input_warnings": SparseSamplingWarning.__name__ if said else ""}
         except Exception as error:
             return failed_row(error, problem)
 

@@ -1,0 +1,163 @@
+"""What is public can be pickled and copied: it answers the same, and arrays that nobody can write to stay so."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import pickle
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import is_dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+from numpy.typing import NDArray
+from regionpose.demo.scene import folder, load
+from regionpose.scene import estimate_scene, load_scene
+from rig_frames import fisheye_frames
+from scene_files import write_scene
+from scipy.spatial.transform import Rotation
+
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda value: pickle.loads(pickle.dumps(value)),
+    "oldest pickle": lambda value: pickle.loads(pickle.dumps(value, protocol=2)),
+    "copy": copy.copy,
+    "deep copy": copy.deepcopy,
+}
+
+UNMADE = {
+    "Camera": "abstract",
+    "SparseSamplingWarning": "a kind of warning, which Python's own pickles",
+}
+"""Public classes without an object below, and why."""
+
+
+@cache
+def public_objects() -> dict[str, list[Any]]:
+    """Objects of all public classes, by the class's name: what estimates take and give, and what a few calls give."""
+    demo, (camera, frames) = load(), fisheye_frames(0, 2)
+    pose = rp.Pose(Rotation.from_matrix(demo.rotation), demo.translation)
+    few = np.ascontiguousarray(demo.points[::20])
+    polygons = [rp.WorldRegion.from_polygon(region.rings) for region in demo.regions[:2]]
+    outlines = [
+        rp.ImageRegion.from_polygon([demo.camera.project(pose @ ring) for ring in region.rings])
+        for region in demo.regions[:2]
+    ]
+    witnessed = rp.estimate_with_scene(demo.camera, outlines, polygons, demo.image, few)
+    with TemporaryDirectory() as place:
+        scene = estimate_scene(load_scene(write_scene(Path(place))))
+    rig = rp.estimate_rig(camera, frames)
+    matches = rp.match_regions(demo.camera, outlines, polygons)
+    whole = rp.Cloud.from_points(
+        few[:9] + 1e5, fields={"ring": np.arange(9)}, intensity=np.ones(9), triangles=np.array([[0, 1, 2]])
+    )
+    members = demo.regions[0].point_indices[::4]
+    objects: list[Any] = [
+        *(scene, rig, matches, *witnessed, witnessed, *outlines, *polygons, whole),
+        rp.read_cloud(folder() / "cloud.ply"),
+        rp.SceneFrame(demo.image, few, demo.camera),
+        rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),
+        rp.Solver(),
+        rp.WorldRegion.from_points(demo.points[members]).seen_from(np.zeros(3)),
+        rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]], hidden_edges=[1]),
+        rp.ImageRegion.from_mask(np.pad(np.ones((20, 30)), 5)),
+        rp.FisheyeCamera(300.0, 300.0, 320.0, 240.0, width=640, height=480),
+        rp.UnifiedCamera(300.0, 300.0, 320.0, 240.0, xi=0.9, width=640, height=480),
+        rp.OcamCamera((200.0, 0.0, -1e-3), (320.0, 240.0), width=640, height=480),
+        rp.EquirectangularCamera(width=1000, height=500),
+        rp.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
+        rp.Crease((0, 1), np.zeros((2, 3))),
+        rp.CameraRefinement(demo.camera, pose, "refined", ("fx",), *np.zeros((2, 1)), np.eye(7), (), (1.0, 0.5)),
+        *frames,
+        rp.PoseWarning("ambiguous", "{0} is off", (0,)),
+    ]
+    with pytest.raises(rp.PoseError) as failed:
+        raise rp.PoseError("no pose")
+    objects.append(failed.value)
+    found: dict[str, list[Any]] = {}
+    for each in objects:
+        for _, part in parts_of(each):
+            name = type(part).__name__
+            if getattr(rp, name, None) is type(part) or part is scene:
+                found.setdefault(name, []).append(part)
+    return found
+
+
+def parts_of(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """A value and all that it holds, with their places."""
+    yield place, value
+    if isinstance(value, Mapping):
+        held = {f"{place}[{key!r}]": item for key, item in value.items()}
+    elif isinstance(value, tuple | list):
+        held = {f"{place}[{index}]": item for index, item in enumerate(value)}
+    elif isinstance(value, rp.WorldRegion):
+        held = {f"{place}.{name}": getattr(value, name) for name in ("rings", "samples", "viewpoint", "area")}
+        held[f"{place}.axes"], held[f"{place}.outline"] = value.core.axes, value.core.outline
+    elif is_dataclass(value) or type(value).__module__.startswith("regionpose"):
+        held = {f"{place}.{name}": item for name, item in getattr(value, "__dict__", {}).items()}
+    else:
+        return
+    for inner, item in held.items():
+        yield from parts_of(item, inner)
+
+
+def arrays_of(value: Any) -> dict[str, NDArray[Any]]:
+    """All arrays that a value holds, by their places."""
+    return {place: part for place, part in parts_of(value) if isinstance(part, np.ndarray)}
+
+
+def test_every_public_class_has_an_object_here() -> None:
+    classes = {name for name in rp.__all__ if inspect.isclass(getattr(rp, name))}
+    assert classes == {*public_objects(), *UNMADE} - {"SceneEstimate"}
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_hold_the_same_and_are_locked_as_before(way: str) -> None:
+    for name, objects in public_objects().items():
+        for value in objects[:4]:
+            other = COPIES[way](value)
+            assert type(other) is type(value)
+            before, after = arrays_of(value), arrays_of(other)
+            assert before.keys() == after.keys(), name
+            for place, array in before.items():
+                assert np.array_equal(array, after[place], equal_nan=array.dtype.kind == "f"), (name, place)
+                assert array.dtype == after[place].dtype, (name, place)
+                assert array.flags.writeable == after[place].flags.writeable, (name, place)
+            scalars = [{p: v for p, v in parts_of(each) if isinstance(v, str | int | float)} for each in (value, other)]
+            np.testing.assert_equal(*scalars)
+
+
+def test_fields_of_a_copied_cloud_can_t_be_changed() -> None:
+    for cloud in public_objects()["Cloud"]:
+        for copied in COPIES.values():
+            assert isinstance(copied(cloud).fields, MappingProxyType)
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_sampled_regions_give_the_same_answer_after_copying(way: str) -> None:
+    demo = load()
+    pose = rp.Pose(Rotation.from_matrix(demo.rotation), demo.translation)
+    worlds = [
+        rp.WorldRegion.from_scan(demo.points, region.point_indices, sensor_origin=np.zeros(3))
+        for region in demo.regions[:3]
+    ]
+    images = [rp.ImageRegion.from_polygon(demo.camera.project(pose @ region.rings[0])) for region in demo.regions[:3]]
+    assert any(world.samples is not None for world in worlds)
+    first = rp.estimate_pose(demo.camera, images, worlds)
+    second = rp.estimate_pose(*COPIES[way]((demo.camera, images, worlds)))
+    assert first.pose.matrix.tobytes() == second.pose.matrix.tobytes()
+    assert first.covariance.tobytes() == second.covariance.tobytes()
+
+
+def test_a_region_keeps_its_own_of_what_it_was_made_from() -> None:
+    ring = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    viewpoint = np.array([0.0, 0.0, 1.0])
+    region = rp.WorldRegion.from_polygon(ring).seen_from(viewpoint)
+    ring[:], viewpoint[:] = 9.0, -1.0
+    assert COPIES["pickle"](region).viewpoint.tolist() == [0.0, 0.0, 1.0]
+    assert COPIES["pickle"](region).area == 2.0
