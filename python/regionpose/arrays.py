@@ -104,6 +104,12 @@ def read_only(values: NDArray[Kind]) -> NDArray[Kind]:
 class KeptArrays:
     """An object all of whose arrays are read-only, also in what is unpickled and in deep copies."""
 
+    def __post_init__(self) -> None:
+        """Keep arrays of a dataclass that nobody can write to."""
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, read_only(value))
+
     def __setstate__(self, state: Mapping[str, object]) -> None:
         """Take what was kept; numpy's arrays come back writeable."""
         for value in state.values():

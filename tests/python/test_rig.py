@@ -421,3 +421,12 @@ def board(folder: Path) -> rp.Frame:
         [rp.WorldRegion.from_polygon(region["rectangle3d"]) for region in regions],
         folder.name,
     )
+
+
+def test_a_region_without_an_edge_of_its_own_is_named_with_its_frame() -> None:
+    camera, frames = fisheye_frames(0, 3)
+    ring = frames[1].image_regions[1].rings[0]
+    hidden = rp.ImageRegion.from_polygon(ring, hidden_edges=list(range(len(ring))))
+    frames[1] = rp.Frame([frames[1].image_regions[0], hidden], frames[1].world_regions, "street")
+    with pytest.raises(ValueError, match=r"^street: region 1: the share of the observed outline"):
+        rp.estimate_rig(camera, frames)

@@ -87,10 +87,6 @@ class Crease(KeptArrays):
     regions: tuple[int, int]
     ends: Array
 
-    def __post_init__(self) -> None:
-        """Keep ends that nobody can write to."""
-        object.__setattr__(self, "ends", read_only(self.ends))
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate(Judged):

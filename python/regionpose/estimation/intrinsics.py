@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from scipy.special import chdtri
 
 from regionpose import _core
+from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.estimation.contours import (
     Contours,
@@ -69,7 +70,7 @@ SMALLEST_SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class CameraRefinement:
+class CameraRefinement(KeptArrays):
     """What the contours say about a camera.
 
     Parameters

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.arguments import checked_arguments
+from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.contours import Contours, contours_of, distances_of, robust_sigma
@@ -24,6 +25,7 @@ from regionpose.estimation.intrinsics import (
 from regionpose.estimation.moved import scattered_estimate
 from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
+from regionpose.estimation.sides import core_problem
 from regionpose.estimation.single import estimate_pose
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
@@ -63,7 +65,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameFit:
+class FrameFit(KeptArrays):
     """How a frame fits the joint pose.
 
     Parameters
@@ -87,7 +89,7 @@ class FrameFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Influence:
+class Influence(KeptArrays):
     """What the other frames say without one.
 
     Parameters
@@ -273,7 +275,21 @@ class _Rig:
 
     def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
         """The pose of all the frames."""
-        return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
+        try:
+            return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
+        except PoseError:
+            raise
+        except ValueError as error:
+            raise self._of_frame(frames, error) from error
+
+    def _of_frame(self, frames: Sequence[Frame], error: ValueError) -> ValueError:
+        """An error about all frames' regions as one about those of the frame that it comes from."""
+        for frame in frames:
+            try:
+                core_problem(self.camera, frame.image_regions, frame.world_regions, self.solver)
+            except ValueError as own:
+                return ValueError(f"{frame.name}: {own}")
+        return error
 
     def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
         """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two

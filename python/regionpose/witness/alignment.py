@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
+from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
 from regionpose.witness.odds import HIDDEN, log_odds
 from regionpose.witness.photo import Photo
@@ -35,7 +36,7 @@ open."""
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(KeptArrays):
     """How well photo and cloud agree at a pose (docs/math.md, section 18).
 
     Parameters

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from regionpose.arrays import KeptArrays
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.pose import Pose
@@ -38,7 +39,7 @@ OTHER = 2.0 * GIVEN_SPREAD
 
 
 @dataclass(frozen=True, eq=False)
-class FocalEvidence:
+class FocalEvidence(KeptArrays):
     """What the edges of photo and cloud say of the focal lengths.
 
     Parameters

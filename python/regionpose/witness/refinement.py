@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from regionpose.arguments import checked_arguments
+from regionpose.arrays import KeptArrays
 from regionpose.pose import Pose
 from regionpose.witness.alignment import Alignment
 from regionpose.witness.evidence import Evidence
@@ -30,7 +31,7 @@ COMPARED = 9
 
 
 @dataclass(frozen=True, eq=False)
-class SceneRefinement:
+class SceneRefinement(KeptArrays):
     """A pose refined by the rest of the scene, if that says enough.
 
     Parameters
