@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from collections.abc import Callable, Iterator
 from copy import copy
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
+from PIL import Image
 from regionpose.pick import estimator
 from regionpose.pick.desk import Desk
 from regionpose.pick.outcome import Outcome
 from regionpose.pick.session import Session
 from regionpose.pick.texts import outcome_html
+from regionpose.pictures.colors import project_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene import Stages
 from regionpose.scene.estimate import heard
@@ -80,6 +84,30 @@ def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
     assert last.run is not None and last.run.witness is not None
     assert "rp-trusted" not in outcome_html(first) and "rp-trusted" in outcome_html(last)
     np.testing.assert_array_equal(heard(first.run).estimate.pose.matrix, last.run.estimate.pose.matrix)
+
+
+def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session, ends: list[str]) -> None:
+    """Where it is wanted, and anew at each pose: of the pose that was shown, nothing stays."""
+    desk = Desk(session)
+    try:
+        assert settled(desk, "regions")
+        assert desk.photo_file == "files/photo.jpg" and "depth.jpg" not in desk.files
+        desk.show_depth(True)
+        first, run = desk.files["depth.jpg"], desk.outcome.run
+        assert run is not None and desk.photo_file.startswith("files/depth.jpg")
+        shown = np.asarray(Image.open(io.BytesIO(first.content)).convert("RGB"), dtype=np.float64)
+        pixels, depths = project_points(desk.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
+        seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
+        drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
+        assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
+        before = desk.photo_file
+        moved = replace(run, estimate=replace(run.estimate, pose=run.estimate.pose.moved(np.full(6, 0.05))))
+        desk._show(replace(desk.outcome, run=moved))
+        assert desk.photo_file != before and desk.files["depth.jpg"].content != first.content
+        desk.show_depth(False)
+        assert desk.photo_file == "files/photo.jpg"
+    finally:
+        desk.close()
 
 
 @pytest.fixture

@@ -64,13 +64,13 @@ def test_a_click_on_a_sign_takes_its_whole_wall_and_a_further_one_there_the_sign
     session.click_cloud(BOARD[1])
     sizes = [points_of(session)]
     for _ in range(2):
-        session.click_cloud(np.array(BOARD[1]) + [0.0, 0.0, 0.05])
+        session.click_cloud(np.add(BOARD[1], [0.0, 0.0, 0.05]))
         sizes.append(points_of(session))
     assert sizes[1] < 0.2 * sizes[0] and sizes[2] == sizes[0]
     assert len(session.regions) == 1
     assert session.regions[0].world is not None
     assert session.regions[0].world.at(0).chosen.written["seed"] == BOARD[1]
-    session.click_cloud(np.array(BOARD[1]) + [0.0, 0.0, 0.8])
+    session.click_cloud(np.add(BOARD[1], [0.0, 0.0, 0.8]))
     assert len(session.regions) == 2
     again = session.regions[1].world
     assert again is not None and session.regions[0].world.chosen.side.indices is not None

@@ -24,6 +24,7 @@ from regionpose.pick.session import Session
 from regionpose.pick.sketch import Sketch
 from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
 from regionpose.pictures.colors import colored_cloud
+from regionpose.pictures.overlays import overlay_depth
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -63,6 +64,7 @@ class Desk:
         self.revision = self.pictured = 0
         self.outcome = Outcome()
         self.coloring = "depth"
+        self.shows_depth = False
         self.files: dict[str, Served] = {}
         self._lock = threading.RLock()
         self._rays: RayIndex | None = None
@@ -105,7 +107,8 @@ class Desk:
             before, basis = self.session.sketch, self.session.basis
             action(self.session)
             if self.session.sketch is not before:
-                self._edited(before, is_solved=basis == self.session.basis)
+                is_known = before.base.get("prior") == self.session.base.get("prior")
+                self._edited(before, is_solved=is_known and basis == self.session.basis)
 
     def _edited(self, sketch: Sketch, *, is_solved: bool) -> None:
         before, looked = sketch.regions, sketch.scan is not self.session.scan
@@ -160,6 +163,20 @@ class Desk:
                 self._serve_cloud()
                 self.revision += 1
 
+    def show_depth(self, wanted: bool) -> None:
+        """Draw the cloud's points by their distance over the photo, at each pose from now on, or no longer."""
+        with self._lock:
+            self.shows_depth = wanted
+            if wanted:
+                self._serve_depth()
+            self.revision += 1
+
+    @property
+    def photo_file(self) -> str:
+        """The file of the photo as it is shown: with the cloud over it where that is wanted and there is a pose."""
+        drawn = self.shows_depth and "depth.jpg" in self.files
+        return f"files/depth.jpg?{self.pictured}" if drawn else "files/photo.jpg"
+
     def photo_shapes(self) -> list[dict[str, Any]]:
         """The regions' outlines in the photo, for the page."""
         return [_photo_shape(picked, self.session.sketch.selected) for picked in self.session.regions if picked.image]
@@ -210,6 +227,20 @@ class Desk:
         self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
         self.files["colors.bin"] = Served(colors[self._sample].tobytes(), "application/octet-stream")
 
+    def _serve_depth(self) -> None:
+        """The photo with the points that either picture of the cloud shows, by the last pose; none without a pose."""
+        run = self.outcome.run
+        self.pictured += 1
+        if run is None:
+            self.files.pop("depth.jpg", None)
+            return
+        image = run.sides.image
+        drawn = overlay_depth(image, run.camera, run.local_pose, self.cloud.local_points)
+        # Without the strip beside it, which has the scale: pixels stay where they are.
+        picture = Image.fromarray(np.ascontiguousarray(drawn[:, : image.shape[1]]))
+        picture.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
+        self.files["depth.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
+
     def _marked(self, colors: Bytes) -> Bytes:
         marked = colors.copy()
         for picked in self.session.regions:
@@ -244,9 +275,11 @@ class Desk:
     def _show(self, outcome: Outcome) -> None:
         """Show what came of an estimate of the regions as they are."""
         self.outcome = outcome
-        self.revision += 1
         if self.coloring == "photo":
             self._serve_cloud()
+        if self.shows_depth:
+            self._serve_depth()
+        self.revision += 1
 
     @property
     def stage(self) -> str:

@@ -13,7 +13,9 @@ from nicegui.events import KeyEventArguments
 
 from regionpose.pick.desk import Desk
 from regionpose.pick.elements import CloudView, PictureView, complain, say, small_button
+from regionpose.pick.known import Known
 from regionpose.pick.parts import Picked
+from regionpose.pick.prior_dialog import PriorDialog
 from regionpose.pick.region_list import RegionList
 from regionpose.pick.scanner_dialog import ScannerDialog
 from regionpose.pick.session import Session
@@ -78,6 +80,8 @@ class Page:
                 ui.html('<span class="rp-title">Photo</span>', sanitize=False)
                 self.modes = _toggle(MODES, "click", self._choose_mode)
                 ui.element("div").classes("rp-grow")
+                hint = "Draw the cloud by its distance at the pose (D)"
+                self.depth = _switch("Depth", hint, self._show_depth, on=False)
                 self.outlines = _switch("Projected", "Show the outlines that the pose projects (O)", self._show_photo)
                 self.loupe = _switch("Loupe", "Show a loupe beside the pointer", self._show_photo)
             with ui.element("div").classes("rp-view"):
@@ -127,6 +131,7 @@ class Page:
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Pose</span>', sanitize=False)
                 ui.element("div").classes("rp-grow")
+                self.prior = PriorDialog(self.desk, self._set_known)
                 self.stage = ui.label().classes("rp-stage").mark("stage")
                 self.stop = ui.button("Stop", icon="stop", on_click=self.desk.stop).props("flat dense no-caps")
                 self.stop.tooltip("Wait no longer: the pose of the regions alone stays (Esc)")
@@ -152,6 +157,8 @@ class Page:
         self.redo.set_enabled(session.can_redo)
         self.save.set_enabled(session.is_changed)
         self.scanner.show()
+        self.prior.show()
+        self.depth.set_value(self.desk.shows_depth)
         self.coloring.set_options(self.desk.colorings, value=self.desk.coloring)
         self._show_photo()
         self._show_cloud()
@@ -160,7 +167,7 @@ class Page:
 
     def _show_photo(self) -> None:
         projected = self.desk.projected_shapes()
-        self.photo.show(src="files/photo.jpg", shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
+        self.photo.show(src=self.desk.photo_file, shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
         self.photo.show(show_projected=self.outlines.value, loupe=self.loupe.value)
         self.range.show(loupe=self.loupe.value)
         self.photo_hint.set_content(photo_hint(self.selected, self.mode))
@@ -198,6 +205,9 @@ class Page:
 
     async def _set_scanner(self, place: list[float] | None) -> None:
         await self._grow(self.range, "looking from there …", lambda session: session.set_scanner(place))
+
+    async def _set_known(self, known: Known) -> None:
+        await self._edit(lambda session: session.set_known(known))
 
     async def _drawn(self, args: dict[str, Any]) -> None:
         await self._edit(lambda session: session.draw_polygon(args["ring"], hidden=args["hidden"]))
@@ -249,6 +259,11 @@ class Page:
         self.mode = str(self.modes.value)
         self._show_photo()
 
+    async def _show_depth(self) -> None:
+        if self.depth.value != self.desk.shows_depth:
+            await run.io_bound(self.desk.show_depth, bool(self.depth.value))
+            self._refresh()
+
     def _choose_cloud_mode(self) -> None:
         cuts = self.cloud_modes.value == "cut"
         if cuts:
@@ -277,6 +292,8 @@ class Page:
             self.modes.set_value({"c": "click", "p": "polygon", "h": "hide"}[key])
         elif key == "x":
             self.cloud_modes.set_value("click" if self.cloud_modes.value == "cut" else "cut")
+        elif key == "d":
+            self.depth.set_value(not self.depth.value)
         elif key == "o":
             self.outlines.set_value(not self.outlines.value)
         elif key == "n":
@@ -304,8 +321,8 @@ def _toggle(options: dict[str, str], value: str, action: Callable[[], Any]) -> u
     return toggle.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
 
 
-def _switch(title: str, hint: str, action: Callable[[], Any]) -> ui.switch:
-    return ui.switch(title, value=True, on_change=action).props("dense size=xs").tooltip(hint)
+def _switch(title: str, hint: str, action: Callable[[], Any], *, on: bool = True) -> ui.switch:
+    return ui.switch(title, value=on, on_change=action).props("dense size=xs").tooltip(hint)
 
 
 def _numbers(args: dict[str, Any], *names: str) -> tuple[float, ...]:

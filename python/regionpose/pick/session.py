@@ -15,6 +15,7 @@ from PIL import Image
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
+from regionpose.pick.known import Known
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, picked_points, picked_world, plane_choices, segmenter_choices
 from regionpose.pick.scene_text import mask_name, points_name, region_lists, scene_of, scene_text
@@ -23,6 +24,7 @@ from regionpose.progress import told_each
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
 from regionpose.scene.estimate import estimate_regions
 from regionpose.scene.exposure import Unpaired, checked
+from regionpose.scene.known import scene_prior
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
 from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
@@ -193,6 +195,22 @@ class Session:
             self.sketch = before
         self._change(moved)
 
+    @property
+    def known(self) -> Known:
+        """What is known of the pose beforehand."""
+        return Known.of(self.base.get("prior", {}))
+
+    def set_known(self, known: Known) -> None:
+        """Say what is known of the pose beforehand, which the scene file's `prior` then holds.
+
+        ValueError for what is no direction, no deviation, or a direction of view from no place.
+        """
+        prior = known.prior(self.base.get("prior", {}), self.scanner)
+        base = {key: value for key, value in self.base.items() if key != "prior"} | ({"prior": prior} if prior else {})
+        scene = scene_of(self.path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
+        scene_prior(scene, sensor_origin(scene, self.cloud))
+        self._change(replace(self.sketch, base=base))
+
     def _again(self, picked: Picked) -> Picked:
         """The region with its side in the cloud made again, the one that is taken."""
         if picked.world is None:
@@ -221,7 +239,9 @@ class Session:
 
     @property
     def basis(self) -> list[tuple[int, object, object]]:
-        """What the estimate is made of: key and sides of the pairs, and of all regions where some can be matched."""
+        """What the estimate is made of, beside `base`: key and sides of the pairs, and of all regions where some can be
+        matched.
+        """
         return [
             (picked.key, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
             for picked in (self.regions if self._can_match else self.pairs)

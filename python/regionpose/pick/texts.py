@@ -45,6 +45,12 @@ SCANNER_QUESTION = (
     " the beams that met them and those that passed beside them.</div>"
 )
 
+PRIOR_QUESTION = (
+    '<div class="rp-help"><h3>What is known of the pose beforehand?</h3>In the frame of the cloud. It chooses between'
+    " poses that fit about equally well, and warns of one that it contradicts. Leave empty what is not known. Without"
+    " an answer the camera is taken to stand within some meters of the scanner.</div>"
+)
+
 HELP = (Path(__file__).parent / "help.html").read_text(encoding="utf-8")
 
 
