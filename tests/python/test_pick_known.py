@@ -86,6 +86,6 @@ def test_a_camera_that_may_stand_anywhere_is_not_near_the_scanner(session: Sessi
 )
 def test_what_is_nothing_to_know_changes_nothing(session: Session, known: Known) -> None:
     before = session.sketch
-    with pytest.raises(ValueError, match="needed|found|positive"):
+    with pytest.raises(ValueError, match=r"needed|found|positive"):
         session.set_known(known)
     assert session.sketch is before

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def pick(
-    scene: Annotated[Path, typer.Argument(help="Scene file to read, and to save to.")] = Path("scene.yaml"),
+    scene: Annotated[
+        Path, typer.Argument(help="Scene file to read, and to save to, or a folder of photos and clouds of one rig.")
+    ] = Path("scene.yaml"),
     image: Annotated[Path | None, typer.Option("--image", help="Photo of a new scene.", show_default=False)] = None,
     camera: Annotated[Path | None, typer.Option("--camera", help=f"{CAMERA_HELP}", show_default=False)] = None,
     cloud: Annotated[Path | None, typer.Option("--cloud", help="Cloud of a new scene.", show_default=False)] = None,
@@ -30,13 +32,15 @@ def pick(
     """Click regions in photo and cloud; the pose follows every click.
 
     Opens a page in the browser. It is served to this computer only. Save writes SCENE and its masks, and
-    `regionpose estimate SCENE` then gives the same pose. Ctrl-C ends it.
+    `regionpose estimate SCENE` then gives the same pose. Ctrl-C ends it. A folder holds pairs such as 0001.png and
+    0001.pcd of one pose: they are picked one after the other, and saved as one scene file, FOLDER/scene.yaml.
 
     \b
     Examples:
       regionpose pick --demo
       regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply
       regionpose pick scene.yaml
+      regionpose pick drive --camera calib.yaml
       regionpose pick scene.yaml --segmenter my_sam:predictor
     """
     from regionpose.pick.desk import Desk
@@ -62,6 +66,8 @@ def _session(
 
     if columns is not None and files["--cloud"] is None:
         raise ValueError("--columns: found names of columns without --cloud; needed it beside")
+    if scene.is_dir() or (scene.exists() and _has_frames(scene)):
+        return _frame(scene, files, demo, stages)
     given = [*(name for name, path in files.items() if path is not None), *(["--demo"] if demo else [])]
     if given and scene.exists():
         raise FileExistsError(f"{scene}: the file exists; needed no {given[0]} to open it, or the name of a new one")
@@ -80,3 +86,24 @@ def _session(
         missing = next(name for name, path in files.items() if path is None)
         raise ValueError(f"{missing}: found nothing; needed --image, --camera and --cloud for a new scene")
     return Session.create(scene, **paths, columns=columns, stages=stages)
+
+
+def _has_frames(scene: Path) -> bool:
+    """Whether a scene file holds several frames."""
+    from regionpose.scene.document import read_document
+
+    value = read_document(scene).value
+    return isinstance(value, dict) and isinstance(value.get("frames"), list)
+
+
+def _frame(scene: Path, files: dict[str, Path | None], demo: bool, stages: Stages) -> Session:
+    """The session of the first frame of a folder, or of a scene file with frames."""
+    from regionpose.pick.frames import Frames
+
+    taken = {"--camera"} if scene.is_dir() else set()
+    odd = [name for name, path in files.items() if path is not None and name not in taken]
+    if odd or demo:
+        what = "a folder of frames" if scene.is_dir() else "a scene of frames"
+        raise ValueError(f"{(odd or ['--demo'])[0]}: found it beside {scene}, {what}; needed none")
+    frames = Frames.of_folder(scene, files["--camera"]) if scene.is_dir() else Frames.of_scene(scene)
+    return frames.turned_to(0, stages)

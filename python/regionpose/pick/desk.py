@@ -60,22 +60,37 @@ class Desk:
 
         `cloud`: the points that either picture of the cloud shows.
         """
-        self.session = session
         self.revision = self.pictured = 0
-        self.outcome = Outcome()
-        self.coloring = "depth"
         self.shows_depth = False
         self.files: dict[str, Served] = {}
         self._lock = threading.RLock()
+        self._look_at(session)
+        self._estimator = Estimator(self._lock, self._snapshot, self._show)
+        if session.can_estimate:
+            self._estimator.begin()
+
+    def turn_to(self, session: Session) -> None:
+        """Show another session, as of the next frame of a rig, in the place of this one."""
+        with self._lock:
+            self._estimator.abandon()
+            self.files.pop("depth.jpg", None)
+            self._look_at(session)
+            self.revision += 1
+            if session.can_estimate:
+                self.outcome = Outcome("busy")
+                self._estimator.begin()
+
+    def _look_at(self, session: Session) -> None:
+        """Show a session whose pose is not known yet."""
+        self.session = session
+        self.outcome = Outcome()
+        self.coloring = "depth"
         self._rays: RayIndex | None = None
         self.proposal = proposed_scanner(session.cloud) if session.asks_for_scanner else None
         self._look()
         self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._serve_still()
         self._serve_cloud()
-        self._estimator = Estimator(self._lock, self._snapshot, self._show)
-        if session.can_estimate:
-            self._estimator.begin()
 
     def _look(self) -> None:
         """Look at the cloud from the scanner's place, or from the cloud's zero where that isn't known."""

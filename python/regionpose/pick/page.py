@@ -13,6 +13,7 @@ from nicegui.events import KeyEventArguments
 
 from regionpose.pick.desk import Desk
 from regionpose.pick.elements import CloudView, PictureView, complain, say, small_button
+from regionpose.pick.frames import Frames, FrameSession
 from regionpose.pick.known import Known
 from regionpose.pick.parts import Picked
 from regionpose.pick.prior_dialog import PriorDialog
@@ -37,7 +38,7 @@ class Page:
 
     def __init__(self, desk: Desk) -> None:
         """Build the page."""
-        self.desk, self.shown, self.mode = desk, -1, "click"
+        self.desk, self.shown, self.mode, self._built_for = desk, -1, "click", desk.session
         ui.add_css(STYLE)
         ui.page_title(f"{desk.session.path.name} · regionpose pick")
         with ui.element("div").classes("rp"):
@@ -64,6 +65,8 @@ class Page:
         with ui.element("div").classes("rp-bar"):
             ui.html('<span class="rp-brand">regionpose</span>', sanitize=False)
             self.file = ui.html("", sanitize=False).classes("rp-file")
+            if isinstance(self.session, FrameSession):
+                self._frame_buttons(self.session.frames)
             ui.element("div").classes("rp-grow")
             self.undo = small_button("undo", "Undo (Ctrl Z)", lambda: self._edit(Session.undo))
             self.redo = small_button("redo", "Redo (Ctrl Y)", lambda: self._edit(Session.redo))
@@ -72,6 +75,27 @@ class Page:
             small_button("help_outline", "Help", help_page.open)
             self.save = ui.button("Save", icon="save", on_click=self._save).props("unelevated dense no-caps")
             self.save.tooltip("Save the scene file and its masks (Ctrl S)").mark("save")
+
+    def _frame_buttons(self, frames: Frames) -> None:
+        """The frame that is shown, and the way to the one before and after."""
+        small_button("chevron_left", "The frame before (Page Up)", lambda: self._turn(-1)).mark("before")
+        name = f"{frames.index + 1} of {len(frames)}: {frames.names[frames.index]}"
+        ui.label(name).classes("rp-file").mark("frame")
+        small_button("chevron_right", "The next frame (Page Down)", lambda: self._turn(1)).mark("next")
+
+    async def _turn(self, step: int) -> None:
+        """Go to another frame."""
+        session = self.session
+        if not isinstance(session, FrameSession) or not 0 <= session.frames.index + step < len(session.frames):
+            return
+        self.photo.show(busy="reading the frame …")
+        try:
+            other = await run.io_bound(session.frames.turned_to, session.frames.index + step)
+            await run.io_bound(self.desk.turn_to, other)
+        except (ValueError, OSError) as error:
+            complain(str(error))
+        self.photo.show(busy="")
+        self._refresh()
 
     def _photo(self) -> None:
         height, width = self.session.image.shape[:2]
@@ -142,6 +166,9 @@ class Page:
 
     def _refresh(self) -> None:
         """Show what has changed since the last look."""
+        if self.desk.session is not self._built_for:
+            ui.navigate.reload()  # Another frame: photo and cloud are of another size.
+            return
         stage = self.desk.stage
         self.stage.set_text(stage)
         self.stop.set_visibility(bool(stage))
@@ -292,6 +319,8 @@ class Page:
             self.modes.set_value({"c": "click", "p": "polygon", "h": "hide"}[key])
         elif key == "x":
             self.cloud_modes.set_value("click" if self.cloud_modes.value == "cut" else "cut")
+        elif key in ("pageup", "pagedown"):
+            await self._turn(1 if key == "pagedown" else -1)
         elif key == "d":
             self.depth.set_value(not self.depth.value)
         elif key == "o":

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,10 +114,14 @@ class Session:
         values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
         if scene.model.frames:
             raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
+        return cls.of_values(path, values, stages)
+
+    @classmethod
+    def of_values(cls, path: Path, values: dict[str, Any], stages: Stages) -> Self:
+        """The session of what a scene file at `path` says of one photo; errors as of its files."""
+        values = dict(values)
         held_lists = {key: values.get(key, []) for key in ("regions", "image_regions", "world_regions")}
         lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
-        if scene.model.cloud is None:
-            raise scene.error((), "found no cloud; needed the key cloud, to pick in")
         session = cls._with_sensors(path, values, stages)
         with stages.stage("regions"):
             for written, _ in told_each([region for held in lists.values() for region in held], stages.progress):
@@ -126,7 +130,7 @@ class Session:
         return session
 
     @classmethod
-    def _with_sensors(cls, path: Path, base: dict[str, Any], stages: Stages) -> Session:
+    def _with_sensors(cls, path: Path, base: dict[str, Any], stages: Stages) -> Self:
         scene = scene_of(path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
         image, camera, cloud = read_sensors(scene, stages)
         if cloud is None:
@@ -512,6 +516,18 @@ class Session:
         if not self.can_estimate:
             raise ValueError(NO_PAIR)
         scene_of(self.path, values)
+        writers = {**self.part_writers(), self.path.name: text_writer(scene_text(values))}
+        with claimed(self.path.parent, list(writers), force=True) as claim:
+            written = claim.write(writers)
+        self.mark_saved()
+        return written
+
+    def mark_saved(self) -> None:
+        """What there is now needs no saving."""
+        self._saved = self.sketch
+
+    def part_writers(self) -> dict[str, Writer]:
+        """What writes the masks and the points that were picked, by their names beside the scene file."""
         writers: dict[str, Writer] = {}
         for picked in self.regions:
             if picked.image is not None and picked.image.chosen.picked:
@@ -520,11 +536,7 @@ class Session:
             if picked.world is not None and picked.world.chosen.picked:
                 cut = picked.world.chosen
                 writers[points_name(cut, self.path)] = partial(_write_points, cut.written["points"])
-        writers[self.path.name] = text_writer(scene_text(values))
-        with claimed(self.path.parent, list(writers), force=True) as claim:
-            written = claim.write(writers)
-        self._saved = self.sketch
-        return written
+        return writers
 
 
 def _chosen(choices: Choices[Any] | None) -> Any:
