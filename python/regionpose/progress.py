@@ -22,7 +22,7 @@ class UnwantedError(Exception):
 
 @contextmanager
 def while_wanted(is_wanted: Callable[[], bool]) -> Iterator[None]:
-    """Long work of the block, in this thread, ends with an UnwantedError soon after `is_wanted` says no."""
+    """Long work of the block, in this thread, ends with an UnwantedError soon after `is_wanted` is False."""
     token = _is_wanted.set(is_wanted)
     try:
         yield

@@ -1,4 +1,4 @@
-"""The page's own elements: a picture to click on, a cloud to turn, small buttons, and what is said in passing."""
+"""The page's own elements: a picture to click on, a cloud to turn, small buttons, and messages."""
 
 from __future__ import annotations
 

@@ -327,8 +327,8 @@ class Page:
             self.outlines.set_value(not self.outlines.value)
         elif key == "n":
             await self._new()
-        elif key == "escape":
-            self.desk.stop()
+        elif key == "escape" and self.mode == self.cloud_modes.value == "click":
+            self.desk.stop()  # While somebody draws, it takes the corners back.
         elif self.selected is not None:
             await self._key_of_region(self.selected, key)
 

@@ -135,7 +135,8 @@ def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], see
             marked = {**place, "intensity_tolerance": shade}
             part = _patch(scan, scene_with, marked, "points of like intensity")
             made.append((_count(part), partial(_held, part)))
-    if len(np.intersect1d(patch, whole, assume_unique=True)) < SAME_SET * len(np.union1d(patch, whole)):
+    same = len(np.intersect1d(patch, whole, assume_unique=True)) >= SAME_SET * len(np.union1d(patch, whole))
+    if not same and len(patch) < len(whole):
         made.append((len(patch), partial(_patch, scan, scene_with, place, "the patch around the click")))
     taken = partial(picked_points, scan, whole, "the whole plane")
     made.append((len(whole), taken))

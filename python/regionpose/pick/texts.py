@@ -119,6 +119,8 @@ def cloud_hint(selected: Picked | None, cuts: bool) -> str:
     if cuts:
         whose = _whose(selected, "world")
         return f"<b>Cut out:</b> Shift-drag around a face's points {whose}, or click corners, Enter."
+    if selected is not None and selected.world is not None and len(selected.world) > 1:
+        return f"<b>Click</b> there again for a narrower part of <b>{escape(selected.name)}</b>, or on another face."
     return f"<b>Click</b> on the same face in the cloud {_whose(selected, 'world')}."
 
 
