@@ -280,7 +280,7 @@ fn is_positive(number: f64) -> bool {
 }
 
 /// Length of an increment in standard deviations; 0 where a direction is left free.
-fn mahalanobis<const N: usize>(increment: &SVector<f64, N>, covariance: &SMatrix<f64, N, N>) -> f64 {
+pub(crate) fn mahalanobis<const N: usize>(increment: &SVector<f64, N>, covariance: &SMatrix<f64, N, N>) -> f64 {
     if !covariance.iter().all(|entry| entry.is_finite()) {
         return 0.0;
     }

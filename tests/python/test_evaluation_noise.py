@@ -69,7 +69,23 @@ def test_squares_add_and_remove_all_along_the_boundary() -> None:
     assert min(added[:30].sum(), added[130:].sum(), removed[30:40].sum(), removed[120:130].sum()) > 0.1 * added.sum()
 
 
+def test_painted_squares_leave_nothing_of_a_boundary_that_they_cover() -> None:
+    """A square of 100 px, its sides painted by squares of 10 px until nearly half of what they reach has changed."""
+    mask = np.zeros((160, 160), dtype=np.bool_)
+    mask[30:130, 30:130] = True
+    painted = noise.squares_painted(mask, 0.19, np.random.default_rng(3), 10.0)
+    assert 0.19 <= (painted ^ mask).sum() / mask.sum() < 0.2
+    # Across a side neighbors inside and outside of the true boundary are alike, but where nothing was painted.
+    inner, outer = painted[30, 35:125], painted[29, 35:125]
+    assert (inner == outer).mean() > 0.9
+    beside = noise.squares_on_mask(mask, 0.19, np.random.default_rng(3), side=10.0)
+    assert (beside[30, 35:125] == beside[29, 35:125]).mean() < 0.6
+    assert not (painted ^ mask)[40:120, 40:120].any()
+
+
 def test_squares_too_small_for_the_share_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"side 1 px .* a larger side"):
+        noise.squares_painted(small_mask(0), 0.5, np.random.default_rng(0), 1.0)
     with pytest.raises(ValueError, match=r"side 1 px .* a larger side"):
         noise.squares_on_mask(small_mask(0), 0.5, np.random.default_rng(0), side=1.0)
     with pytest.raises(ValueError, match=r"side 0\.05 m .* a larger side"):

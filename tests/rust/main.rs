@@ -16,6 +16,7 @@ mod creases;
 #[cfg(feature = "mesh")]
 mod derivatives;
 mod directions;
+mod disturbed;
 mod edge_field;
 #[cfg(feature = "mesh")]
 mod estimate;

@@ -132,6 +132,27 @@ def squares_on_mask(
     return region ^ changed
 
 
+def squares_painted(
+    mask: ArrayLike, share: float, rng: np.random.Generator, side: float, boundary: Sequence[Array] | None = None
+) -> Mask:
+    """The mask after squares of `side` px were painted in or out along its boundary until `share` of its area differs.
+
+    Each covers what was painted before, so that the last decides, and where all was painted nothing of the boundary is left.
+    `boundary` as of `squares_on_mask`. ValueError when the squares are too small ever to reach the share.
+    """
+    region = _checked_mask(mask)
+    target, length = _checked_share(share) * float(region.sum()), _checked_side(side)
+    painted, most = region.copy(), 0
+    squares = squares_along(mask_boundary(region) if boundary is None else boundary, length, rng)
+    for center, adds in zip(squares.centers, squares.adds, strict=True):
+        changed = int((painted ^ region).sum())
+        most = max(most, changed)
+        if changed >= target:
+            return painted
+        painted[_square_block(region, center, length)] = adds
+    raise ValueError(_unreached(share, most / float(region.sum()) / share, length, "px"))
+
+
 def _checked_side(side: float) -> float:
     if not side > 0.0:
         raise ValueError(f"square side is {side}; it must be positive")
@@ -140,17 +161,20 @@ def _checked_side(side: float) -> float:
 
 def _change_square(region: Mask, changed: Mask, center: Array, side: float, adds: bool, most: int) -> int:
     """Mark up to `most` pixels of one square as changed, in place; how many were."""
+    block = _square_block(region, center, side)
+    fresh = np.flatnonzero((region[block] != adds) & ~changed[block])[:most]
+    changed[block][np.unravel_index(fresh, region[block].shape)] = True
+    return len(fresh)
+
+
+def _square_block(region: Mask, center: Array, side: float) -> tuple[slice, slice]:
+    """The pixels of a square in a mask indexed [row, column]."""
     height, width = region.shape
     low = np.ceil(center - 0.5 * side).astype(int)
     high = np.maximum(np.ceil(center + 0.5 * side).astype(int), low + 1)
-    left, top = np.maximum(low, 0).tolist()
-    right, bottom = np.minimum(high, (width, height)).tolist()
-    if left >= right or top >= bottom:
-        return 0
-    block = (slice(top, bottom), slice(left, right))
-    fresh = np.flatnonzero((region[block] != adds) & ~changed[block])[:most]
-    changed[block][np.unravel_index(fresh, (bottom - top, right - left))] = True
-    return len(fresh)
+    left, top = np.clip(low, 0, (width, height)).tolist()
+    right, bottom = np.clip(high, 0, (width, height)).tolist()
+    return slice(top, bottom), slice(left, right)
 
 
 def _unreached(share: float, reached: float, side: float, unit: str) -> str:

@@ -187,8 +187,13 @@ impl ContourFit {
     }
 
     /// By how much the log likelihood exceeds that of another pose for the same pieces, over those that vary independently.
+    ///
+    /// Of what counts as clean, too, stretches are put off as one where they scatter by more than their own noise.
     pub fn gain_over(&self, other: &Self) -> f64 {
-        self.independent() * (self.mixture.likelihood - other.mixture.likelihood)
+        let pulls = self.readings.iter().zip(self.clean()).map(|(reading, clean)| clean * reading.distance);
+        let alike = correlation(&pulls.collect::<Vec<_>>(), &self.counts).max(1.0);
+        let independent = self.independent().min((self.step * self.readings.len()) as f64 / alike);
+        independent * (self.mixture.likelihood - other.mixture.likelihood)
     }
 
     /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log

@@ -12,7 +12,7 @@ const PIECE: f64 = 3.0;
 /// Pieces of one region at most; a longer contour has longer ones. A convention.
 const MOST_PIECES: usize = 800;
 
-/// Pieces of one ring at least: a convention.
+/// Pieces of one region at least, shorter ones where it is small: a convention.
 const FEWEST_PIECES: usize = 8;
 
 /// Share of a ring below which a part of an edge is what round-off leaves of it, and no part of the next piece.
@@ -70,8 +70,10 @@ struct Cut {
 
 fn cuts(rings: &[Vec<Vector2<f64>>], pixels: f64) -> Vec<Cut> {
     let lengths: Vec<f64> = rings.iter().map(|ring| edges(ring).map(|(a, b)| (b - a).norm()).sum()).collect();
-    let piece = (PIECE / pixels).max(lengths.iter().sum::<f64>() / MOST_PIECES as f64);
-    let cut = |length: f64| Cut { length, count: ((length / piece).round() as usize).max(FEWEST_PIECES) };
+    let whole: f64 = lengths.iter().sum();
+    let piece = (PIECE / pixels).clamp(whole / MOST_PIECES as f64, whole / FEWEST_PIECES as f64);
+    // A speck counts by its length, as it does in the moments: by more, specks in their thousands outweigh the outline.
+    let cut = |length: f64| Cut { length, count: (length / piece).round() as usize };
     lengths.into_iter().map(cut).collect()
 }
 

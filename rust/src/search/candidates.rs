@@ -5,6 +5,7 @@ use std::iter;
 use super::centroids::centroid_poses;
 use super::closed_form::closed_form;
 use super::corners::corner_poses;
+use super::decision::{DECISIVE, decides};
 use super::directions::direction_poses;
 use super::moments::{
     Alone, CANDIDATE, FINAL, MOST_CANDIDATES, SAME_CANDIDATE, Starts, hidden_region_poses, moment_poses, paper_poses,
@@ -29,10 +30,6 @@ use crate::problem::Problem;
 
 /// A candidate stays while it is worse by less than so many times what would count as fitting: a convention.
 const COARSE_AMBIGUITY: f64 = 4.0;
-
-/// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
-/// chance, and 7 more stand for odds of a thousand to one.
-const DECISIVE: f64 = 10.0;
 
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE: f64 = 2.0;
@@ -316,8 +313,7 @@ fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -
     scored.into_iter().take(most).take_while(|(misfit, _)| *misfit <= least + worst).map(|(_, pose)| pose).collect()
 }
 
-/// The candidates led onto the contours, or the minima of the moments where these fit about as well: of contours that are
-/// disturbed all over the moments are the better measure.
+/// The candidates led onto the contours, or the minima of the moments where these do not decide.
 fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks, alone: &mut Alone) -> Answers {
     let (contours, few) = (problem.contours(), problem.few());
     let places = places(problem, poses, prior, looks, alone);
@@ -327,16 +323,9 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
     let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, CANDIDATE).pose;
     let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
-    let gain = |step: usize| {
-        let fits =
-            minima.first().map(|minimum| [place.pose, *minimum].map(|pose| ContourFit::at(contours, &pose, step)));
-        match fits {
-            Some([Some(place), Some(minimum)]) => place.gain_over(&minimum),
-            _ => f64::INFINITY,
-        }
-    };
+    let Some(minimum) = minima.first() else { return Answers::Contours(places) };
     // A few pieces decide where they tell enough; all of them tell more.
-    let decided = [few, 1].into_iter().any(|step| gain(step) >= DECISIVE);
+    let decided = [few, 1].into_iter().any(|step| decides(contours, &place.pose, minimum, step));
     if decided { Answers::Contours(places) } else { Answers::Moments(minima) }
 }
 
@@ -393,7 +382,7 @@ fn is_found(fit: &ContourFit) -> bool {
 }
 
 /// Whether most of every region's contour is explained.
-fn is_mostly_clean(fit: &ContourFit) -> bool {
+pub(super) fn is_mostly_clean(fit: &ContourFit) -> bool {
     fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= MOSTLY)
 }
 

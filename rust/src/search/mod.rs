@@ -5,6 +5,7 @@ pub mod centroids;
 pub mod closed_form;
 pub mod corners;
 pub mod cuts;
+pub mod decision;
 pub mod directions;
 pub mod moments;
 pub mod p3p;

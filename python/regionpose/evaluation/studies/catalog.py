@@ -16,6 +16,16 @@ CUTS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4)
 """Shares of a region's area that something hides or a border cuts."""
 
 PLANES = (1, 2, 3)
+SQUARES: tuple[Grid, ...] = (
+    *({"planes": (1, 3), "noise": (0.05, 0.2), "squares": (size,)} for size in (1.0 / 16.0, 1.0 / 5.0)),
+    {"planes": (1, 3), "noise": (0.05, 0.1), "squares": (1.0 / 30.0,)},
+    *(
+        {"planes": (1, 3), "disturbance": ("painted",), "noise": (noise,), "squares": (size,)}
+        for size, noise in ((1.0 / 30.0, 0.06), (1.0 / 16.0, 0.12), (0.1, 0.2), (0.2, 0.2))
+    ),
+)
+"""Sides of segmentation errors' squares, in sizes of the region, and shares that these can reach of any template."""
+
 GRAZING_DEG = (1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0, 25.0, 30.0)
 TURNS_DEG = tuple(float(turn) for turn in range(-180, 180, 15))
 PAPER_START = 'prior={"up":[0,-1,0]} refine=null start=paper'
@@ -58,7 +68,8 @@ COVERAGE_BY_NOISE = Chart("coverage", lines="noise", panels="planes")
 
 def _by_noise(name: str, camera: str, description: str) -> Study:
     grid: Grid = {"camera": (camera,), "side": ("2d", "3d"), "planes": PLANES, "noise": NOISE}
-    return Study(name, description, [grid], [BY_NOISE, SOLVED_BY_NOISE, COVERAGE_BY_NOISE])
+    more = SQUARES if camera == "perspective" else ()
+    return Study(name, description, [grid, *more], [BY_NOISE, SOLVED_BY_NOISE, COVERAGE_BY_NOISE])
 
 
 def _cut(name: str, disturbance: str, sides: tuple[str, ...], description: str) -> Study:

@@ -14,7 +14,7 @@ from regionpose.evaluation.scenes import WorldFrame
 from regionpose.evaluation.templates import TemplateSet
 
 Value: TypeAlias = "str | int | float | bool | None"
-Disturbance = Literal["squares", "occlusion", "truncation"]
+Disturbance = Literal["squares", "painted", "occlusion", "truncation"]
 Side = Literal["2d", "3d"]
 Masks = Literal["binary", "coverage", "polygon", "drawn"]
 Wrong = Literal["none", "shape", "place"]
@@ -45,7 +45,8 @@ class Condition:
 
     `camera`: name of one of the study's setups. `planes`, `regions_per_plane`, `templates`, `world`: as of `Layout`.
     `disturbance` changes the share `noise` of each region's area, on the image's mask (`side` "2d") or on the world's
-    region ("3d"); of a truncation, of the first region's. `squares`: their side, as a share of the square root of the
+    region ("3d"); of a truncation, of the first region's; "painted" squares cover one another and leave nothing of the
+    boundary. `squares`: their side, as a share of the square root of the
     region's area; None for that of `square_side`. `masks`: whether the image holds pixels' centers or areas, or
     the true outline without any pixels ("polygon"), or by corners that a hand marked carelessly ("drawn").
     `lidar_beams`: the world region is known from a lidar of so many beams near the camera, with the error
@@ -101,8 +102,8 @@ class Condition:
             raise ValueError(f"condition squares is {self.squares}; needed a side above 0, in sizes of the region")
         if self.grazing_deg is not None and self.turn_deg is not None:
             raise ValueError("condition has both grazing_deg and turn_deg; needed one of them at the most")
-        if self.disturbance == "truncation" and self.side == "3d":
-            raise ValueError('condition truncates the world side; the image border cuts masks, side "2d"')
+        if self.disturbance in ("truncation", "painted") and self.side == "3d":
+            raise ValueError(f'condition has {self.disturbance} on the world side; only masks are, needed side "2d"')
         if self.masks in ("polygon", "drawn") and self.side == "2d" and self.noise > 0.0:
             raise ValueError('condition disturbs the mask where there is none; needed masks "binary" or "coverage"')
         if self.masks == "drawn" and self.cut == "box":

@@ -30,6 +30,7 @@ from regionpose.evaluation.noise import (
     square_side,
     squares_on_mask,
     squares_on_region,
+    squares_painted,
     truncate_masks,
 )
 from regionpose.evaluation.planar import PlaneFrame, area_vector, region_centroid
@@ -174,7 +175,7 @@ def image_patches(
     size = image_size(scene.camera)
     shown = Window(0, 0, *size)
     noisy = condition.noise > 0.0 and condition.side == "2d"
-    grows = noisy and condition.disturbance == "squares"
+    grows = noisy and condition.disturbance in ("squares", "painted")
     margins = [_margin(rings, condition) if grows else 0 for rings in scene.image_rings]
     sides = list(zip(scene.image_rings, margins, strict=True))
     binary = [binary_patch(rings, *size, margin) for rings, margin in sides]
@@ -210,7 +211,8 @@ def disturbed(
         else:
             boundary = [ring - (patch.window.left, patch.window.top) for ring in outline]
             side = square_side(condition.noise, float(patch.values.sum()), condition.squares)
-            mask = squares_on_mask(patch.values, condition.noise, rng, side=side, boundary=boundary)
+            change = squares_painted if condition.disturbance == "painted" else squares_on_mask
+            mask = change(patch.values, condition.noise, rng, side=side, boundary=boundary)
         changed.append(MaskPatch(mask, patch.window))
     return changed
 

@@ -1,0 +1,56 @@
+//! Whether the contours decide a pose, or the moments: of contours that are disturbed all over these are the better measure
+//! (`docs/math.md`, eq. 11.15).
+
+use super::candidates::is_mostly_clean;
+use crate::contour::covariance::covariance;
+use crate::contour::fit::ContourFit;
+use crate::contour::readings::Contour;
+use crate::geometry::pose::{PARAMETERS, Pose};
+use crate::prior::{BELIEVED, mahalanobis};
+
+/// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
+/// chance, and 7 more stand for odds of a thousand to one.
+pub(super) const DECISIVE: f64 = 10.0;
+
+/// Whether every `step`-th piece tells that a place on the contours is right, and not the moments' minimum near it.
+pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, step: usize) -> bool {
+    let fits = [place, minimum].map(|pose| ContourFit::at(contours, pose, step));
+    let [Some(place), Some(minimum)] = fits else { return true };
+    let gain = place.gain_over(&minimum);
+    gain >= DECISIVE && gain - against(contours, &place, &minimum) >= DECISIVE
+}
+
+/// Logarithm of the odds by which the moments speak against a place on the contours.
+///
+/// What disturbs a contour adds and removes alike, so that the moments are off by no more than chance leaves of it. Pieces that lie
+/// on a wrong boundary side by side, as those of squares of one size do, are half of a contour at the most: where more than that is
+/// clean, the rest may be off to one side.
+fn against(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f64 {
+    if is_mostly_clean(place) {
+        return 0.0;
+    }
+    let deviations = mahalanobis(&minimum.pose.increment_to(&place.pose), &covariance(contours, minimum));
+    contradiction(deviations * deviations)
+}
+
+/// Logarithm of the odds that a pose `square` variances away is off by more than its deviations say: by the likeliest multiple of
+/// these. No more than what is believed of any prior.
+fn contradiction(square: f64) -> f64 {
+    let parameters = PARAMETERS as f64;
+    let multiple = (square.min(BELIEVED) / parameters).max(1.0);
+    0.5 * parameters * (multiple - 1.0 - multiple.ln())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_contradiction_counts_from_what_chance_leaves_to_what_is_believed() {
+        assert!(contradiction(0.0) == 0.0 && contradiction(6.0) == 0.0);
+        // The densities of six parameters with their own deviations and with those twice as large, at twice the distance.
+        let density = |scale: f64, square: f64| -0.5 * square / (scale * scale) - 6.0 * scale.ln();
+        assert!((contradiction(24.0) - (density(2.0, 24.0) - density(1.0, 24.0))).abs() < 1e-12);
+        assert!(contradiction(1e6) == contradiction(BELIEVED) && contradiction(BELIEVED) > 38.0);
+    }
+}
