@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,11 @@ def pick(
             session.segmenter = load_segmenter(segmenter)
         progress.begin(f"pictures of {len(session.cloud)} points")
         desk = Desk(session)
-    serve(desk, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+    try:
+        serve(desk, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+    finally:
+        # Pages are thousands of objects in circles each, which Python looks through at its end: minutes for many pages.
+        gc.freeze()
 
 
 def _session(

@@ -17,9 +17,6 @@ from regionpose.pick.guard import MOST_BYTES, Guard, leading_to
 OPENING_S = 1.0
 """Seconds until the browser is opened, by when the server listens."""
 
-MOST_WAITING = 16
-"""Pages without a connection that are kept: more than anybody opens at once. A convention."""
-
 
 def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
     """Serve a desk's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
@@ -40,12 +37,7 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
-
-    def page() -> None:
-        _forget_waiting()
-        Page(desk)
-
-    ui.run_with(app, root=page, title="regionpose pick", dark=False, show_welcome_message=False)
+    ui.run_with(app, root=lambda: Page(desk), title="regionpose pick", dark=False, show_welcome_message=False)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", port))
         # Who comes as soon as the address is said waits until the page is there.
@@ -59,18 +51,6 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
                 _run(guard, listening)
         finally:
             desk.close()
-
-
-def _forget_waiting() -> None:
-    """Give up the oldest of very many pages that were fetched and have no connection.
-
-    Each is a thousand objects, which NiceGUI keeps for a minute, and which Python takes milliseconds to be rid of.
-    """
-    from nicegui import Client
-
-    waiting = [client for client in Client.instances.values() if not client.has_socket_connection]
-    for client in waiting[:-MOST_WAITING]:
-        client.delete()
 
 
 @contextmanager

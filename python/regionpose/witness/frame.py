@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.arguments import check_fields, checked_arguments
+from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
 from regionpose.estimation.sides import check_camera
 from regionpose.pose import Pose
@@ -25,7 +27,7 @@ KEPT = 4
 
 
 @dataclass(frozen=True, eq=False)
-class SceneFrame:
+class SceneFrame(KeptArrays):
     """A photo, the camera that took it, and a scan from the same time.
 
     Parameters
@@ -57,8 +59,16 @@ class SceneFrame:
     world_regions: Sequence[WorldRegion] = ()
 
     def __post_init__(self) -> None:
-        """Check that camera, photo and masks are of one size."""
+        """Check that camera, photo and masks are of one size; keep views through which nobody can write to arrays that
+        are the caller's.
+        """
         check_fields(self)
+        for name in ("image", "points", "intensity"):
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                view = value.view()
+                view.setflags(write=False)
+                object.__setattr__(self, name, view)
         check_camera(self.camera, self.regions)
         self.camera.check_size(self.photo.shape)
 
