@@ -260,6 +260,22 @@ def test_a_rectified_photo_has_another_camera_where_the_scene_says_so(
     assert (code, json.loads(said)["fx"], json.loads(said)["distortion"]) == (0, 300.0, [])
 
 
+def test_commands_take_the_camera_of_rectified_photos(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One point, by P and by K with D; the latter is warned of, as the photo is called rectified."""
+    (tmp_path / "info.yaml").write_text(RECTIFIED_INFO)
+    (tmp_path / "pose.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n")
+    (tmp_path / "cloud.xyz").write_text("0.4 -0.2 2\n0.1 0.1 2\n")
+    Image.fromarray(np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)).save(tmp_path / "image_rect.png")
+    files = [str(tmp_path / name) for name in ("cloud.xyz", "image_rect.png", "info.yaml", "pose.txt", "p.csv")]
+    cloud, photo, info, pose, out = files
+    command = ["project", cloud, photo, "--camera", info, "--pose", pose, "--out", out, "--force"]
+    for option, pixel, warned in ((["--rectified"], [219.5, 89.5], False), ([], [221.38775, 88.2071125], True)):
+        code, said = told([*command, *option], capsys)
+        assert (code, "rectified-photo" in said) == (0, warned)
+        rows = np.loadtxt(out, delimiter=",", skiprows=1)
+        assert rows[0, 1:3] == pytest.approx(pixel, abs=1e-4)
+
+
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared scenes are not here")
 def test_a_fisheye_calibration_of_a_real_scene_is_read_as_one() -> None:
     camera = rp.load_camera(SHARED / "acfr_fisheye" / "pose13" / "calib.json")
