@@ -85,3 +85,25 @@ def test_a_camera_with_one_side_compares_that_one() -> None:
     wide.check_size((100, 640))
     with pytest.raises(ValueError, match="image: found 320 x 480 pixels"):
         wide.check_size((480, 320, 3))
+
+
+@pytest.mark.parametrize("shape", [(4_000, 3), (3, 4_000), (1, 900), (900, 1)])
+def test_a_long_narrow_photo_is_taken_like_any(shape: tuple[int, int]) -> None:
+    height, width = shape
+    camera = rp.PinholeCamera(500.0, 500.0, (width - 1) / 2, (height - 1) / 2, width=width, height=height)
+    points = np.array([[0.0, 0.0, 4.0], [0.001, 0.001, 5.0]])
+    photo = np.full(shape, 90, dtype=np.uint8)
+    assert rp.colorize(points, photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))[1].any()
+    drawn = rp.overlay_depth(photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]), points)
+    assert drawn.shape[0] == height and drawn.shape[1] > width
+    assert np.isnan(rp.check_alignment(photo, points, camera, POSE).score)
+
+
+def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:
+    """The lens folds 0.9 of the focal length beside its axis, and nobody knows the size of its photos."""
+    lens = rp.PinholeCamera(500.0, 500.0, 319.5, 239.5, distortion=(-0.4, 0.0, 0.0, 0.0))
+    photo = np.full((40_960, 100), 90, dtype=np.uint8)
+    with pytest.raises(
+        ValueError, match=r"camera: found no ray at the middle of 100 x 40960 pixels, .* needed the camera"
+    ):
+        rp.check_alignment(photo, POINTS, lens, POSE)

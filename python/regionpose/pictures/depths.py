@@ -70,9 +70,10 @@ def depth_dots(pixels: Depths, distances: Depths, size: tuple[int, int], radius:
     cells = np.clip(rows, 0, size[0] - 1) * np.int64(size[1]) + np.clip(columns, 0, size[1] - 1)
     np.minimum.at(center.ravel(), cells, distances)
     depth = center.copy()
-    reach = int(np.ceil(radius))
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
+    # Of a narrow picture dots may be wider than it is.
+    below, beside = (min(int(np.ceil(radius)), side - 1) for side in size)
+    for down in range(-below, below + 1):
+        for right in range(-beside, beside + 1):
             if 0 < down**2 + right**2 <= (radius + 0.3) ** 2:
                 into = (slice(max(down, 0), size[0] + min(down, 0)), slice(max(right, 0), size[1] + min(right, 0)))
                 out_of = (

@@ -184,9 +184,13 @@ def beside(regions: Sequence[ImageRegion]) -> Known | None:
 
 
 def pixel_angle(camera: Camera, photo: Photo) -> float:
-    """The angle of a pixel of the photo in its middle, rad."""
+    """The angle of a pixel of the photo in its middle, rad; ValueError where the camera sees no ray there."""
     x, y = photo.pixels(0.5 * np.array(photo.luminance.shape[::-1]))
     ends = camera.bearings([[x, y], [x + photo.reduction, y]])
+    if not np.isfinite(ends).all():
+        height, width = photo.shape
+        found = f"no ray at the middle of {width} x {height} pixels, ({x:g}, {y:g})"
+        raise ValueError(f"camera: found {found}; needed the camera that took the photo")
     return float(np.linalg.norm(ends[1] - ends[0]))
 
 
