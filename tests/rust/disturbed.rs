@@ -28,8 +28,8 @@ fn painted(region: &ObservedRegion, side: f64, random: &mut Random) -> ObservedR
         };
         edges().filter(|&edge| crosses(edge)).count() % 2 == 1
     };
-    let mut mask: Vec<bool> =
-        (0..rows * columns).map(|k| is_inside((k % columns) as f64, (k / columns) as f64)).collect();
+    let mut mask: Vec<u8> =
+        (0..rows * columns).map(|k| u8::from(is_inside((k % columns) as f64, (k / columns) as f64))).collect();
     let perimeter: f64 = edges().map(|(a, b)| (b - a).norm()).sum();
     for _ in 0..(COATS * perimeter / size).ceil() as usize {
         let mut along = random.uniform(0.0, perimeter);
@@ -45,7 +45,7 @@ fn painted(region: &ObservedRegion, side: f64, random: &mut Random) -> ObservedR
         let fill = random.uniform(0.0, 1.0) < 0.5;
         let span = |middle: f64| (middle - 0.5 * size).ceil() as usize..(middle + 0.5 * size).ceil() as usize;
         for row in span(center.y) {
-            span(center.x).for_each(|column| mask[row * columns + column] = fill);
+            span(center.x).for_each(|column| mask[row * columns + column] = u8::from(fill));
         }
     }
     let contours = MaskContours::of(Mask::new(&mask, columns).unwrap()).unwrap();
@@ -63,7 +63,7 @@ fn errors(side: f64) -> Vec<[f64; 2]> {
         let observed: Vec<_> = scene.observed.iter().map(|region| painted(region, side, &mut random)).collect();
         let problem = Problem::new(&observed, &scene.worlds).unwrap();
         [Refinement::Contour, Refinement::Off].map(|refinement| {
-            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
+            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap().unwrap();
             scene.errors(&estimate.best.pose).0
         })
     };
