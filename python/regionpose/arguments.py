@@ -46,7 +46,8 @@ def checked_arguments(function: Callable[Given, Returned]) -> Callable[Given, Re
 
 def check_fields(held: object) -> None:
     """Pass an object whose fields are of the package's classes that their hints name; ValueError as of arguments."""
-    for asked in _asked(type(held)):
+    made: Callable[..., object] = type(held)
+    for asked in _asked(made):
         _check(asked, getattr(held, asked.name))
 
 
