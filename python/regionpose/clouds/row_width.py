@@ -132,7 +132,7 @@ def _information(counts: NDArray[np.int64]) -> Information:
     there = table > 0.0
     found = float(np.sum(table[there] * np.log(table[there] / by_chance[there])) / total)
     # Of independent rows and columns 2 total times this is chi-squared (Wilks), of so many degrees of freedom.
-    freedom = (len(table) - 1) * max(0, np.count_nonzero(table.any(axis=0)) - 1)
+    freedom = (len(table) - 1) * max(0, int(np.count_nonzero(table.any(axis=0))) - 1)
     return Information(found - freedom / (2.0 * total), float(np.sqrt(2.0 * freedom) / (2.0 * total)))
 
 
