@@ -46,7 +46,7 @@ fn sieve(rows: usize) -> Vec<Ring> {
 fn wavy(vertices: usize) -> Ring {
     let vertex = |k: usize| {
         let (angle, side) = (TAU * k as f64 / vertices as f64, if k % 2 == 0 { 1.0 } else { -1.0 });
-        let radius = 1.0 + 0.02 * side * (997.0 * angle).sin();
+        let radius = 1.0 + 0.5 * side * TAU / vertices as f64;
         radius * Vector2::new(angle.cos(), angle.sin())
     };
     (0..vertices).map(vertex).collect()

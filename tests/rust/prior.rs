@@ -380,7 +380,7 @@ fn a_prior_of_anything_but_numbers_is_refused() {
     let item = |prior: Prior| {
         let options = Options { prior, ..Options::default() };
         let refused = problem.search(&options).unwrap_err();
-        assert_eq!(problem.estimate_with(&options).unwrap_err(), refused);
+        assert_eq!(problem.estimate_with(&options).unwrap_err().to_string(), refused.to_string());
         match refused {
             Error::NotFinite { item, index, .. } => format!("{item} {index}"),
             Error::OutOfRange { item, .. } => item.to_owned(),

@@ -8,7 +8,6 @@ use super::belief::Belief;
 use super::readings::Edge;
 use super::single;
 use super::trust::{Label, Trust};
-use crate::effort;
 use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Ends of a stretch.
@@ -39,11 +38,6 @@ const OFTEN: usize = 8;
 /// Such logarithms after which the greatest of their sums is taken from all, which keeps those that count small: of 500 labels, single
 /// precision holds the sums to 1e-4.
 const SELDOM: usize = 64;
-
-/// What a label on a grid counts as, in edges that are looked at: about eight of the places take the time of one. And what a grid by
-/// itself takes beside its labels, as so many of these: its densities, logarithms and moments.
-const EDGES_OF_LABEL: usize = PLACES * PLACES / 8;
-const LABELS_OF_GRID: usize = 6;
 
 /// One number of each place, row by row.
 type Places<T> = [[T; PLACES]; PLACES];
@@ -104,7 +98,6 @@ pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> 
     let mut about = *about;
     let mut found: Option<Heard> = None;
     for _ in 0..MOST_GRIDS {
-        effort::spend(EDGES_OF_LABEL * (labels.len() + LABELS_OF_GRID));
         let root = about.covariance.cholesky()?.unpack();
         let grid = Grid { middle: about.mean, root };
         let (scaled, log_integral) =

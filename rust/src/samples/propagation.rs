@@ -221,8 +221,7 @@ pub fn propagated<S: AsRef<Site>>(
     outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
     let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
-        // Grids and stretches are counted where they are.
-        count_sweep(0)?;
+        count_sweep(sites.len())?;
         let before = belief.mean;
         for (outline, message) in outlines.iter_mut().zip(&mut messages) {
             let rest = all - *message;

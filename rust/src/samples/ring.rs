@@ -8,7 +8,6 @@ use super::belief::{Belief, WHOLE};
 use super::ends::ENDS;
 use super::kinds::{KINDS, Kinds, log_probability};
 use super::stretch::{KindView, Stretch};
-use crate::effort;
 use crate::prior::Gaussian;
 
 /// Components of a corner: how far it is off along the axes of the contour's plane, pixels.
@@ -25,9 +24,6 @@ const ENDED: usize = BEGUN + CORNER;
 /// How far either end lies from where all else puts it, pixels (standard deviation): far less than any offset, so that ends that
 /// nothing moves apart have a density.
 const UNKNOWN: f64 = 1e-3;
-
-/// What a stretch counts as on the way around its ring, in edges that are looked at: products and marginals of a dozen components.
-const EDGES_OF_STRETCH: usize = 512;
 
 /// Stretches of a ring that samples lie beside, in its order. Each ends at the corner where the next one begins; where nothing
 /// lies beside a part of the ring, a stretch without samples stands for that.
@@ -90,7 +86,6 @@ impl Ring {
         others: &Gaussian<WHOLE>,
         mut visit: impl FnMut(&mut Stretch, &Belief<ENDS>, &[f64; KINDS]) -> Option<()>,
     ) -> Option<Gaussian<WHOLE>> {
-        effort::spend(EDGES_OF_STRETCH * self.stretches.len());
         let behind = self.behind();
         let mut before = self.start(others);
         let mut kinds = Kinds::new(&self.stretches);
