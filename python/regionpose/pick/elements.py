@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from nicegui import ui
 from nicegui.element import Element
 
-TOASTS = "bottom-left"
+TOASTS: Final = "bottom-left"
 """Where messages appear: over the end of the list of regions, and no tool."""
 
 
