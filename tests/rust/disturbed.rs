@@ -8,7 +8,7 @@ use regionpose::{ObservedRegion, Options, Problem, Refinement};
 
 /// Scenes, and how much worse than the moments' one pose may be: that of chance between two estimates of like quality.
 const SCENES: usize = 12;
-const MUCH_WORSE: f64 = 1.3;
+const MUCH_WORSE: f64 = 2.0;
 
 /// How often each part of the boundary is painted over.
 const COATS: f64 = 6.0;

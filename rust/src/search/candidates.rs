@@ -322,10 +322,12 @@ fn on_contours(problem: &Problem, poses: Vec<Pose>, prior: &Prior, looks: &Looks
     }
     let Some(place) = places.first() else { return Answers::Moments(Vec::new()) };
     let solved = |place: &ContourFit| minimize(problem.regions(), &place.pose, Weighting::Whitened, CANDIDATE).pose;
-    let minima = by_moments(problem, places.iter().map(solved).collect(), prior);
+    let own = solved(place);
+    let minima = iter::once(own).chain(places[1..].iter().map(solved)).collect();
+    let minima = by_moments(problem, minima, prior);
     let Some(minimum) = minima.first() else { return Answers::Contours(places) };
     // A few pieces decide where they tell enough; all of them tell more.
-    let decided = [few, 1].into_iter().any(|step| decides(contours, &place.pose, minimum, step));
+    let decided = [few, 1].into_iter().any(|step| decides(contours, &place.pose, minimum, &own, step));
     if decided { Answers::Contours(places) } else { Answers::Moments(minima) }
 }
 

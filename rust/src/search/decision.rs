@@ -12,12 +12,13 @@ use crate::prior::{BELIEVED, mahalanobis};
 /// chance, and 7 more stand for odds of a thousand to one.
 pub(super) const DECISIVE: f64 = 10.0;
 
-/// Whether every `step`-th piece tells that a place on the contours is right, and not the moments' minimum near it.
-pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, step: usize) -> bool {
-    let fits = [place, minimum].map(|pose| ContourFit::at(contours, pose, step));
-    let [Some(place), Some(minimum)] = fits else { return true };
+/// Whether every `step`-th piece tells that a place on the contours is right, and not a minimum of the moments; `own` is the one that
+/// the place itself leads to, which it must not contradict.
+pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &Pose, step: usize) -> bool {
+    let at = |pose: &Pose| ContourFit::at(contours, pose, step);
+    let [Some(place), Some(minimum)] = [place, minimum].map(at) else { return true };
     let gain = place.gain_over(&minimum);
-    gain >= DECISIVE && gain - against(contours, &place, &minimum) >= DECISIVE
+    gain >= DECISIVE && gain - at(own).map_or(0.0, |own| against(contours, &place, &own)) >= DECISIVE
 }
 
 /// Logarithm of the odds by which the moments speak against a place on the contours.
