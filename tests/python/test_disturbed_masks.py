@@ -15,7 +15,7 @@ COATS = 6.0
 SCENES = 6
 
 MUCH_WORSE = 2.0
-"""Ratio of two errors from which one is worse by more than chance: the scatter of estimates from the same disturbed stretches."""
+"""Ratio of two errors from which one is worse by more than the same stretches, weighted otherwise, make it by chance."""
 
 
 def painted(mask: NDArray[np.bool_], side_share: float, rng: np.random.Generator) -> NDArray[np.bool_]:

@@ -137,7 +137,7 @@ def squares_painted(
 ) -> Mask:
     """The mask after squares of `side` px were painted in or out along its boundary until `share` of its area differs.
 
-    Each covers what was painted before, so that the last decides, and where all was painted nothing of the boundary is left.
+    Each covers what was painted before: where all was painted nothing of the boundary is left.
     `boundary` as of `squares_on_mask`. ValueError when the squares are too small ever to reach the share.
     """
     region = _checked_mask(mask)
