@@ -15,7 +15,7 @@ COATS = 6.0
 SCENES = 6
 
 MUCH_WORSE = 2.0
-"""Ratio of two errors from which one is worse by more than the same stretches, weighted otherwise, make it by chance."""
+"""Ratio of two errors from which one is worse by more than other weights of the same stretches make it."""
 
 
 def painted(mask: NDArray[np.bool_], side_share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
