@@ -38,6 +38,7 @@ from .pictures.colors import colorize as colorize
 from .pictures.overlays import overlay_depth as overlay_depth
 from .pictures.overlays import overlay_regions as overlay_regions
 from .pose import Pose as Pose
+from .regions.absent_beams import absent_beams as absent_beams
 from .regions.image import ImageRegion as ImageRegion
 from .regions.mask import MaskWindow as MaskWindow
 from .regions.outline import SparseSamplingWarning as SparseSamplingWarning

@@ -43,5 +43,6 @@ mod sampled;
 mod samples;
 mod scene_steps;
 mod signed_field;
+mod silent;
 mod stretches;
 mod symmetry;

@@ -48,13 +48,18 @@ class LineSamples(NamedTuple):
 
 
 def line_samples(
-    points: Array, members: NDArray[np.intp], sensor_origin: ArrayLike | None, extends: bool
+    points: Array,
+    members: NDArray[np.intp],
+    sensor_origin: ArrayLike | None,
+    extends: bool,
+    absent: Array | None = None,
 ) -> LineSamples | None:
     """The samples of a region whose returns, `members` of the points (n, 3), lie on one scan line.
 
-    Outside are the places where beams of that line passed it, and its returns that are no members, as of
-    `scan_samples`; enclosed are those between two inside. None where the members are not on one scan line, the scanner
-    isn't known, or nothing is known to be outside. ValueError as of `plane_samples`.
+    Outside are the places where beams of that line passed it, those without a return in directions `absent` (j, 3)
+    among them, and its returns that are no members, as of `scan_samples`; enclosed are those between two inside. None
+    where the members are not on one scan line, the scanner isn't known, or nothing is known to be outside. ValueError
+    as of `plane_samples`.
     """
     own, sensor = checked_points(points[members]), checked_sensor(sensor_origin)
     if sensor is None or not seen_on_one_line(own, sensor):
@@ -66,7 +71,8 @@ def line_samples(
     # Beams of other lines pass the region's plane at places that depend on how it is tilted.
     beside = np.array([BESIDE * (float(np.ptp(inside)) + step), step])
     window = (plane.flat.min(axis=0) - beside, plane.flat.max(axis=0) + beside)
-    passed, neighbors = (places[:, :1] for places in other_places(points, members, Sight(plane, window, sensor)))
+    others = other_places(points, members, Sight(plane, window, sensor), absent)
+    passed, neighbors = (places[:, :1] for places in others)
     if extends and len(neighbors):
         neighbors = neighbors[~joined(inside, neighbors)]
     outside = np.concatenate([passed, neighbors])

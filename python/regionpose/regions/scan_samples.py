@@ -15,6 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from regionpose.regions.absent_beams import absent_places, scan_reach
 from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_samples import LEAST_APPROACH, PlaneSamples
 
@@ -71,19 +72,20 @@ def scan_samples(
     rings: list[Array],
     sensor_origin: ArrayLike | None,
     extends: bool,
+    absent: Array | None = None,
 ) -> ScanSamples | None:
     """The samples of a region whose returns are `members` of the points (n, 3), on its plane with the outline `rings`.
 
     Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
-    not those that are joined to members without a gap. Without `sensor_origin` returns alone tell. None where nothing
-    is known to be outside, or these don't surround the region. Of many samples those next to the other kind are kept,
-    and a few of the rest.
+    not those that are joined to members without a gap. Beams without a return, directions `absent` (k, 3), passed the
+    plane, too. Without `sensor_origin` returns alone tell. None where nothing is known to be outside, or these don't
+    surround the region. Of many samples those next to the other kind are kept, and a few of the rest.
     """
     inside = plane.flat
     beside = BESIDE * float(np.ptp(inside, axis=0).max())
     window = (inside.min(axis=0) - beside, inside.max(axis=0) + beside)
     sensor = None if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
-    passed, neighbors = other_places(points, members, Sight(plane, window, sensor))
+    passed, neighbors = other_places(points, members, Sight(plane, window, sensor), absent)
     if extends and len(neighbors):
         neighbors = neighbors[~joined(inside, neighbors)]
     outside = np.concatenate([passed, neighbors])
@@ -128,8 +130,13 @@ class Sight(NamedTuple):
         return float(self.window[0][axis]), float(self.window[1][axis])
 
 
-def other_places(points: Array, members: NDArray[np.intp], sight: Sight) -> tuple[Array, Array]:
-    """Places (n, 2) that the beams of points (k, 3) other than the members passed, and (m, 2) at which they ended."""
+def other_places(
+    points: Array, members: NDArray[np.intp], sight: Sight, absent: Array | None = None
+) -> tuple[Array, Array]:
+    """Places (n, 2) that the beams of points (k, 3) other than the members passed, and (m, 2) at which they ended.
+
+    The former also of beams without a return, directions `absent` (j, 3).
+    """
     is_member = np.zeros(len(points), dtype=np.bool_)
     is_member[members] = True
     passed, ended = [], []
@@ -139,6 +146,11 @@ def other_places(points: Array, members: NDArray[np.intp], sight: Sight) -> tupl
         through, on_plane = _places(others[sight.holds(others)], sight)
         passed.append(through)
         ended.append(on_plane)
+    if absent is not None and sight.sensor is not None:
+        steep = absent[np.abs(absent @ sight.plane.axes[2]) >= LEAST_APPROACH]
+        reach = scan_reach(points, sight.sensor)
+        places = absent_places(steep, points[members], reach, sight.plane, sight.sensor)
+        passed.append(_within(places, sight.window))
     return np.concatenate(passed), np.concatenate(ended)
 
 

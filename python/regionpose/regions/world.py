@@ -182,13 +182,15 @@ class WorldRegion:
         *,
         sensor_origin: ArrayLike | None = None,
         extends: bool = False,
+        absent_beams: ArrayLike | None = None,
     ) -> WorldRegion:
         """The planar region of some returns of a scan, and what the scan shows beside it.
 
         A beam that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that
         is no member, unless it joins members without a gap and the region `extends` there. Beams that ended before the
         plane say nothing. Where the returns on the plane don't surround the region, or nothing is known beside it, it
-        is that of `from_points`. Points that are not finite are left out.
+        is that of `from_points`. What the places beside it leave open, as before the sky, the outline of its returns
+        tells as far as it is good.
 
         Members on a single scan line show a line of the region's plane alone. With `sensor_origin`, what the scan knows
         along it counts: where the region begins and ends there. A pose needs other regions beside it.
@@ -203,11 +205,14 @@ class WorldRegion:
             The scanner's position, meters; without it only the returns on the plane count.
         extends : bool
             Whether the region may go on beyond its members; False by default.
+        absent_beams : (j, 3) array, optional
+            Directions of the scan's beams that gave no return, as `absent_beams` tells them: they passed the plane,
+            too, where it would have sent one. They count with `sensor_origin` alone.
 
         Raises
         ------
         ValueError
-            For indices that are no members of the scan, and as of `from_points`.
+            For indices that are no members of the scan, directions without a length, and as of `from_points`.
         """
         from regionpose.regions.outline import flat_outline
         from regionpose.regions.plane_samples import plane_samples
@@ -217,13 +222,14 @@ class WorldRegion:
         cloud = row_array(points, "points", 3)
         check_coordinates(cloud)
         numbers = _member_array(members, len(cloud))
-        line = line_samples(cloud, numbers, sensor_origin, extends)
+        absent = None if absent_beams is None else _unit_vectors(absent_beams, "absent_beams")
+        line = line_samples(cloud, numbers, sensor_origin, extends, absent)
         if line is not None:
             strip = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip])
             return strip._then("with_samples", *line.plane.lifted(line.samples), is_line=True)
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
-        samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends)
+        samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends, absent)
         if samples is None:
             return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
         return cls._on_plane(plane.origin, plane.axes, rings)._then("with_samples", *plane.lifted(samples))
@@ -352,6 +358,17 @@ def _start_outline(flat: Array) -> list[Array]:
 
     with sparse_sampling_told_to(lambda _: None):
         return flat_outline(flat)
+
+
+def _unit_vectors(values: ArrayLike, name: str) -> Array:
+    """Directions (n, 3) of length one; ValueError for one without a length."""
+    ways = row_array(values, name, 3)
+    check_coordinates(ways, f"{name} direction")
+    lengths = np.linalg.norm(ways, axis=1)
+    if not lengths.all():
+        raise ValueError(f"{name} direction {int(np.argmin(lengths))} is zero; needed directions of some length")
+    units: Array = ways / lengths[:, None]
+    return units
 
 
 def _member_array(members: ArrayLike, count: int) -> NDArray[np.intp]:

@@ -56,16 +56,33 @@ it."""
 
 
 class Scan(NamedTuple):
-    """What the world sides are cut from: the cloud, about `origin` (3,), and where its scanner stood about the same."""
+    """What the world sides are cut from: the cloud, about `origin` (3,), and where its scanner stood about the same.
+
+    `absent` (k, 3): directions of its beams without a return, as far as they are known.
+    """
 
     cloud: Cloud | None
     origin: Array
     scanner: Array | None
+    absent: Array | None = None
 
     @classmethod
     def of(cls, cloud: Cloud | None, origin: Array, scanner: SensorOrigin | None) -> Scan:
         """The scan of a cloud whose scanner is given in the scene's world."""
-        return cls(cloud, origin, None if scanner is None else scanner.place - origin)
+        if cloud is None or scanner is None:
+            return cls(cloud, origin, None if scanner is None else scanner.place - origin)
+        place = scanner.place - origin
+        return cls(cloud, origin, place, _absent(cloud, place))
+
+
+def _absent(cloud: Cloud, scanner: Array) -> Array:
+    """Directions (k, 3) of the beams without a return of a scanner at (3,) about the cloud's origin."""
+    from regionpose.regions.absent_beams import absent_beams
+
+    rings = cloud.fields.get("ring")
+    return absent_beams(
+        cloud.local_points, scanner, grid_shape=cloud.grid_shape, grid_indices=cloud.grid_indices, rings=rings
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +288,9 @@ def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, sca
     """The side of the returns `indices` of a scan's points (n, 3): its samples, or the outline and why."""
     if item.radius_m is not None:
         return replace(_outlined(points[indices], item, scan, "its radius_m is given"), indices=indices)
-    region = WorldRegion.from_scan(points, indices, sensor_origin=scan.scanner, extends=item.extends)
+    region = WorldRegion.from_scan(
+        points, indices, sensor_origin=scan.scanner, extends=item.extends, absent_beams=scan.absent
+    )
     if region.samples is not None:
         return WorldSide(region, indices)
     if scan.scanner is None:

@@ -35,6 +35,7 @@ ADVICE = {
     "place-contradicted": "One of them is wrong: check the regions' pairs, or prior.camera_near, which is the scanner's"
     " place unless it is given, and camera_near_sigma_m; null for a camera that may stand anywhere.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
+    "samples-unused": "Look at the overlay: check the regions' pairs, sensor_origin and the returns that are marked.",
     "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",

@@ -157,17 +157,17 @@ impl ContourFit {
         clean.len() as f64 / correlation(&about_mean, &self.counts).max(1.0)
     }
 
-    /// The contours' likelihood as a factor of the pose's left increment, to second order, that counts as so many pieces that vary
+    /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
     /// independently; `None` where a region is out of view.
-    pub fn gaussian(&self, contours: &[Contour], independent: f64) -> Option<Gaussian> {
-        let regions = self.region_gaussians(contours, independent)?.into_iter();
+    pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
+        let regions = self.region_gaussians(contours)?.into_iter();
         let sum = regions.fold(Gaussian::default(), |sum, region| sum + region);
-        Some(Gaussian { offset: independent * self.mixture.likelihood, ..sum })
+        Some(Gaussian { offset: self.independent() * self.mixture.likelihood, ..sum })
     }
 
     /// The same of each region's contour, but for a multiple.
-    pub fn region_gaussians(&self, contours: &[Contour], independent: f64) -> Option<Vec<Gaussian>> {
-        let share = independent / self.readings.len().max(1) as f64;
+    pub fn region_gaussians(&self, contours: &[Contour]) -> Option<Vec<Gaussian>> {
+        let share = self.independent() / self.readings.len().max(1) as f64;
         let factor = share / (self.mixture.sigma * self.mixture.sigma);
         let region = |((region, readings), contour): ((usize, &[Reading]), &Contour)| {
             let (odds, mut equations) = (self.mixture.odds(region), NormalEquations::default());

@@ -13,7 +13,7 @@ const DISTURBED: f64 = 0.03;
 const WEIGHT: f64 = 30.0;
 
 /// How far disturbed parts of a contour are off, as a share of the region's size, and in blurs at least.
-pub(super) const FAR_OFF: f64 = 0.1;
+pub(crate) const FAR_OFF: f64 = 0.1;
 pub(super) const FAR_BLURS: f64 = 4.0;
 
 /// Largest share of wrong labels: no more than a coin would err.

@@ -117,7 +117,7 @@ impl Problem {
         let first = sketch.as_ref().unwrap_or(self);
         // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so
         // much that its moments lead nowhere near.
-        let is_sampled = self.regions().len() > 1 && self.sampled().len() == self.regions().len();
+        let is_sampled = self.regions().len() > 1 && self.has_samples_all_over();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
         let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));

@@ -8,6 +8,7 @@ pub mod cuts;
 pub mod decision;
 pub mod directions;
 pub mod moments;
+mod outlined;
 pub mod p3p;
 pub mod poses;
 pub mod sampled;

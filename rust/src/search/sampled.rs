@@ -1,21 +1,25 @@
 //! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix6, Rotation3, Vector3};
 
 use super::candidates::{Answers, Search, further_poses};
 use super::moments::{Alone, single_region_poses};
+use super::outlined::{outlines, outlines_beside_samples};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::effort;
-use crate::geometry::pose::Pose;
+use crate::geometry::pose::{PARAMETERS, Pose};
 use crate::prior::{Gaussian, Prior};
 use crate::problem::Problem;
+use crate::region::WorldRegion;
 use crate::samples::labels::{SHARP, leading_step, log_likelihood};
 use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use crate::samples::readings::SampledRegion;
+use crate::samples::signed_field::SignedField;
+use crate::samples::trust::FAR_OFF;
 use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
@@ -73,7 +77,7 @@ impl Problem {
         let creases = self.creases();
         let others = |pose: &Pose| {
             let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
-            let known = known + guesses(&guessed, pose, self.few());
+            let known = known + outlines_beside_samples(&guessed, pose, self.few());
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut passed = Passed::default();
@@ -135,6 +139,31 @@ impl Problem {
         answers.into_iter().map(over_modes).collect()
     }
 
+    /// Whether every region has samples beside its outline, as many as a pose has numbers: fewer tell no pose, and outlines are more
+    /// than starts.
+    pub(super) fn has_samples_all_over(&self) -> bool {
+        let is_edged = |world: &WorldRegion| {
+            let Some(samples) = world.samples() else { return false };
+            let (outline, near) = (world.outline(), FAR_OFF * world.outline().area().sqrt());
+            let edges = SignedField::new(outline.rings(), &[], near.recip());
+            let places = samples.inside().iter().chain(samples.outside()).chain(samples.enclosed());
+            places.filter(|place| edges.nearest(place).distance.abs() < near).take(PARAMETERS).count() == PARAMETERS
+        };
+        self.sampled().len() == self.regions().len() && self.worlds().iter().all(is_edged)
+    }
+
+    /// The same without the samples of regions that tell nothing at any of these answers, poses about the problem's origin with their
+    /// covariance and the scatter of contours, pixels; `None` where all regions' tell something.
+    pub(crate) fn without_silent_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
+        let tells = |region: &SampledRegion| {
+            // Of a line alone, the outline shows nothing.
+            let is_line = self.worlds()[region.index()].is_line();
+            is_line || answers.iter().any(|(pose, covariance, scatter)| region.tells(pose, covariance, *scatter))
+        };
+        let telling: Vec<bool> = self.sampled().iter().map(tells).collect();
+        (!answers.is_empty() && telling.contains(&false)).then(|| self.with_sampled(&telling))
+    }
+
     /// The contours of the regions without samples.
     fn outlined(&self) -> Vec<Contour> {
         let has_samples = |index: usize| self.sampled().iter().any(|region| region.index() == index);
@@ -163,15 +192,8 @@ impl Search {
                 poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.few())).collect()
             }
         };
-        let known: Vec<_> = fits.iter().map(|fit| (fit, covariance(contours, fit))).collect();
-        let tells = |region: &SampledRegion| {
-            // Of a line alone, the outline shows nothing.
-            let is_line = problem.worlds()[region.index()].is_line();
-            let at = |(fit, covariance): &(&ContourFit, _)| region.tells(&fit.pose, covariance, fit.mixture.sigma);
-            known.is_empty() || is_line || known.iter().any(at)
-        };
-        let telling: Vec<bool> = problem.sampled().iter().map(tells).collect();
-        (!telling.iter().all(|&tells| tells)).then(|| problem.with_sampled(&telling))
+        let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit), fit.mixture.sigma);
+        problem.without_silent_at(&fits.iter().map(answer).collect::<Vec<_>>())
     }
 }
 
@@ -214,28 +236,4 @@ fn modes(found: Vec<Posterior>) -> Vec<Posterior> {
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
     posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
-}
-
-/// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
-fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
-    if contours.is_empty() {
-        return Gaussian::default();
-    }
-    // Out of view nothing can be likely.
-    let hopeless = Gaussian { offset: -f64::MAX.sqrt(), ..Gaussian::default() };
-    let shown = ContourFit::at(contours, pose, 1).and_then(|fit| fit.gaussian(contours, fit.independent()));
-    shown.unwrap_or(hopeless)
-}
-
-/// What contours show beside samples: their outlines may be off, by as much as all of them are, alike all around, so that each region
-/// tells as much as one piece does (`docs/math.md`, section 17).
-fn guesses(contours: &[Contour], pose: &Pose, step: usize) -> Gaussian {
-    if contours.is_empty() {
-        return Gaussian::default();
-    }
-    let count = contours.len() as f64;
-    let shown = ContourFit::at(contours, pose, step).and_then(|fit| fit.gaussian(contours, count));
-    // Out of view an outline is as far off as a region is large.
-    let size = contours.iter().map(Contour::size).fold(1.0, f64::max);
-    shown.unwrap_or_else(|| Gaussian { offset: -count * size.ln(), ..Gaussian::default() })
 }

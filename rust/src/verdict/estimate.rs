@@ -1,5 +1,6 @@
 //! The result: the best pose, the others that fit, its covariance and overlap, and the warnings.
 
+use std::borrow::Cow;
 use std::cell::OnceCell;
 
 use nalgebra::{Matrix6, Vector3};
@@ -99,6 +100,14 @@ pub struct Estimate {
     pub distance: f64,
 }
 
+/// The poses that may be the answer, and the problem without the samples that say nothing.
+struct Heard<'a> {
+    problem: Cow<'a, Problem>,
+    places: Vec<Place>,
+    /// Whether there are samples that say something of which no pose was found.
+    unused: bool,
+}
+
 /// A pose that may be the answer.
 #[derive(Debug, Clone)]
 struct Place {
@@ -145,11 +154,10 @@ impl Search {
     /// The verdict, with the minima that any driver found from the candidates.
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let (answers, exhausted) = effort::bounded(self.problem.most_work(), || self.answers(minima));
-        let unused = !self.problem.sampled().is_empty() && answers.iter().all(|place| place.posterior.is_none());
-        let without = unused.then(|| self.problem.with_sampled(&[]));
-        let problem = without.as_ref().unwrap_or(&self.problem);
-        let places = stated(likely(problem, answers, &self.options.prior), &self.options.prior);
+        let (Heard { problem, places, unused }, exhausted) =
+            effort::bounded(self.problem.most_work(), || self.heard(minima));
+        let problem = &*problem;
+        let places = stated(likely(problem, places, &self.options.prior), &self.options.prior);
         let (best, _) = places.first()?;
         let evidence = best.evidence(problem, places.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
@@ -179,22 +187,33 @@ impl Search {
     }
 
     /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
-    fn answers(&self, minima: Vec<Minimum>) -> Vec<Place> {
+    fn heard(&self, minima: Vec<Minimum>) -> Heard<'_> {
         let places = self.places(minima);
-        if self.problem.sampled().is_empty() {
-            return places;
-        }
         let starts: Vec<Pose> = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
-        let posteriors = self.problem.posteriors(&starts, &self.options.prior);
-        let step = self.problem.few();
+        let mut problem = Cow::Borrowed(&self.problem);
+        while !problem.sampled().is_empty() {
+            let led = self.led(&problem, &starts);
+            let Some(silent) = problem.without_silent_at(&led.iter().filter_map(Place::answer).collect::<Vec<_>>())
+            else {
+                // Samples that hold nothing leave the outlines' answers, and regions that are judged by these.
+                return match led.is_empty() {
+                    true => Heard { problem: Cow::Owned(problem.with_sampled(&[])), places, unused: true },
+                    false => Heard { problem, places: led, unused: false },
+                };
+            };
+            problem = Cow::Owned(silent);
+        }
+        Heard { problem, places, unused: false }
+    }
+
+    /// What the samples of a problem leave possible about starts.
+    fn led(&self, problem: &Problem, starts: &[Pose]) -> Vec<Place> {
         let place = |posterior: Posterior| {
-            let fit = ContourFit::at(self.problem.contours(), &posterior.pose, step)?;
-            let (pose, covariance) = (self.problem.uncentered(&posterior.pose), honest(&posterior.covariance));
+            let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.few())?;
+            let (pose, covariance) = (problem.uncentered(&posterior.pose), honest(&posterior.covariance));
             Some(Place { posterior: Some(posterior), covariance: covariance.into(), ..Place::new(pose, None, fit) })
         };
-        let led: Vec<Place> = posteriors.into_iter().filter_map(place).collect();
-        // Samples that hold nothing leave the outlines' answers.
-        if led.is_empty() { places } else { led }
+        problem.posteriors(starts, &self.options.prior).into_iter().filter_map(place).collect()
     }
 
     /// The poses that the outlines leave, those that fit best first.
@@ -289,6 +308,12 @@ fn order(pose: &Pose) -> [i64; 3] {
 }
 
 impl Place {
+    /// The answer of its samples about the problem's origin, its covariance and how far contours are blurred and grown, pixels.
+    fn answer(&self) -> Option<(Pose, Matrix6<f64>, f64)> {
+        let Posterior { pose, covariance, blur, growth, .. } = self.posterior.as_ref()?;
+        Some((*pose, *covariance, blur.hypot(*growth)))
+    }
+
     /// A place against which nothing counts yet.
     fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
         let (covariance, overlaps) = (OnceCell::new(), OnceCell::new());
@@ -308,7 +333,7 @@ impl Place {
     /// What each region says of the left increment: its samples, or its contour where it has none.
     fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
         let none = || vec![Gaussian::default(); problem.worlds().len()];
-        let mut factors = self.fit.region_gaussians(problem.contours(), self.fit.independent()).unwrap_or_else(none);
+        let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);
         let mut is_scanned = vec![false; factors.len()];
         if let Some(posterior) = &self.posterior {
             for region in problem.sampled() {

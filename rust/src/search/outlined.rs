@@ -1,0 +1,31 @@
+//! What outlines tell of a pose beside samples (`docs/math.md`, section 17).
+
+use std::f64::consts::TAU;
+
+use crate::contour::fit::{ContourFit, FINEST_SCALE};
+use crate::contour::readings::Contour;
+use crate::geometry::pose::Pose;
+use crate::prior::Gaussian;
+
+/// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
+pub(super) fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
+    if contours.is_empty() {
+        return Gaussian::default();
+    }
+    // Out of view nothing can be likely.
+    let hopeless = Gaussian { offset: -f64::MAX.sqrt(), ..Gaussian::default() };
+    ContourFit::at(contours, pose, 1).map_or(hopeless, |fit| fit.gaussian(contours).unwrap_or(hopeless))
+}
+
+/// What contours with samples show at a pose by their outlines, which may be off alike all around, by as much as the clean ones of
+/// their pieces are: all count as one piece (`docs/math.md`, eq. 17.12), of which every `step`-th is looked at.
+pub(super) fn outlines_beside_samples(contours: &[Contour], pose: &Pose, step: usize) -> Gaussian {
+    if contours.is_empty() {
+        return Gaussian::default();
+    }
+    // Out of view an outline is as far off as a region is large.
+    let size = contours.iter().map(Contour::size).fold(FINEST_SCALE, f64::max);
+    let unseen = Gaussian { offset: -0.5 * (1.0 + (TAU * size * size).ln()), ..Gaussian::default() };
+    let one_piece = |fit: ContourFit| Some(fit.gaussian(contours)? * fit.independent().max(1.0).recip());
+    ContourFit::at(contours, pose, step).and_then(one_piece).unwrap_or(unseen)
+}
