@@ -51,7 +51,7 @@ class MaskWindow(KeptArrays):
                 f" {shape}; needed one inside"
             )
         is_binary = coverage.dtype == np.bool_
-        kept = np.packbits(coverage) if is_binary else read_only(coverage)
+        kept = read_only(np.packbits(coverage) if is_binary else coverage)
         self.__dict__.update(offset=offset, shape=shape, size=(rows, columns), _is_binary=is_binary, _kept=kept)
 
     @property
