@@ -18,14 +18,15 @@ pub(super) fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
 }
 
 /// What contours with samples show at a pose by their outlines, which may be off alike all around, by as much as the clean ones of
-/// their pieces are: all count as one piece (`docs/math.md`, eq. 17.12), of which every `step`-th is looked at.
+/// their pieces are: each region counts as one piece (`docs/math.md`, eq. 17.12), of which every `step`-th is looked at.
 pub(super) fn outlines_beside_samples(contours: &[Contour], pose: &Pose, step: usize) -> Gaussian {
     if contours.is_empty() {
         return Gaussian::default();
     }
     // Out of view an outline is as far off as a region is large.
     let size = contours.iter().map(Contour::size).fold(FINEST_SCALE, f64::max);
-    let unseen = Gaussian { offset: -0.5 * (1.0 + (TAU * size * size).ln()), ..Gaussian::default() };
-    let one_piece = |fit: ContourFit| Some(fit.gaussian(contours)? * fit.independent().max(1.0).recip());
+    let count = contours.len() as f64;
+    let unseen = Gaussian { offset: -0.5 * count * (1.0 + (TAU * size * size).ln()), ..Gaussian::default() };
+    let one_piece = |fit: ContourFit| Some(fit.gaussian(contours)? * (count / fit.independent().max(1.0)));
     ContourFit::at(contours, pose, step).and_then(one_piece).unwrap_or(unseen)
 }
