@@ -69,8 +69,8 @@ LONG = {
         "camera, images, worlds = given(1)\nready()\nwhile True: rp.match_regions(camera, images * 12, worlds * 12)"
     ),
     "alpha_shape": (
-        "from regionpose.kernels import alpha_shape\npoints = np.random.default_rng(0).uniform(0.0, 1.0, (1_000_000, 2))\n"
-        "ready()\nwhile True: alpha_shape(points, 0.01)"
+        "points = np.random.default_rng(0).uniform(0.0, 1.0, (1_000_000, 2))\nready()\n"
+        "while True: rp.kernels.alpha_shape(points, 0.01)"
     ),
     "find_planes": (
         "points = np.random.default_rng(0).uniform(0.0, 9.0, (900_000, 3))\nready()\nwhile True: rp.find_planes(points)"
