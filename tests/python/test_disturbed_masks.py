@@ -14,8 +14,8 @@ COATS = 6.0
 
 SCENES = 6
 
-MUCH_WORSE = 2.0
-"""Ratio of two errors from which one is worse by more than other weights of the same stretches make it."""
+WORSE = 1.05
+"""How much worse than the moments' a pose may be: what is left of its last iterations."""
 
 
 def painted(mask: NDArray[np.bool_], side_share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -49,4 +49,4 @@ def test_where_all_of_a_boundary_is_disturbed_no_pose_is_worse_than_the_moments(
         masks = [painted(mask, side_share, rng) for mask in scene.masks()]
         errors.append([rotation_error(scene, masks, rp.Solver(refine=refine)) for refine in ("contour", None)])
     by_default, by_moments = np.array(errors).T
-    assert (by_default <= MUCH_WORSE * by_moments).all(), errors
+    assert (by_default <= WORSE * by_moments).all(), errors

@@ -6,9 +6,9 @@ use nalgebra::{Vector2, Vector3};
 use regionpose::view::mask::{Mask, MaskContours};
 use regionpose::{ObservedRegion, Options, Problem, Refinement};
 
-/// Scenes, and how much worse than the moments' one pose may be: that of chance between two estimates of like quality.
+/// Scenes, and how much worse than the moments' a pose may be: what is left of its last iterations.
 const SCENES: usize = 12;
-const MUCH_WORSE: f64 = 2.0;
+const WORSE: f64 = 1.05;
 
 /// How often each part of the boundary is painted over.
 const COATS: f64 = 6.0;
@@ -74,7 +74,6 @@ fn errors(side: f64) -> Vec<[f64; 2]> {
 fn where_all_of_a_contour_is_disturbed_no_pose_is_worse_than_the_moments() {
     for side in [1.0 / 30.0, 1.0 / 16.0] {
         let errors = errors(side);
-        println!("{side}: {errors:.4?}");
-        assert!(errors.iter().all(|[own, moments]| *own < MUCH_WORSE * moments), "{side}: {errors:.4?}");
+        assert!(errors.iter().all(|[own, moments]| *own < WORSE * moments), "{side}: {errors:.4?}");
     }
 }

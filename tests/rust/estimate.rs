@@ -410,7 +410,7 @@ fn wild_scene(random: &mut Random) -> Option<(Vec<ObservedRegion>, Vec<WorldRegi
         let mut frame = worlds[0].frame().clone();
         frame.origin[random.index(3)] = WILD[random.index(WILD.len())];
         frame.axes[random.index(3)] *= WILD[random.index(WILD.len())];
-        worlds[0] = WorldRegion::from_outline(frame, PlaneRings::polygon(vec![regular(5, 1.0)]).unwrap()).unwrap();
+        worlds[0] = WorldRegion::from_outline(frame, PlaneRings::polygon(vec![regular(5, 1.0)]).unwrap()).ok()?;
     }
     Some((observed, worlds))
 }

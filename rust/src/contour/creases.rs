@@ -100,11 +100,12 @@ fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
         let turned = chart.rotation * ray;
         (turned.z > 0.0).then(|| turned.xy() * (pixels / turned.z))
     };
-    let seen = |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]);
-    let [own, others] = sides.map(|sides| sides.iter().filter_map(seen).collect::<Vec<_>>());
-    effort::spend(own.len() + others.len());
-    let others = EdgeBoxes::new(others);
     let length = |part: &[Vector2<f64>; 2]| (part[1] - part[0]).norm();
+    // No part of a shorter side is long enough.
+    let seen = |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]).filter(|side| length(side) >= SHORTEST);
+    effort::spend(sides[0].len() + sides[1].len());
+    let [own, others] = sides.map(|sides| sides.iter().filter_map(seen).collect::<Vec<_>>());
+    let others = EdgeBoxes::new(others);
     let mut longest: Option<[Vector2<f64>; 2]> = None;
     for side in &own {
         // What runs beside it is no farther from it anywhere than what is shared may be.

@@ -18,7 +18,15 @@ pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &
     let at = |pose: &Pose| ContourFit::at(contours, pose, step);
     let [Some(place), Some(minimum)] = [place, minimum].map(at) else { return true };
     let gain = place.gain_over(&minimum);
-    gain >= DECISIVE && gain - at(own).map_or(0.0, |own| against(contours, &place, &own)) >= DECISIVE
+    holds_a_pose(&place)
+        && gain >= DECISIVE
+        && gain - at(own).map_or(0.0, |own| against(contours, &place, &own)) >= DECISIVE
+}
+
+/// Whether as many stretches of the contours are clean as a pose has numbers: fewer may lie on the projection by chance at any pose.
+fn holds_a_pose(place: &ContourFit) -> bool {
+    let shares = place.clean_shares();
+    place.independent() * shares.iter().sum::<f64>() >= (PARAMETERS * shares.len()) as f64
 }
 
 /// Logarithm of the odds by which the moments speak against a place on the contours.

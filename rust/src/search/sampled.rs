@@ -1,6 +1,6 @@
 //! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
 
-use nalgebra::{Matrix6, Rotation3, Vector3};
+use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 
 use super::candidates::{Answers, Search, further_poses};
 use super::moments::{Alone, single_region_poses};
@@ -49,6 +49,9 @@ const FOUND: f64 = 0.2;
 /// that is not led yet, or on its way with all of them, makes up as much again: without that, half turns that fit about as well in
 /// the end were lost on the way (`regionpose evaluate trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
 const HOPELESS: f64 = 25.0;
+
+/// Points along an outline at which it is asked what lies beside it: a convention.
+const OUTLINE_POINTS: usize = 128;
 
 impl Problem {
     /// What the samples leave possible about some starts and, where they contradict all of these, about further ones; the
@@ -171,11 +174,45 @@ impl Problem {
         contours.filter(|(index, _)| !has_samples(*index)).map(|(_, contour)| contour.clone()).collect()
     }
 
-    /// The contours of the regions with samples that have an outline, too.
+    /// The contours of the regions with an outline whose samples leave one side of it open.
     fn guessed(&self) -> Vec<Contour> {
         let indices = self.sampled().iter().map(SampledRegion::index);
-        indices.filter(|&index| !self.worlds()[index].is_line()).map(|index| self.contours()[index].clone()).collect()
+        indices
+            .filter(|&index| is_one_sided(&self.worlds()[index]))
+            .map(|index| self.contours()[index].clone())
+            .collect()
     }
+}
+
+/// Whether samples on one side of a region's outline lie beside half as much of it at most as those on both sides do: such as where
+/// nothing stands behind a region, so that beams that passed it have no returns. A line has no outline.
+fn is_one_sided(world: &WorldRegion) -> bool {
+    let Some(samples) = world.samples().filter(|_| !world.is_line()) else { return false };
+    let (outline, near) = (world.outline(), FAR_OFF * world.outline().area().sqrt());
+    let places = points_along(outline.rings(), OUTLINE_POINTS);
+    let beside = |side: &[Vector2<f64>]| -> Vec<bool> {
+        places.iter().map(|place| side.iter().any(|sample| (sample - place).norm_squared() < near * near)).collect()
+    };
+    let (inside, outside) = (beside(samples.inside()), beside(samples.outside()));
+    let either = inside.iter().zip(&outside).filter(|(inside, outside)| **inside || **outside).count();
+    let fewer = [inside, outside].map(|side| side.into_iter().filter(|beside| *beside).count()).into_iter().min();
+    fewer.is_some_and(|fewer| 2 * fewer <= either)
+}
+
+/// So many points along all rings together, equally far apart.
+fn points_along(rings: &[Vec<Vector2<f64>>], count: usize) -> Vec<Vector2<f64>> {
+    let edges = || rings.iter().flat_map(|ring| ring.iter().zip(ring.iter().cycle().skip(1)));
+    let step = edges().map(|(a, b)| (b - a).norm()).sum::<f64>() / count as f64;
+    let (mut points, mut left) = (Vec::with_capacity(count), 0.5 * step);
+    for (a, b) in edges() {
+        let length = (b - a).norm();
+        while left < length {
+            points.push(a + (b - a) * (left / length));
+            left += step;
+        }
+        left -= length;
+    }
+    points
 }
 
 impl Search {
