@@ -45,7 +45,7 @@ fn sieve(rows: usize) -> Vec<Ring> {
 /// A wavy disc, every second vertex of which is farther out.
 fn wavy(vertices: usize) -> Ring {
     let vertex = |k: usize| {
-        let (angle, side) = (TAU * k as f64 / vertices as f64, if k % 2 == 0 { 1.0 } else { -1.0 });
+        let (angle, side) = (TAU * k as f64 / vertices as f64, if k.is_multiple_of(2) { 1.0 } else { -1.0 });
         let radius = 1.0 + 0.5 * side * TAU / vertices as f64;
         radius * Vector2::new(angle.cos(), angle.sin())
     };

@@ -89,14 +89,15 @@ impl CapTree {
             return;
         }
         match second {
-            Some(second) => [number + 1, *second].map(|half| self.for_each_meeting(place, half, found)),
+            Some(second) => {
+                [number + 1, *second].into_iter().for_each(|half| self.for_each_meeting(place, half, found))
+            }
             None => {
                 let behind = &self.caps[part.start.max(place + 1)..part.end];
                 effort::spend(behind.len());
                 behind.iter().filter(|other| cap.meets(other)).for_each(found);
-                return;
             }
-        };
+        }
     }
 }
 

@@ -215,13 +215,7 @@ impl Visitor for Below {
             // The other edge finds the same gaps, negative ones, and the same place between.
             let cross = from + (to - from) * (begin / (begin - end));
             let path = match (begin > 0.0, end > 0.0) {
-                _ if begin >= 0.0 && end >= 0.0 => {
-                    if self.ties || begin > 0.0 || end > 0.0 {
-                        [from, to]
-                    } else {
-                        return;
-                    }
-                }
+                _ if begin >= 0.0 && end >= 0.0 && (self.ties || begin > 0.0 || end > 0.0) => [from, to],
                 (true, _) => [from, cross],
                 (_, true) => [cross, to],
                 _ => return,

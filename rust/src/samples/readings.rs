@@ -162,8 +162,8 @@ impl SampledRegion {
         (0..self.count()).any(|number| match self.read(pose, number) {
             Reading::Seen(sight) => {
                 let deviation = (scatter * scatter + sight.slope.dot(&(covariance * sight.slope))).sqrt();
-                // The comparison fails where a direction is left free, too.
-                !(sight.margin > REACH * deviation)
+                // A direction that is left free has no deviation.
+                sight.margin <= REACH * deviation || deviation.is_nan()
             }
             Reading::Behind(right) => !right,
         })
