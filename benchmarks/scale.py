@@ -173,7 +173,7 @@ class Loaded:
             frame = rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)
 
             def refined(given: rp.PoseEstimate) -> tuple[rp.PoseEstimate, rp.SceneRefinement]:
-                return refined_estimate(given, [frame], self.camera, images, worlds, zoomed)
+                return refined_estimate(given, [frame], self.camera, images, worlds, zoomed, rp.Solver())
 
             return witnessed(estimate, lambda pose: [frame.alignment(pose)], partial(zoomed, self.camera), refined)
 

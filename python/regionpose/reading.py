@@ -41,9 +41,6 @@ stands for MPO, too, which phones write: a JPEG that holds further ones."""
 BOM = b"\xef\xbb\xbf"
 """The byte order mark that some editors put before UTF-8."""
 
-PICTURE_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "GIF")
-"""Formats of pictures that are told by their first bytes, as Pillow names them."""
-
 MOST_DIGITS = 18
 """Digits of a whole number in a header: what 64 bits hold."""
 

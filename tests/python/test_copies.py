@@ -72,7 +72,7 @@ def public_objects() -> dict[str, list[Any]]:
         rp.EquirectangularCamera(width=1000, height=500),
         rp.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
         rp.Crease((0, 1), np.zeros((2, 3))),
-        rp.CameraRefinement(demo.camera, pose, "refined", ("fx",), *np.zeros((2, 1)), np.eye(7), (), (1.0, 0.5)),
+        rp.CameraRefinement(demo.camera, pose, "refined", ("fx",), np.zeros(1), np.zeros(1), np.eye(7), (), (1.0, 0.5)),
         *frames,
         rp.PoseWarning("ambiguous", "{0} is off", (0,)),
     ]
@@ -129,7 +129,7 @@ def test_copies_hold_the_same_and_are_locked_as_before(way: str) -> None:
                 assert array.dtype == after[place].dtype, (name, place)
                 assert array.flags.writeable == after[place].flags.writeable, (name, place)
             scalars = [{p: v for p, v in parts_of(each) if isinstance(v, str | int | float)} for each in (value, other)]
-            np.testing.assert_equal(*scalars)
+            np.testing.assert_equal(scalars[0], scalars[1])
 
 
 def test_fields_of_a_copied_cloud_can_t_be_changed() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from base64 import b64encode
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +45,13 @@ def area(points: Points) -> float:
 # labelme
 
 
-def labelme(*shapes: dict[str, object]) -> dict[str, object]:
-    defaults = {"group_id": None, "shape_type": "polygon", "flags": {}}
+def labelme(*shapes: Mapping[str, Any]) -> dict[str, object]:
+    defaults: dict[str, Any] = {"group_id": None, "shape_type": "polygon", "flags": {}}
     return {
         "version": "5.8.0",
         "imageHeight": HEIGHT,
         "imageWidth": WIDTH,
-        "shapes": [defaults | one for one in shapes],
+        "shapes": [defaults | dict(one) for one in shapes],
     }
 
 
@@ -116,7 +117,7 @@ def test_polygons_without_a_group_stay_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("group", [None, 3])
 def test_a_shape_labeled_as_a_hole_is_cut_out(group: int | None, tmp_path: Path) -> None:
-    shapes = [
+    shapes: list[dict[str, Any]] = [
         {"label": "__hole__", "points": WINDOW, "group_id": group},
         {"label": "door", "points": SQUARE, "group_id": group},
         {"label": "sign", "points": TRIANGLE},
@@ -219,7 +220,8 @@ def task(*results: dict[str, Any], number: int = 1, name: str = "photo.png") -> 
 
 
 def percent(points: Points) -> Points:
-    return (np.array(points) / [WIDTH, HEIGHT] * 100.0).tolist()
+    shares: Points = (np.array(points) / [WIDTH, HEIGHT] * 100.0).tolist()
+    return shares
 
 
 def test_a_polygon_of_label_studio_is_in_percent(tmp_path: Path) -> None:
@@ -293,9 +295,9 @@ def test_a_turned_image_of_label_studio_is_refused(tmp_path: Path) -> None:
 
 def test_tasks_and_results_of_label_studio_that_are_chosen(tmp_path: Path) -> None:
     square, window = (result("polygonlabels", "door", points=percent(points)) for points in (SQUARE, WINDOW))
-    cancelled = {"id": 6, "was_cancelled": True, "result": [window]}
+    withdrawn = {"id": 6, "was_cancelled": True, "result": [window]}
     first, second = task(square), task(window, number=2, name="other.png")
-    first["annotations"].append(cancelled)
+    first["annotations"].append(withdrawn)
     path = written(tmp_path / "a.json", [first, second])
     for image in (1, "photo.png", "1a2b3c4d-photo.png"):
         np.testing.assert_array_equal(mask_from_file(path, "door", image=image), inside(SQUARE))

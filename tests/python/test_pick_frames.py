@@ -70,18 +70,18 @@ def test_frames_are_saved_as_one_scene_and_read_again(drive: Path) -> None:
 
 def test_the_command_opens_folders_and_scenes_of_frames(drive: Path) -> None:
     camera = drive.parent / "camera.yaml"
-    session = _session(drive, {**NOTHING, "--camera": camera}, False, Stages())
+    session = _session(drive, {**NOTHING, "--camera": camera}, None, False, Stages())
     assert isinstance(session, FrameSession) and len(session.frames) == 3
     with pytest.raises(SceneError, match="found no camera"):
-        _session(drive, NOTHING, False, Stages())
+        _session(drive, NOTHING, None, False, Stages())
     with pytest.raises(ValueError, match="--image: found it beside"):
-        _session(drive, {**NOTHING, "--image": drive / "0001.jpg"}, False, Stages())
+        _session(drive, {**NOTHING, "--image": drive / "0001.jpg"}, None, False, Stages())
     with pytest.raises(ValueError, match="found no pair"):
         session.save()
     session.draw_polygon(SQUARES[0])
     session.click_cloud(CHALKBOARD[1])
     session.save()
-    again = _session(drive / "scene.yaml", NOTHING, False, Stages())
+    again = _session(drive / "scene.yaml", NOTHING, None, False, Stages())
     assert isinstance(again, FrameSession) and again.frames.names == ("0001",)
 
 

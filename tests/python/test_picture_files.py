@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ SHOWN: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
 """By Exif 2.32, table of the tag 274: 6 says that the stored first row is the right side of what is shown."""
 
 
-def turned(path: Path, stored: NDArray[np.uint8], orientation: int, **options: object) -> Path:
+def turned(path: Path, stored: NDArray[np.uint8], orientation: int, **options: Any) -> Path:
     """The path of a picture whose EXIF data say how it is turned."""
     exif = Image.Exif()
     exif[ORIENTATION] = orientation

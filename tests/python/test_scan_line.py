@@ -158,7 +158,7 @@ def moved(world: rp.WorldRegion, motion: rp.Pose) -> rp.WorldRegion:
     assert core.samples is not None
     axes = [motion.rotation.apply(axis) for axis in core.axes[:2]]
     strip = _core.WorldRegion.from_outline(motion.transform(core.origin), axes, core.outline)
-    return rp.WorldRegion(strip.with_samples(*(motion.transform(places) for places in core.samples), is_line=True))
+    return rp.WorldRegion(strip.with_samples(*(motion.transform(places) for places in core.samples), is_line=True), ())
 
 
 def test_the_lines_of_many_frames_give_a_pose() -> None:

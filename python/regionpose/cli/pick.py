@@ -80,8 +80,14 @@ def _session(
         from regionpose.demo.scene import folder
 
         held = folder()
-        paths = {"image": held / "image.jpg", "camera": held / "camera_info.yaml", "cloud": held / "cloud.ply"}
-        return Session.create(scene, **paths, stages=stages, sensor_origin=[0, 0, 0])
+        return Session.create(
+            scene,
+            image=held / "image.jpg",
+            camera=held / "camera_info.yaml",
+            cloud=held / "cloud.ply",
+            stages=stages,
+            sensor_origin=[0, 0, 0],
+        )
     if not given:
         if not scene.exists():
             raise FileNotFoundError(f"{scene}: no such file; needed a scene file, or --image, --camera and --cloud")
@@ -90,7 +96,8 @@ def _session(
     if len(paths) < len(files):
         missing = next(name for name, path in files.items() if path is None)
         raise ValueError(f"{missing}: found nothing; needed --image, --camera and --cloud for a new scene")
-    return Session.create(scene, **paths, columns=columns, stages=stages)
+    image, camera, cloud = (paths[name] for name in ("image", "camera", "cloud"))
+    return Session.create(scene, image=image, camera=camera, cloud=cloud, columns=columns, stages=stages)
 
 
 def _has_frames(scene: Path) -> bool:

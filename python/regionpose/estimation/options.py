@@ -137,10 +137,11 @@ NUMBERS = (
 
 def _checked_number(name: str, value: object) -> float:
     """The number as a float; ValueError for what is none, or less than 0."""
-    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not (is_number and 0.0 <= float(value) < np.inf):
-        raise ValueError(f"{name} is {value!r}; needed a finite number of at least 0")
-    return float(value)
+    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
+        number = float(value)
+        if 0.0 <= number < np.inf:
+            return number
+    raise ValueError(f"{name} is {value!r}; needed a finite number of at least 0")
 
 
 def checked_solver(solver: Solver | None) -> Solver:

@@ -91,7 +91,8 @@ class Page:
         self.photo.show(busy="reading the frame …")
         try:
             other = await run.io_bound(session.frames.turned_to, session.frames.index + step)
-            await run.io_bound(self.desk.turn_to, other)
+            if other is not None:
+                await run.io_bound(self.desk.turn_to, other)
         except (ValueError, OSError) as error:
             complain(str(error))
         self.photo.show(busy="")

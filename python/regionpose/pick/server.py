@@ -45,9 +45,9 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
         guard = Guard(app, listening.getsockname()[1])
         say(guard.address)
         try:
-            with _address_file(guard.address) as file:
+            with _address_file(guard.address) as address:
                 if browser:
-                    Timer(OPENING_S, webbrowser.open, [file.as_uri()]).start()
+                    Timer(OPENING_S, webbrowser.open, [address.as_uri()]).start()
                 _run(guard, listening)
         finally:
             desk.close()

@@ -185,7 +185,9 @@ def _surroundings(mask: Mask, factor: int, shape: tuple[int, ...]) -> Window:
 def _checked_image(image: ArrayLike) -> NDArray[np.generic]:
     """An image as of `checked_levels`, samples of fewer than 16 bits moved to the upper ones."""
     given = checked_levels(image)
-    return given << np.uint16(16 - sample_bits(given)) if given.dtype == np.uint16 else given
+    if given.dtype != np.uint16:
+        return given
+    return np.left_shift(given.astype(np.uint16, copy=False), np.uint16(16 - sample_bits(given)))
 
 
 def _checked_seed(seed: ArrayLike, shape: tuple[int, ...]) -> tuple[float, float]:

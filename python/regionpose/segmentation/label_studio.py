@@ -70,7 +70,7 @@ def _image_name(task: Entry) -> str:
 
 
 def _results(task: Entry) -> Iterator[Entry]:
-    """The results of a task's annotations that were not cancelled; of JSON-MIN those beside its data."""
+    """The results of a task's annotations that were not withdrawn; of JSON-MIN those beside its data."""
     annotations = task.get("annotations")
     if not isinstance(annotations, list):
         yield from _results_beside(task)
@@ -139,7 +139,7 @@ def _percent(points: object, size: tuple[int, int], item: str) -> Array:
         raise ValueError(f"{item} has points that aren't pairs of numbers; needed [x, y] each") from error
     if given.ndim != 2 or given.shape[1] != 2:
         raise ValueError(f"{item} has points of shape {given.shape}; needed (n, 2)")
-    return given / 100.0 * np.array(size[::-1])
+    return np.asarray(given / 100.0 * np.array(size[::-1]), dtype=np.float64)
 
 
 def _brush_mask(code: object, size: tuple[int, int], item: str) -> Mask:

@@ -164,7 +164,8 @@ def _pieces(cloud: Array, patch: Patch) -> list[Piece]:
     thick = heights <= patch.cell
     occupied = counts(cells[on_plane], shape) > 0
     core = occupied & cells_along(local[thick], cells[thick], shape, ANGLE_DEG)
-    labels, count = ndimage.label(core, np.ones((3, 3)))
+    numbered, count = ndimage.label(core, np.ones((3, 3)))
+    labels = np.asarray(numbered, dtype=np.intp)
     # Edges between two planes mix normals there: points beside the core join by their distance.
     around = _spread(labels, occupied)
     own = np.where(on_plane, around[tuple(cells.T)], 0)

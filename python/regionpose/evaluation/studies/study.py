@@ -153,7 +153,7 @@ class Study:
             return failed_row(error, problem)
 
 
-EXACT_EXPOSURE = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma_percent": 0.0}
+EXACT_EXPOSURE: dict[str, Any] = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma_percent": 0.0}
 """Solver options of an exposure whose calibration, time and scan are without error."""
 
 
