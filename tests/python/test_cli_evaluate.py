@@ -31,6 +31,7 @@ def quick(tmp_path: Path) -> list[str | Path]:
     camera = tmp_path / "small.yaml"
     camera.write_text(CAMERA, encoding="utf-8")
     values: list[str | Path] = ["--planes", "2", "--noise", "0,5", "--side", "2d", "--scenes", "2", "--camera", camera]
+    values += ["--only", "squares=None"]
     return ["perspective", *values, "--out", tmp_path / "out" / "rows.csv"]
 
 

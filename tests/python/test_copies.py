@@ -69,6 +69,7 @@ def public_objects() -> dict[str, list[Any]]:
         rp.FisheyeCamera(300.0, 300.0, 320.0, 240.0, width=640, height=480),
         rp.UnifiedCamera(300.0, 300.0, 320.0, 240.0, xi=0.9, width=640, height=480),
         rp.OcamCamera((200.0, 0.0, -1e-3), (320.0, 240.0), width=640, height=480),
+        rp.FovCamera(300.0, 300.0, 320.0, 240.0, omega=1.2, width=640, height=480),
         rp.EquirectangularCamera(width=1000, height=500),
         rp.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
         rp.Crease((0, 1), np.zeros((2, 3))),

@@ -256,7 +256,7 @@ def test_what_is_heavy_is_imported_when_it_is_used(code: str, left_out: tuple[st
 
 UNITLESS = {
     "fx fy cx cy distortion": "intrinsics, as every calibration file names them",
-    "xi polynomial center stretch ss cde": "camera models' own coefficients",
+    "xi omega polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
     "depth_tolerance mesh_size overlap_error disturbed_share": "shares",

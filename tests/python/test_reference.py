@@ -16,7 +16,7 @@ from regionpose.scene.verdict import DOUBTS
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "docs" / "reference"
 
-RUST_CODE = re.compile(r'Self::\w+ \{ \.\. \} => "([a-z-]+)"')
+RUST_CODE = re.compile(r'Self::\w+(?: \{ \.\. \})? => "([a-z-]+)"')
 PYTHON_CODE = re.compile(r'PoseWarning\(\s*"([a-z-]+)"')
 
 
