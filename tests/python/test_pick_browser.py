@@ -333,9 +333,12 @@ def test_the_server_answers_nobody_else(server: str) -> None:
     assert httpx.get(server, headers={"host": f"evil.example:{port}"}).status_code == 421
     assert httpx.get(server, headers={"origin": "https://evil.example"}).status_code == 403
     with httpx.Client(base_url=home) as client:
-        assert client.get(server).status_code == 303
+        assert client.get(server).status_code == 200
+        assert client.get("/").status_code == 200
         assert client.get("/files/photo.jpg").headers["content-type"] == "image/jpeg"
         assert client.get("/files/scene.yaml").status_code == 404
         assert client.get("/files/%2e%2e/%2e%2e/etc/passwd").status_code == 404
         assert client.post("/_nicegui_ws/socket.io/", content=b"x" * (2 * MOST_BYTES)).status_code == 413
         assert client.get("/files/photo.jpg").status_code == 200
+    assert httpx.get(home + "/").status_code == 403
+    assert httpx.get(server).status_code == 403

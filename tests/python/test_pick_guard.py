@@ -12,9 +12,10 @@ httpx = pytest.importorskip("httpx")
 
 from regionpose.pick.guard import MOST_BYTES, Guard  # noqa: E402
 
-PORT, TOKEN = 8123, "right-token"
+PORT = 8123
 HOME = f"http://127.0.0.1:{PORT}"
-COOKIE = {"cookie": f"regionpose_{PORT}={TOKEN}"}
+COOKIE = {"cookie": "the right one"}
+TOKEN = "the-right-token"
 
 
 class Behind:
@@ -37,27 +38,60 @@ class Behind:
         await send({"type": "http.response.body", "body": str(size).encode()})
 
 
-def answer(
-    path: str, headers: dict[str, str] | None = None, method: str = "GET", content: Any = None
-) -> tuple[Any, Behind]:
-    """The guard's answer, and what is behind it."""
-    behind = Behind()
+def asked(guard: Guard, path: str, headers: Any = None, method: str = "GET", content: Any = None) -> Any:
+    """The guard's answer to one request."""
 
-    async def asked() -> Any:
-        transport = httpx.ASGITransport(Guard(behind, PORT, TOKEN), raise_app_exceptions=False)
+    async def answered() -> Any:
+        transport = httpx.ASGITransport(guard, raise_app_exceptions=False)
         async with httpx.AsyncClient(transport=transport, base_url=HOME) as client:
             return await client.request(method, path, headers=headers or {}, content=content)
 
-    return asyncio.run(asked()), behind
+    return asyncio.run(answered())
+
+
+def cookie_of(guard: Guard) -> str:
+    """The cookie for which the guard takes its address."""
+    return str(asked(guard, guard.address.removeprefix(HOME)).headers["set-cookie"]).partition(";")[0]
+
+
+def answer(
+    path: str, headers: dict[str, str] | None = None, method: str = "GET", content: Any = None
+) -> tuple[Any, Behind]:
+    """The guard's answer, and what is behind it: the cookie and the token are the right ones where they say so."""
+    behind = Behind()
+    guard = Guard(behind, PORT, lambda _: None)
+    given = dict(headers or {})
+    if given.get("cookie") == COOKIE["cookie"]:
+        given["cookie"] = cookie_of(guard)
+    return asked(guard, path.replace(TOKEN, guard.address.partition("=")[2]), given, method, content), behind
 
 
 def test_the_page_s_address_gives_a_cookie_and_leaves_the_address() -> None:
-    found, behind = answer(f"/?token={TOKEN}")
+    behind = Behind()
+    guard = Guard(behind, PORT, lambda _: None)
+    token = guard.address.partition("=")[2]
+    found = asked(guard, f"/?token={token}")
     assert found.status_code == 200
-    assert 'location.replace("/")' in found.text and TOKEN not in found.text
-    assert "HttpOnly" in found.headers["set-cookie"]
+    assert 'location.replace("/")' in found.text and token not in found.text
+    assert "HttpOnly" in found.headers["set-cookie"] and token not in found.headers["set-cookie"]
     assert "SameSite=Strict" in found.headers["set-cookie"]
     assert behind.reached == []
+
+
+def test_an_address_works_once_and_the_next_one_is_said_where_it_is_used_again() -> None:
+    said: list[str] = []
+    guard = Guard(Behind(), PORT, said.append)
+    first = guard.address.removeprefix(HOME)
+    assert asked(guard, first, method="HEAD").status_code == 403
+    cookie = {"cookie": cookie_of(guard)}
+    assert asked(guard, "/?token=wrong").status_code == 403 and said == []
+    assert asked(guard, first).status_code == 403
+    assert asked(guard, first).status_code == 403
+    assert said == [guard.address] and guard.address.removeprefix(HOME) != first
+    assert asked(guard, first, cookie).status_code == 200
+    assert asked(guard, said[0].removeprefix(HOME)).status_code == 200
+    assert asked(guard, said[0].removeprefix(HOME)).status_code == 403
+    assert asked(guard, "/", cookie).status_code == 200
 
 
 def test_the_cookie_opens_the_page_which_may_load_nothing_from_elsewhere() -> None:
@@ -134,9 +168,10 @@ def test_a_socket_without_an_origin_or_with_another_one_is_closed() -> None:
             return {"type": "websocket.connect"}
 
         scope = {"type": "websocket", "path": "/_nicegui_ws/socket.io/", "raw_path": b"/", "query_string": b""}
-        await Guard(Behind(), PORT, TOKEN)({**scope, "headers": headers}, receive, send)
+        await guard({**scope, "headers": headers}, receive, send)
         return sent
 
-    host, cookie = (b"host", f"127.0.0.1:{PORT}".encode()), (b"cookie", COOKIE["cookie"].encode())
+    guard = Guard(Behind(), PORT, lambda _: None)
+    host, cookie = (b"host", f"127.0.0.1:{PORT}".encode()), (b"cookie", cookie_of(guard).encode())
     for headers in ([host, cookie], [host, cookie, (b"origin", b"https://evil.example")]):
         assert asyncio.run(closed(headers))[0]["type"] == "websocket.close"

@@ -34,17 +34,24 @@ POLICY = (
 class Guard:
     """An ASGI application that hands on what comes from its own page, and answers everything else with an error.
 
-    A request must name this server's host, come from its own origin, carry the token (in the page's first address, then
-    in a cookie), ask for a path of the list, and be small.
+    A request must name this server's host, come from its own origin, carry the cookie that the page's first address
+    was exchanged for, ask for a path of the list, and be small. The token in that address works once.
     """
 
-    def __init__(self, app: App, port: int, token: str | None = None) -> None:
-        """Guard an application that listens at `port` of this computer alone."""
-        self.token = token or secrets.token_urlsafe(24)
-        self.address = f"http://127.0.0.1:{port}/?token={self.token}"
-        self.app = app
+    def __init__(self, app: App, port: int, say: Callable[[str], object] = print) -> None:
+        """Guard an application that listens at `port` of this computer alone.
+
+        `say` is told the next address when the last one is used again, by another browser of the same user.
+        """
+        self.app, self._say, self._port = app, say, port
+        self._token, self._spent, self._is_said = _secret(), set[str](), True
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
-        self._cookie = f"regionpose_{port}"
+        self._cookie, self._key = f"regionpose_{port}", _secret()
+
+    @property
+    def address(self) -> str:
+        """The page's first address, for one browser."""
+        return f"http://127.0.0.1:{self._port}/?token={self._token}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -56,7 +63,7 @@ class Guard:
         if refusal is not None:
             await _refuse(scope, send, *refusal)
         elif self._is_first(scope):
-            await self._welcome(send)
+            await self._welcome(_query_token(scope), send)
         else:
             await self.app(scope, _bounded(receive), self._with_policy(send, headers["host"]))
 
@@ -69,8 +76,8 @@ class Guard:
             origin is not None and origin.removeprefix("http://") not in self._hosts
         ):
             return 403, "this page takes no requests from other pages"
-        if not self._has_token(scope, headers):
-            return 403, "the address needs the token that `regionpose pick` printed"
+        if not self._has_cookie(headers) and not (self._is_first(scope) and _same(_query_token(scope), self._token)):
+            return 403, self._unknown(_query_token(scope))
         if not _is_served(scope):
             return 404, "nothing is served here"
         length = headers.get("content-length", "0")
@@ -78,24 +85,36 @@ class Guard:
             return 413, f"a request holds at most {MOST_BYTES} bytes"
         return None
 
-    def _has_token(self, scope: Scope, headers: dict[str, str]) -> bool:
+    def _has_cookie(self, headers: dict[str, str]) -> bool:
         cookies: SimpleCookie = SimpleCookie()
         with suppress(CookieError):
             cookies.load(headers.get("cookie", ""))
         held = cookies.get(self._cookie)
-        given = _query_token(scope) if self._is_first(scope) else (held.value if held else "")
-        return secrets.compare_digest(given.encode(), self.token.encode())
+        return held is not None and _same(held.value, self._key)
+
+    def _unknown(self, token: str) -> str:
+        """Why a browser without the cookie is refused, which is told the next address where it knew the last one."""
+        if token not in self._spent:
+            return "the address needs the token that `regionpose pick` printed"
+        if not self._is_said:
+            self._is_said = True
+            self._say(self.address)
+        return "this address has been used; needed the next one, which `regionpose pick` printed just now"
 
     def _is_first(self, scope: Scope) -> bool:
         """Whether this is the page's first address, with the token in it."""
-        return scope["type"] == "http" and scope["path"] == "/" and bool(_query_token(scope))
+        is_page = scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == "/"
+        return is_page and bool(_query_token(scope))
 
-    async def _welcome(self, send: Send) -> None:
-        """Put the token into a cookie and go on to the page, so that it stays out of the address and of its history.
+    async def _welcome(self, token: str, send: Send) -> None:
+        """Take a token for a cookie and go on to the page, so that it stays out of the address and of its history.
 
         A page goes on, and not the answer's status: browsers keep a strict cookie to themselves where a file sent them.
         """
-        cookie = f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+        if _same(token, self._token):
+            self._spent.add(token)
+            self._token, self._is_said = _secret(), False
+        cookie = f"{self._cookie}={self._key}; Path=/; HttpOnly; SameSite=Strict"
         headers = [(b"content-type", b"text/html"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
         headers.append((b"referrer-policy", b"no-referrer"))
         await send({"type": "http.response.start", "status": 200, "headers": headers})
@@ -121,6 +140,14 @@ def leading_to(address: str) -> str:
     return f"""<!DOCTYPE html><meta charset="utf-8"><title>regionpose pick</title>
 <script>location.replace("{address}")</script><noscript><meta http-equiv="refresh" content="0;url={address}"></noscript>
 """
+
+
+def _secret() -> str:
+    return secrets.token_urlsafe(24)
+
+
+def _same(given: str, secret: str) -> bool:
+    return secrets.compare_digest(given.encode(), secret.encode())
 
 
 def _query_token(scope: Scope) -> str:

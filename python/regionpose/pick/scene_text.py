@@ -12,15 +12,16 @@ import numpy as np
 from regionpose.pick.parts import ImagePart, Picked, WorldPart
 from regionpose.scene import Scene
 from regionpose.scene.document import Document
-from regionpose.scene.models import SceneModel
+from regionpose.scene.loading import model_of
 from regionpose.yaml_text import to_yaml
 
 HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"
 
 
 def scene_of(path: Path, values: dict[str, Any]) -> Scene:
-    """The scene that a file with these values would hold; pydantic's ValidationError where it would hold none."""
-    return Scene(Document(path, values, {}), SceneModel.model_validate(values))
+    """The scene that a file with these values would hold; SceneError where it would hold none."""
+    document = Document(path, values, None)
+    return Scene(document, model_of(document))
 
 
 def region_values(picked: Picked, path: Path) -> dict[str, Any]:

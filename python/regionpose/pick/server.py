@@ -42,7 +42,7 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
         listening.bind(("127.0.0.1", port))
         # Who comes as soon as the address is said waits until the page is there.
         listening.listen()
-        guard = Guard(app, listening.getsockname()[1])
+        guard = Guard(app, listening.getsockname()[1], say)
         say(guard.address)
         try:
             with _address_file(guard.address) as address:

@@ -27,23 +27,28 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True)
 class Document:
-    """The values of a scene file, the line (from 1) of each place in it, and its bytes."""
+    """The values of a scene file, the line (from 1) of each place in it, and its bytes.
+
+    `lines`: None for values that stand in no file yet.
+    """
 
     path: Path
     value: object
-    lines: dict[Place, int]
+    lines: dict[Place, int] | None
     content: bytes = b""
 
     def line(self, place: Place) -> int:
         """The line of the value at `place`, or of the innermost value around it that the file has."""
-        while place and place not in self.lines:
+        lines = self.lines or {}
+        while place and place not in lines:
             place = place[:-1]
-        return self.lines.get(place, 1)
+        return lines.get(place, 1)
 
     def error(self, place: Place, message: str) -> SceneError:
         """The error about the value at `place`."""
         item = f"{written_place(place)}: " if place else ""
-        return SceneError(f"{self.path}:{self.line(place)}: {item}{message}")
+        line = "" if self.lines is None else f":{self.line(place)}"
+        return SceneError(f"{self.path}{line}: {item}{message}")
 
 
 def written_place(place: Place) -> str:

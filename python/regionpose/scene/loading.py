@@ -89,13 +89,17 @@ def scene_of(document: Document) -> Scene:
     """The checked scene of a document; SceneError for the first thing wrong."""
     if not isinstance(document.value, dict):
         raise document.error((), f"found {brief(document.value)}; needed a mapping with camera, image and regions")
-    try:
-        model = SceneModel.model_validate(document.value)
-    except ValidationError as error:
-        raise _first_error(document, error) from error
-    scene = Scene(document, model)
+    scene = Scene(document, model_of(document))
     _check_references(scene)
     return scene
+
+
+def model_of(document: Document) -> SceneModel:
+    """The model of a document, whose references are not checked; SceneError for the first thing wrong."""
+    try:
+        return SceneModel.model_validate(document.value)
+    except ValidationError as error:
+        raise _first_error(document, error) from error
 
 
 def scene_schema() -> dict[str, Any]:
