@@ -154,10 +154,16 @@ def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
         "request", lambda r: None if r.url.startswith((address.split("?")[0], "data:", "blob:")) else odd.append(r.url)
     )
     page.on("pageerror", lambda error: odd.append(str(error)))
-    page.goto(address)
-    page.wait_for_selector(".pv img", timeout=WAIT_MS)
+    led_on(page, address)
     page.wait_for_timeout(1500)
     return page, odd
+
+
+def led_on(page: Any, address: str) -> None:
+    """Open an address that leads on, and wait for the page that it leads to."""
+    page.goto(address, wait_until="commit", timeout=WAIT_MS)
+    page.wait_for_url(re.compile(r"^http://[^/]*/$"), timeout=WAIT_MS)
+    page.wait_for_selector(".pv img", timeout=WAIT_MS)
 
 
 def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
@@ -201,8 +207,7 @@ def estimated(folder_of_scene: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
 def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> None:
     first, odd = opened(browser, server)
     second = first.context.new_page()
-    second.goto(server)
-    second.wait_for_selector(".pv img", timeout=WAIT_MS)
+    led_on(second, server)
     one, other = Hand(first), Hand(second)
     polygon(one, [(200, 200), (320, 200), (320, 330), (200, 330)])
     one.wait_for_rows(1)

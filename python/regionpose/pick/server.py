@@ -17,6 +17,11 @@ from regionpose.pick.guard import MOST_BYTES, Guard, leading_to
 OPENING_S = 1.0
 """Seconds until the browser is opened, by when the server listens."""
 
+RECONNECT_S = 30.0
+"""Seconds that a page which a busy computer keeps from answering is waited for. After NiceGUI's 3 it is loaded again,
+and what is being drawn is lost: seen with the estimate and a browser without a graphics card on two busy cores.
+"""
+
 
 def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
     """Serve a desk's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
@@ -37,7 +42,14 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
-    ui.run_with(app, root=lambda: Page(desk), title="regionpose pick", dark=False, show_welcome_message=False)
+    ui.run_with(
+        app,
+        root=lambda: Page(desk),
+        title="regionpose pick",
+        dark=False,
+        show_welcome_message=False,
+        reconnect_timeout=RECONNECT_S,
+    )
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", port))
         # Who comes as soon as the address is said waits until the page is there.

@@ -18,7 +18,8 @@ HEADINGS = {"trusted": "Trusted", "check": "Check before use", "doubtful": "Do n
 EMPTY_LIST = (
     '<div class="rp-empty">No regions yet. A region is a flat face that photo and cloud both show: a door, a sign, a'
     " wall, a board.<ol><li><b>Click on it in the photo.</b> Its mask is proposed; the slider takes a smaller or a"
-    " larger one.</li><li><b>Click on it in the cloud.</b> Its plane is grown.</li><li><b>Go on with the next one.</b>"
+    " larger one.</li><li><b>Click on it in the cloud.</b> The whole plane is taken;"
+    " a further click takes a part of it, such as a sign.</li><li><b>Go on with the next one.</b>"
     " The pose appears with the first pair; three or four on different planes make it sure.</li></ol></div>"
 )
 
