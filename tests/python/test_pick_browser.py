@@ -323,6 +323,22 @@ def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str
     assert odd == []
 
 
+def test_what_is_known_is_asked_until_it_can_be_used(server: str, browser: Any) -> None:
+    page, odd = opened(browser, server)
+    page.get_by_role("button", name="Known beforehand").click()
+    within = page.locator(".q-dialog input[type=number]").nth(3)
+    within.fill("-1")
+    page.get_by_role("button", name="Use it").click()
+    page.wait_for_selector("text=prior.camera_near_sigma_m: found -1.0", timeout=WAIT_MS)
+    Hand(page).shot("12-known")
+    assert within.is_visible()
+    within.fill("0.5")
+    page.get_by_role("button", name="Use it").click()
+    Hand(page).wait("!document.querySelector('.q-dialog')")
+    page.wait_for_selector("text=about the scanner", timeout=WAIT_MS)
+    assert odd == []
+
+
 def polygon(hand: Hand, corners: list[tuple[float, float]]) -> None:
     """Draw a polygon with the keyboard's help."""
     hand.page.keyboard.press("p")

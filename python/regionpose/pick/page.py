@@ -234,8 +234,8 @@ class Page:
     async def _set_scanner(self, place: list[float] | None) -> None:
         await self._grow(self.range, "looking from there …", lambda session: session.set_scanner(place))
 
-    async def _set_known(self, known: Known) -> None:
-        await self._edit(lambda session: session.set_known(known))
+    async def _set_known(self, known: Known) -> bool:
+        return await self._edit(lambda session: session.set_known(known))
 
     async def _drawn(self, args: dict[str, Any]) -> None:
         await self._edit(lambda session: session.draw_polygon(args["ring"], hidden=args["hidden"]))
@@ -257,15 +257,17 @@ class Page:
         await self._edit(action)
         view.show(busy="")
 
-    async def _edit(self, action: Callable[[Session], object]) -> None:
-        """Do something to the session away from the page's own thread, and say what went wrong."""
+    async def _edit(self, action: Callable[[Session], object]) -> bool:
+        """Do something to the session away from the page's own thread, and say what went wrong; whether nothing did."""
+        is_done = True
         try:
             await run.io_bound(self.desk.edit, action)
         except (ValueError, TypeError, KeyError) as error:
             complain(str(error))
-            self.shown = -1
+            is_done, self.shown = False, -1
             self._show_rows(anew=True)  # A name that was refused goes.
         self._refresh()
+        return is_done
 
     async def _save(self) -> None:
         try:

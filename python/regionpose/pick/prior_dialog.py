@@ -11,14 +11,14 @@ from regionpose.pick.elements import complain
 from regionpose.pick.known import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, Known, Triple
 from regionpose.pick.texts import PRIOR_QUESTION
 
-Answered = Callable[[Known], Awaitable[None]]
+Answered = Callable[[Known], Awaitable[bool]]
 
 
 class PriorDialog:
     """A button that says what is known of the pose beforehand, and the question behind it."""
 
     def __init__(self, desk: Desk, answered: Answered) -> None:
-        """Build the button and the dialog; `answered` is told what is known."""
+        """Build the button and the dialog; `answered` is told what is known, and says whether it was taken."""
         self._desk, self._answered = desk, answered
         self._button = ui.button(icon="explore", on_click=self._ask).props("flat dense no-caps size=12.5px")
         self._button.tooltip("What is known of the pose beforehand: place, direction of view, up").mark("prior")
@@ -57,18 +57,17 @@ class PriorDialog:
             complain(str(error))
             return
         at_scanner = near is not None and scanner is not None and near == tuple(scanner.tolist())
-        self._dialog.close()
-        await self._answered(
-            Known(
-                near=None if at_scanner else near,
-                near_sigma_m=self._near.sigma if near is not None else None,
-                is_anywhere=bool(self._anywhere.value),
-                ahead=ahead,
-                ahead_sigma_deg=self._ahead.sigma if ahead is not None else None,
-                up=up,
-                up_sigma_deg=self._up.sigma if up is not None else None,
-            )
+        known = Known(
+            near=None if at_scanner else near,
+            near_sigma_m=self._near.sigma if near is not None else None,
+            is_anywhere=bool(self._anywhere.value),
+            ahead=ahead,
+            ahead_sigma_deg=self._ahead.sigma if ahead is not None else None,
+            up=up,
+            up_sigma_deg=self._up.sigma if up is not None else None,
         )
+        if await self._answered(known):  # What was refused stays to be mended.
+            self._dialog.close()
 
     async def _forget(self) -> None:
         self._dialog.close()

@@ -17,7 +17,7 @@ from regionpose.scene.fit import Fit
 MASK_TO_POLYGON_PX = 1.0
 """Pixels that a polygon made of a mask may differ from its contour."""
 
-Edit = Callable[[Callable[[Session], object]], Awaitable[None]]
+Edit = Callable[[Callable[[Session], object]], Awaitable[object]]
 Choose = Callable[[int, str, int], Awaitable[None]]
 
 
