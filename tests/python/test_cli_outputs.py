@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import functools
-import os
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import regionpose.scene
+import waiting
 from commands import run
 from regionpose.cli import main
 from regionpose.outputs import text_writer, write_files
 from scene_files import scene_values, write_scene
+from waiting import write_waiting_scene
 
 START_S = 60.0
 """Imports on a busy machine."""
@@ -103,6 +106,23 @@ def test_ctrl_c_leaves_nothing_behind_and_ends_with_130(
     assert sorted(tmp_path.iterdir()) == before
 
 
+def test_ctrl_c_after_the_last_of_the_work_ends_with_130(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It comes while the command puts back what SIGTERM did before."""
+    before, handle = signal.getsignal(signal.SIGTERM), signal.signal
+
+    def interrupted(number: int, handler: Any) -> Any:
+        replaced = handle(number, handler)
+        if handler is before:
+            raise KeyboardInterrupt
+        return replaced
+
+    monkeypatch.setattr(signal, "signal", interrupted)
+    assert run(capsys, "schema")[0] == 130
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
 def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, out = write_scene(tmp_path), tmp_path / "out"
     out.mkdir()
@@ -113,10 +133,10 @@ def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytes
     assert (out / "report.html").read_text(encoding="utf-8") == "mine"
 
 
-def started(scene: Path, out: Path) -> subprocess.Popen[str]:
+def started(scene: Path, out: Path) -> subprocess.Popen[bytes]:
     """A run of the command that has claimed its files."""
-    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out), *waiting.ARGUMENTS]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=waiting.FOLDER)
     end = time.monotonic() + START_S
     while not list(out.glob(".regionpose-*")) and process.poll() is None and time.monotonic() < end:
         time.sleep(0.05)
@@ -124,28 +144,18 @@ def started(scene: Path, out: Path) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.fixture
-def slow_scene(tmp_path: Path) -> Path:
-    """A scene whose image is a pipe that nobody writes to: its run waits there."""
-    if not hasattr(os, "mkfifo"):
-        pytest.skip("needs named pipes")
-    path = write_scene(tmp_path)
-    (tmp_path / "image.png").unlink()
-    os.mkfifo(tmp_path / "image.png")
-    return path
-
-
-def test_sigterm_leaves_nothing_behind(slow_scene: Path, tmp_path: Path) -> None:
+def test_sigterm_leaves_nothing_behind(tmp_path: Path) -> None:
+    scene = write_waiting_scene(tmp_path)
     before = sorted(tmp_path.iterdir())
-    process = started(slow_scene, tmp_path / "out")
+    process = started(scene, tmp_path / "out")
     process.terminate()
     assert process.wait(timeout=60) == 143
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_what_a_killed_run_left_is_removed_by_the_next(slow_scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = started(slow_scene, out)
+def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    scene, out = write_waiting_scene(tmp_path), tmp_path / "out"
+    process = started(scene, out)
     process.kill()
     process.wait(timeout=60)
     assert [path.name.startswith(".regionpose-") for path in out.iterdir()] == [True]
@@ -153,13 +163,15 @@ def test_what_a_killed_run_left_is_removed_by_the_next(slow_scene: Path, tmp_pat
     assert [path.name for path in out.iterdir()] == ["a"]
 
 
-def test_of_two_runs_into_one_folder_one_is_refused(slow_scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = started(slow_scene, out)
+def test_of_two_runs_into_one_folder_one_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, out = write_waiting_scene(tmp_path), tmp_path / "out"
+    process = started(scene, out)
     try:
         with pytest.raises(FileExistsError, match=r"report\.html: found another run that is about to write it"):
             write_files(out, {"report.html": text_writer("other")}, force=True)
         assert write_files(out, {"notes.txt": text_writer("mine")}, force=False) == [out / "notes.txt"]
+        other = run(capsys, "estimate", scene, "--out", out, "--force", "--quiet")
+        assert other[:2] == (2, "") and "found another run that is about to write it" in other[2]
     finally:
         process.terminate()
         process.wait(timeout=60)

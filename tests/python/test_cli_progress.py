@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import pytest
+import waiting
 from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
 from rich.console import Console
 from scene_files import scene_values, write_scene
+from waiting import write_waiting_scene
 
 pty = pytest.importorskip("pty")
 
@@ -51,7 +53,13 @@ def at_terminal(*words: str | Path, end: Callable[[str, subprocess.Popen[str]], 
     command = [sys.executable, "-c", AT_ONCE, *(str(word) for word in words)]
     given = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=side, text=True, env=given, preexec_fn=hear_ctrl_c
+        command,
+        stdout=subprocess.PIPE,
+        stderr=side,
+        text=True,
+        env=given,
+        cwd=waiting.FOLDER,
+        preexec_fn=hear_ctrl_c,
     )
     os.close(side)
     got = b""
@@ -175,22 +183,18 @@ class Terminal(io.StringIO):
 
 
 def test_ctrl_c_leaves_a_clean_terminal_with_its_cursor(tmp_path: Path) -> None:
-    """The scene's image is a pipe that nobody writes to: its run waits there."""
-    scene = write_scene(tmp_path)
-    (tmp_path / "image.png").unlink()
-    os.mkfifo(tmp_path / "image.png")
-
+    scene = write_waiting_scene(tmp_path)
     interrupted: list[bool] = []
 
     def end(got: str, process: subprocess.Popen[str]) -> None:
-        if "read files" in got and not interrupted:
+        if "image regions" in got and not interrupted:
             interrupted.append(True)
             process.send_signal(signal.SIGINT)
 
-    seen = at_terminal("estimate", scene, "--out", tmp_path / "out", end=end)
+    seen = at_terminal("estimate", scene, "--out", tmp_path / "out", *waiting.ARGUMENTS, end=end)
     assert seen.code == 130 and HIDE_CURSOR in seen.terminal
     assert seen.terminal.rfind(SHOW_CURSOR) > seen.terminal.rfind(HIDE_CURSOR)
-    assert "read files" not in remains(seen.terminal)
+    assert "image regions" not in remains(seen.terminal)
 
 
 def test_a_study_shows_its_rate_and_leaves_nothing(tmp_path: Path) -> None:

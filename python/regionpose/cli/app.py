@@ -79,8 +79,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         # The process is this program's alone. Readers have a limit of their own, and say where it is exceeded.
         warnings.filterwarnings("ignore", "Image size .* exceeds limit")
-    with _terminated_cleanly():
-        return _run(arguments)
+    try:
+        with _terminated_cleanly():
+            return _run(arguments)
+    except KeyboardInterrupt:
+        # Outside of Typer's care, as when the work is done already.
+        return INTERRUPTED
 
 
 def _run(arguments: Sequence[str] | None) -> int:
