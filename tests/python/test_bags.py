@@ -340,7 +340,7 @@ def test_a_scene_file_names_messages(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sides.image, pixels)
     assert sides.cloud is not None and sides.sensor_origin is not None
     assert sides.sensor_origin.place.tolist() == [0.0, 0.0, 0.0]
-    held = {entry["path"]: entry for entry in input_values(load_scene(scene))}
+    held = {entry["path"]: entry for entry in input_values(load_scene(scene), scene.parent)}
     assert held[f"{name}#/points@0"]["bytes"] > 144 and len(held[f"{name}#/camera"]["sha256"]) == 64
 
 

@@ -123,6 +123,10 @@ def test_a_folder_gives_the_pose_that_its_scene_file_gives(
     code_again, said, _ = run(capsys, "estimate", out / "scene.yaml", "--out", again, "--json", "--quiet")
     repeated = json.loads(said)
     assert code_again == code
+    assert repeated["scene"] == "../out/scene.yaml" and result["scene"] == "scene.yaml"
+    assert {"../drive/0001.png", "../drive/0001.npy"} <= {entry["path"] for entry in result["inputs"]}
+    assert all((out / entry["path"]).is_file() for entry in result["inputs"])
+    repeated["inputs"][0]["path"] = result["inputs"][0]["path"]
     different = {"seconds", "scene"}
     assert {k: v for k, v in repeated.items() if k not in different} == {
         k: v for k, v in result.items() if k not in different

@@ -196,8 +196,38 @@ def test_the_command_writes_every_format_of_a_result(name: str, tmp_path: Path) 
     assert main([*arguments, "--out", str(tmp_path / "made")]) == 0
     assert main([*arguments, "--out", str(tmp_path / "made")]) == 2
     assert main(arguments) == 0
-    body = exported(ExportedView(POSE, plain, "photo.jpg", body=name == "autoware"), name)
+    body = exported(ExportedView(POSE, plain, "../photo.jpg", body=name == "autoware"), name)
     assert {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "made").iterdir()} == body
+
+
+def written_photo(folder: Path, *words: str) -> str:
+    """The path of the photo in nerfstudio's file of a folder's result."""
+    assert main(["export", str(folder / "result.json"), "--format", "nerfstudio", *words]) == 0
+    return str(json.loads((folder.parent / "made" / "transforms.json").read_text())["frames"][0]["file_path"])
+
+
+def test_the_photo_s_path_leads_from_the_written_file_to_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A result in one folder, its photo in a second one, the export in a third."""
+    folder, photo = tmp_path / "result", tmp_path / "photos" / "photo.jpg"
+    folder.mkdir()
+    photo.parent.mkdir()
+    plain = PinholeCamera(800.0, 810.0, 639.5, 355.25, width=1280, height=720)
+    result = {"camera_from_world": {"matrix": POSE.matrix.tolist()}, "image": "../photos/photo.jpg"}
+    (folder / "result.json").write_text(json.dumps(result | {"camera": camera_values(plain)}), encoding="utf-8")
+    words = "--out", str(tmp_path / "made")
+    path = written_photo(folder, *words)
+    assert (tmp_path / "made" / path).resolve() == photo.resolve() and path == "../photos/photo.jpg"
+    (tmp_path / "made" / "deep").mkdir()
+    colmap = tmp_path / "made" / "deep" / "sparse"
+    assert main(["export", str(folder / "result.json"), "--format", "colmap", "--out", str(colmap)]) == 0
+    assert "1 ../../../photos/photo.jpg\n" in (colmap / "images.txt").read_text()
+    assert written_photo(folder, *words, "--image", "photo.jpg", "--force") == "photo.jpg"
+    monkeypatch.chdir(tmp_path / "photos")
+    capsys.readouterr()
+    assert main(["export", str(folder / "result.json"), "--format", "nerfstudio"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"][0]["file_path"] == "photo.jpg"
 
 
 def test_a_frame_s_name_cannot_carry_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

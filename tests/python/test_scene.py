@@ -10,7 +10,16 @@ import pytest
 import regionpose as rp
 import shapely
 from PIL import Image
-from regionpose.scene import SceneError, Stages, estimate_scene, load_scene, scene_result, scene_schema, scene_sides
+from regionpose.scene import (
+    SceneError,
+    Stages,
+    estimate_scene,
+    load_scene,
+    paths,
+    scene_result,
+    scene_schema,
+    scene_sides,
+)
 from regionpose.scene.bundle import bundle, file_names
 from regionpose.scene.result import exports, plain
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
@@ -411,6 +420,30 @@ def test_the_result_says_the_pose_both_ways_and_is_json(tmp_path: Path) -> None:
     assert [region["name"] for region in result["regions"]] == list(PLATES)
     assert {entry["path"] for entry in result["inputs"]} == {"scene.yaml", "image.png"}
     assert all(len(entry["sha256"]) == 64 for entry in result["inputs"])
+
+
+def test_the_paths_of_a_result_lead_from_its_file(tmp_path: Path) -> None:
+    """Wherever it is written, and by whatever path the scene was named; links keep their names."""
+    store, photos, out = tmp_path / "store", tmp_path / "photos", tmp_path / "deep" / "out"
+    for folder in (store, photos, out):
+        folder.mkdir(parents=True)
+    scene = write_scene(photos)
+    (photos / "image.png").rename(store / "0f3a")
+    (photos / "image.png").symlink_to(store / "0f3a")
+    run = estimate_scene(load_scene(photos / ".." / "photos" / scene.name))
+    made = bundle(run, Stages(), folder=out).result
+    assert (made["scene"], made["image"]) == ("../../photos/scene.yaml", "../../photos/image.png")
+    assert [entry["path"] for entry in made["inputs"]] == [made["scene"], made["image"]]
+    beside = scene_result(run)
+    assert (beside["scene"], beside["image"]) == ("scene.yaml", "image.png")
+
+
+def test_a_path_to_another_drive_is_absolute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def apart(*_: object) -> str:
+        raise ValueError("path is on mount 'D:', start on mount 'C:'")
+
+    monkeypatch.setattr(paths.os.path, "relpath", apart)
+    assert paths.relative(tmp_path / "a.png", tmp_path / "out") == (tmp_path.resolve() / "a.png").as_posix()
 
 
 def test_exports_are_the_pose_in_other_tools_words() -> None:

@@ -70,7 +70,7 @@ def run_scene(
     with claimed(out, [*more, *file_names(scene)], force=force) as claim, Progress(quiet) as progress:
         stages = progress.stages
         run = estimate_scene(scene, stages)
-        files = bundle(run, stages, truth)
+        files = bundle(run, stages, truth, out)
         written = claim.write({**more, **files.writers})
     if as_json:
         say_json(files.result)

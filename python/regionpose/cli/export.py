@@ -43,7 +43,9 @@ def export(
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
     rectified: Rectified = False,
-    image: Annotated[str | None, typer.Option("--image", help="The photo's name.", show_default=False)] = None,
+    image: Annotated[
+        str | None, typer.Option("--image", help="The photo's name, written as it is given.", show_default=False)
+    ] = None,
     world_frame: Annotated[str, typer.Option("--world-frame", help="Name of the cloud's frame.")] = "lidar",
     camera_frame: Annotated[str, typer.Option("--camera-frame", help="Name of the camera's frame.")] = "camera",
     body: Annotated[
@@ -53,8 +55,9 @@ def export(
 ) -> None:
     """Write a pose as other tools read it.
 
-    Camera and photo are result.json's unless they are given. ROS' frames are the optical one (x right, y down, z
-    forward) unless --body; Autoware's are always body frames.
+    Camera and photo are result.json's unless they are given. The photo's path is relative to --out, or to the
+    working folder where files are printed. ROS' frames are the optical one (x right, y down, z forward) unless --body;
+    Autoware's are always body frames.
 
     \b
     Examples:
@@ -71,7 +74,7 @@ def export(
     view = ExportedView(
         placed.pose,
         _camera(held, camera, camera_name, camera_model, rectified),
-        image or held.get("image"),
+        image or _image(pose, held, out),
         _frame("--world-frame", world_frame),
         _frame("--camera-frame", camera_frame),
         body or name is FormatName.autoware,
@@ -90,6 +93,14 @@ def _held(path: Path) -> dict[str, Any]:
 
     held = read_json(path) if path.suffix.lower() == ".json" else {}
     return held if isinstance(held, dict) else {}
+
+
+def _image(path: Path, held: dict[str, Any], out: Path | None) -> str | None:
+    """The path of the result's photo, for a file in the folder `out` or the working one; None where it has none."""
+    from regionpose.scene.paths import relative
+
+    name = held.get("image")
+    return relative(path.parent / name, out or Path()) if isinstance(name, str) else None
 
 
 def _camera(

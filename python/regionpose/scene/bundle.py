@@ -95,15 +95,18 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
     }
 
 
-def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None) -> Bundle:
-    """Everything that is written of a run; the pictures' seconds are added to `stages`."""
+def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None, folder: Path | None = None) -> Bundle:
+    """Everything that is written of a run to `folder`, by default that of the scene file.
+
+    The pictures' seconds are added to `stages`.
+    """
     views = run.views
     frames = [_frame_files(view, k, len(views), stages) for k, view in enumerate(views)]
     writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
     figures = [figure for frame in frames for figure in frame.figures]
     solids = [figure for frame in frames for figure in frame.solids]
     judged, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
-    result = scene_result(run) | {"verdict": judged.values}
+    result = scene_result(run, folder) | {"verdict": judged.values}
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
     html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, solids))

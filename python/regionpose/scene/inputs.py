@@ -13,18 +13,21 @@ from regionpose.bags.messages import digest
 from regionpose.bags.place import bag_place
 from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
+from regionpose.scene.paths import relative
 
 PACKAGES = ("regionpose", "numpy", "scipy", "scikit-image", "shapely", "pydantic", "pillow")
 
 
-def input_values(scene: Scene) -> list[dict[str, Any]]:
-    """Roles, path (as the scene names it), size and SHA-256 of every file that a scene reads."""
+def input_values(scene: Scene, folder: Path) -> list[dict[str, Any]]:
+    """Roles, path (as a file in `folder` names it), size and SHA-256 of every file that a scene reads."""
     content = scene.document.content
-    own = {"roles": ["scene"], "path": scene.path.name, "bytes": len(content), "sha256": sha256(content).hexdigest()}
+    path = relative(scene.path, folder)
+    own = {"roles": ["scene"], "path": path, "bytes": len(content), "sha256": sha256(content).hexdigest()}
     roles: dict[str, list[str]] = {}
     for role, name in named_files(scene).items():
         roles.setdefault(name, []).append(role)
-    return [own] + [{"roles": held, "path": name, **_content(scene.file(name))} for name, held in roles.items()]
+    named = [(scene.file(name), held) for name, held in roles.items()]
+    return [own] + [{"roles": held, "path": relative(file, folder), **_content(file)} for file, held in named]
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Paths in a scene's values, for a scene file in another folder."""
+"""Paths in written files, each relative to the folder of the file that names it."""
 
 from __future__ import annotations
 
@@ -24,5 +24,12 @@ def moved(held: Any, source: Path, folder: Path) -> Any:
 
 
 def relative(path: Path, folder: Path) -> str:
-    """The path as a scene file in `folder` names it."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    """The path as a file in `folder` names it: relative to it, or absolute where there is no way, as to another drive.
+
+    A link keeps its name, which tools look photos up by.
+    """
+    place = path.parent.resolve() / path.name
+    try:
+        return Path(os.path.relpath(place, folder.resolve())).as_posix()
+    except ValueError:
+        return place.as_posix()

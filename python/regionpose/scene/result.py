@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.exposure import SceneSides
 from regionpose.scene.inputs import input_values, versions
+from regionpose.scene.loading import Scene
+from regionpose.scene.paths import relative
 from regionpose.scene.sides import WorldSide
 from regionpose.scene.verdict import limits
 
@@ -25,21 +28,25 @@ COVARIANCE_CONVENTION = (
 )
 
 
-def scene_result(run: SceneEstimate) -> dict[str, Any]:
-    """The result of a run: finite numbers, or null where a number is not finite."""
-    parts = [_told_of_pose, _told_of_fit, _told_of_regions, _told_of_run]
-    return {key: plain(value) for part in parts for key, value in part(run).items()}
+def scene_result(run: SceneEstimate, folder: Path | None = None) -> dict[str, Any]:
+    """The result of a run: finite numbers, or null where a number is not finite.
+
+    Its paths are those of a file in `folder`, by default that of the scene file.
+    """
+    place = run.scene.path.parent if folder is None else folder
+    told = _told_of_pose(run, place) | _told_of_fit(run) | _told_of_regions(run, place) | _told_of_run(run, place)
+    return {key: plain(value) for key, value in told.items()}
 
 
-def _told_of_pose(run: SceneEstimate) -> dict[str, Any]:
+def _told_of_pose(run: SceneEstimate, folder: Path) -> dict[str, Any]:
     """The pose both ways, whose camera's it is, and how well it is known."""
     estimate = run.estimate
     max_rotation_sigma_deg, max_translation_sigma_m = limits(run)
     return {
         "format": FORMAT,
-        "scene": str(run.scene.path),
+        "scene": relative(run.scene.path, folder),
         "camera": camera_values(run.camera),
-        "image": run.sides.scene.image if len(run.frames) == 1 else None,
+        "image": image_path(run.sides.scene, folder) if len(run.frames) == 1 else None,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
@@ -70,13 +77,13 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
     }
 
 
-def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
+def _told_of_regions(run: SceneEstimate, folder: Path) -> dict[str, Any]:
     """Region by region and frame by frame; other poses, and warnings."""
     estimate = run.estimate
     return {
         "regions": [values for view in run.views for values in region_values(view)],
         "matching": matching_values(run),
-        "frames": frame_values(run),
+        "frames": frame_values(run, folder),
         "frame_scatter": None if run.scatter is None else asdict(run.scatter),
         "alternatives": [
             {
@@ -91,7 +98,17 @@ def _told_of_regions(run: SceneEstimate) -> dict[str, Any]:
     }
 
 
-def _told_of_run(run: SceneEstimate) -> dict[str, Any]:
+def image_path(scene: Scene, folder: Path) -> str:
+    """The photo as a file in `folder` names it."""
+    return relative(scene.file(scene.image), folder)
+
+
+def cloud_path(scene: Scene, folder: Path) -> str | None:
+    """The cloud as a file in `folder` names it; None without one."""
+    return None if scene.cloud is None else relative(scene.file(scene.cloud.file), folder)
+
+
+def _told_of_run(run: SceneEstimate, folder: Path) -> dict[str, Any]:
     """How it was computed, and from which files."""
     estimate = run.estimate
     return {
@@ -100,7 +117,7 @@ def _told_of_run(run: SceneEstimate) -> dict[str, Any]:
         "evaluations": estimate.evaluations,
         "solver": run.scene.model.solver.model_dump(),
         "exports": exports(estimate.pose),
-        "inputs": input_values(run.scene),
+        "inputs": input_values(run.scene, folder),
         "versions": versions(),
         "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
     }
@@ -228,15 +245,15 @@ def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
     ] or None
 
 
-def frame_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
+def frame_values(run: SceneEstimate, folder: Path) -> list[dict[str, Any]] | None:
     """How each of several frames fits, and how far the pose of the others is from that of all; None of one photo."""
     if not run.fits:
         return None
     return [
         {
             "name": fit.name,
-            "image": view.sides.scene.image,
-            "cloud": None if view.sides.scene.cloud is None else view.sides.scene.cloud.file,
+            "image": image_path(view.sides.scene, folder),
+            "cloud": cloud_path(view.sides.scene, folder),
             "overlap_error": fit.overlap_error,
             "residual_px": fit.residual_px,
             "without_it": {
