@@ -442,7 +442,7 @@ def test_a_path_to_another_drive_is_absolute(tmp_path: Path, monkeypatch: pytest
     def apart(*_: object) -> str:
         raise ValueError("path is on mount 'D:', start on mount 'C:'")
 
-    monkeypatch.setattr(paths.os.path, "relpath", apart)
+    monkeypatch.setattr("os.path.relpath", apart)
     assert paths.relative(tmp_path / "a.png", tmp_path / "out") == (tmp_path.resolve() / "a.png").as_posix()
 
 
