@@ -104,7 +104,7 @@ class Hand:
         return box["x"] + across * box["width"], box["y"] + down * box["height"]
 
     def wait(self, script: str) -> None:
-        self.page.wait_for_function(script, timeout=WAIT_MS)
+        self.page.wait_for_function(script)
 
     def wait_for_rows(self, count: int) -> None:
         self.wait(f"document.querySelectorAll('.rp-row').length == {count + 1}")
@@ -148,7 +148,9 @@ def launched() -> Iterator[Any]:
 
 def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
     """An open page, and what it asked of other places than its server or complained of."""
-    page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
+    context.set_default_timeout(WAIT_MS)
+    page = context.new_page()
     odd: list[str] = []
     page.on(
         "request", lambda r: None if r.url.startswith((address.split("?")[0], "data:", "blob:")) else odd.append(r.url)
@@ -161,9 +163,9 @@ def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
 
 def led_on(page: Any, address: str) -> None:
     """Open an address that leads on, and wait for the page that it leads to."""
-    page.goto(address, wait_until="commit", timeout=WAIT_MS)
-    page.wait_for_url(re.compile(r"^http://[^/]*/$"), timeout=WAIT_MS)
-    page.wait_for_selector(".pv img", timeout=WAIT_MS)
+    page.goto(address, wait_until="commit")
+    page.wait_for_url(re.compile(r"^http://[^/]*/$"))
+    page.wait_for_selector(".pv img")
 
 
 def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
@@ -184,7 +186,7 @@ def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
     assert "Trusted" in page.locator(".rp-verdict").inner_text()
     assert hand.clicks <= MOST_CLICKS
     page.keyboard.press("Control+s")
-    page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    page.wait_for_selector("text=Saved scene.yaml")
     hand.shot("5-saved")
     shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
     matrix = estimated(tmp_path)
@@ -223,7 +225,7 @@ def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> 
 def saved_region(hand: Hand, folder_of_scene: Path) -> dict[str, Any]:
     """The only region of the scene file, after it is saved."""
     hand.page.keyboard.press("Control+s")
-    hand.page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    hand.page.wait_for_selector("text=Saved scene.yaml")
     value: Any = plain_value(yaml_node((folder_of_scene / "scene.yaml").read_text(encoding="utf-8")))
     return dict(value["regions"][0])
 
@@ -300,24 +302,24 @@ def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: 
 def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str, browser: Any, tmp_path: Path) -> None:
     page, odd = opened(browser, unasked)
     hand = Hand(page)
-    page.wait_for_selector("text=Where did the scanner stand?", timeout=WAIT_MS)
+    page.wait_for_selector("text=Where did the scanner stand?")
     assert [field.input_value() for field in page.locator(".q-dialog input").all()] == ["0", "0", "0"]
     hand.shot("8-scanner")
     page.get_by_role("button", name="There", exact=True).click()
-    page.wait_for_selector("text=Scanner: 0, 0, 0", timeout=WAIT_MS)
+    page.wait_for_selector("text=Scanner: 0, 0, 0")
     hand.wait("!document.querySelector('.q-dialog')")
     hand.photo(DOOR[0])
     hand.wait_for_rows(1)
     hand.cloud(DOOR[1])
     hand.wait_for_points(1)
     page.keyboard.press("Control+s")
-    page.wait_for_selector("text=Saved scene.yaml", timeout=WAIT_MS)
+    page.wait_for_selector("text=Saved scene.yaml")
     assert "sensor_origin: [0.0, 0.0, 0.0]" in (tmp_path / "scene.yaml").read_text(encoding="utf-8")
     page.get_by_role("button", name="Scanner: 0, 0, 0").click()
     page.locator(".q-dialog input").first.fill("1.5")
     before = page.locator(".pv img").nth(1).get_attribute("src")
     page.get_by_role("button", name="There", exact=True).click()
-    page.wait_for_selector("text=Scanner: 1.5, 0, 0", timeout=WAIT_MS)
+    page.wait_for_selector("text=Scanner: 1.5, 0, 0")
     hand.wait(f"document.querySelectorAll('.pv img')[1].getAttribute('src') != '{before}'")
     hand.shot("9-scanner-moved")
     assert odd == []
@@ -329,13 +331,13 @@ def test_what_is_known_is_asked_until_it_can_be_used(server: str, browser: Any) 
     within = page.locator(".q-dialog input[type=number]").nth(3)
     within.fill("-1")
     page.get_by_role("button", name="Use it").click()
-    page.wait_for_selector("text=prior.camera_near_sigma_m: found -1.0", timeout=WAIT_MS)
+    page.wait_for_selector("text=prior.camera_near_sigma_m: found -1.0")
     Hand(page).shot("12-known")
     assert within.is_visible()
     within.fill("0.5")
     page.get_by_role("button", name="Use it").click()
     Hand(page).wait("!document.querySelector('.q-dialog')")
-    page.wait_for_selector("text=about the scanner", timeout=WAIT_MS)
+    page.wait_for_selector("text=about the scanner")
     assert odd == []
 
 
