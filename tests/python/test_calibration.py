@@ -206,6 +206,7 @@ CAM0 = (SAMPLES / "kalibr_camchain.yaml").read_text().partition("cam1:")[0]
         ),
         (ROS.replace("plumb_bob", "magic"), "distortion_model: found 'magic'; needed one of plumb_bob, rational"),
         (ROS.replace("plumb_bob", "equidistant"), "distortion_coefficients: found 5 numbers; needed 4 numbers"),
+        (MESSAGE.replace("binning_x: 0", "binning_x: 5000"), "line 14: binning_x: found 5000 x 1 pixels in one"),
         (MESSAGE.replace("binning_x: 0", "binning_x: -2"), "line 14: binning_x: found -2; needed a number of at least"),
         (MESSAGE.replace("x_offset: 0", "x_offset: 8"), "roi: found the offset 8, 0 without width and height; needed"),
         (MESSAGE.replace("K: [610.0, ", "K: ["), "line 11: K: found 8 numbers; needed 9 numbers"),

@@ -98,7 +98,13 @@ class _Window:
             elif x or y:
                 raise roi.error(f"the offset {x}, {y} without width and height", "all four, or zeros: the full picture")
         binning = (max(1, _whole(document.get("binning_x"))), max(1, _whole(document.get("binning_y"))))
-        return cls(size, offset, binning, document.get("binning_x", "binning_y"))
+        item = document.get("binning_x", "binning_y")
+        if item is not None and any(
+            length is not None and length < by for length, by in zip(size, binning, strict=True)
+        ):
+            found = f"{binning[0]} x {binning[1]} pixels in one, of a picture of {size[0]} x {size[1]}"
+            raise item.error(found, "binning that leaves a pixel at least of each row and column")
+        return cls(size, offset, binning, item)
 
     def seen_by(self, camera: PinholeCamera | FisheyeCamera) -> PinholeCamera | FisheyeCamera:
         """The camera of the photo: K and P are of the full picture (ROS, sensor_msgs/CameraInfo)."""
