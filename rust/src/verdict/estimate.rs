@@ -100,12 +100,12 @@ pub struct Estimate {
     pub distance: f64,
 }
 
-/// The poses that may be the answer, and the problem without the samples that say nothing.
-struct Heard<'a> {
+/// Candidate poses, and the problem without the samples that do not constrain any of them.
+struct Hypotheses<'a> {
     problem: Cow<'a, Problem>,
     places: Vec<Place>,
-    /// Whether there are samples that say something of which no pose was found.
-    unused: bool,
+    /// Whether samples constrain the pose, and none of their modes was found.
+    samples_unused: bool,
 }
 
 /// A pose that may be the answer.
@@ -154,8 +154,8 @@ impl Search {
     /// The verdict, with the minima that any driver found from the candidates.
     pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let (Heard { problem, places, unused }, exhausted) =
-            effort::bounded(self.problem.most_work(), || self.heard(minima));
+        let (Hypotheses { problem, places, samples_unused }, exhausted) =
+            effort::bounded(self.problem.most_work(), || self.hypotheses(minima));
         let problem = &*problem;
         let places = stated(likely(problem, places, &self.options.prior), &self.options.prior);
         let (best, _) = places.first()?;
@@ -172,7 +172,7 @@ impl Search {
         let best = solutions.next()?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
-        let unused = unused.then_some(Warning::SamplesUnused);
+        let unused = samples_unused.then_some(Warning::SamplesUnused);
         let warnings = warnings(problem, &best, &alternatives, &evidence, &self.options, ended);
         let warnings = unused.into_iter().chain(warnings).collect();
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
@@ -187,27 +187,27 @@ impl Search {
     }
 
     /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
-    fn heard(&self, minima: Vec<Minimum>) -> Heard<'_> {
+    fn hypotheses(&self, minima: Vec<Minimum>) -> Hypotheses<'_> {
         let places = self.places(minima);
         let starts: Vec<Pose> = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
         let mut problem = Cow::Borrowed(&self.problem);
         while !problem.sampled().is_empty() {
-            let led = self.led(&problem, &starts);
-            let Some(silent) = problem.without_silent_at(&led.iter().filter_map(Place::answer).collect::<Vec<_>>())
+            let sampled = self.places_by_samples(&problem, &starts);
+            let Some(silent) = problem.without_silent_at(&sampled.iter().filter_map(Place::answer).collect::<Vec<_>>())
             else {
                 // Samples that hold nothing leave the outlines' answers, and regions that are judged by these.
-                return match led.is_empty() {
-                    true => Heard { problem: Cow::Owned(problem.with_sampled(&[])), places, unused: true },
-                    false => Heard { problem, places: led, unused: false },
+                return match sampled.is_empty() {
+                    true => Hypotheses { problem: Cow::Owned(problem.with_sampled(&[])), places, samples_unused: true },
+                    false => Hypotheses { problem, places: sampled, samples_unused: false },
                 };
             };
             problem = Cow::Owned(silent);
         }
-        Heard { problem, places, unused: false }
+        Hypotheses { problem, places, samples_unused: false }
     }
 
-    /// What the samples of a problem leave possible about starts.
-    fn led(&self, problem: &Problem, starts: &[Pose]) -> Vec<Place> {
+    /// The modes of the samples' posterior about starts.
+    fn places_by_samples(&self, problem: &Problem, starts: &[Pose]) -> Vec<Place> {
         let place = |posterior: Posterior| {
             let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.few())?;
             let (pose, covariance) = (problem.uncentered(&posterior.pose), honest(&posterior.covariance));
