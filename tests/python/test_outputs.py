@@ -322,26 +322,39 @@ def test_systems_without_fcntl_are_written_to(out: Path, monkeypatch: pytest.Mon
     assert len(write_files(out, NEW, force=True)) == 4 and not hidden(out)
 
 
-def test_of_runs_that_begin_at_once_none_loses_its_files(out: Path) -> None:
+@pytest.fixture
+def quick_switches() -> Iterator[None]:
+    """Threads that take turns often, so that one looks at what another removes."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    yield
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.parametrize(("pause_s", "rounds"), [(0.3, 1), (0.0, 30)])
+def test_of_runs_that_begin_at_once_none_loses_its_files(
+    pause_s: float, rounds: int, out: Path, quick_switches: None
+) -> None:
     ends: list[str] = []
 
     def run(number: int) -> None:
         try:
             with claimed(out, NAMES, force=True) as claim:
-                time.sleep(0.3)
+                time.sleep(pause_s)
                 claim.write({name: text_writer(f"{number} {name}") for name in NAMES})
             ends.append("written")
         except FileExistsError:
             ends.append("refused")
 
-    threads = [threading.Thread(target=run, args=(number,)) for number in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(ends) == 6 and not hidden(out)
-    found = contents(out)
-    assert len({found[name].split()[0] for name in NAMES}) == 1
+    for done in range(1, rounds + 1):
+        threads = [threading.Thread(target=run, args=(number,)) for number in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(ends) == 6 * done and not hidden(out)
+        found = contents(out)
+        assert len({found[name].split()[0] for name in NAMES}) == 1
 
 
 def as_nobody(act: Callable[[], None]) -> int:

@@ -68,9 +68,13 @@ class Hidden(NamedTuple):
 
     def remove(self) -> None:
         """Remove it and all that is in it, but for files that could not be put back."""
-        os.close(self.claim)
-        if not is_unfinished(self.path):
+        unfinished = is_unfinished(self.path)
+        if not unfinished:
+            # While it is locked, so that no other run removes it at the same time.
             shutil.rmtree(self.path, ignore_errors=True)
+        os.close(self.claim)
+        if not unfinished:
+            shutil.rmtree(self.path, ignore_errors=True)  # On Windows, which removes no open file.
 
 
 def _looked_at(folder: Path, path: Path) -> Other | None:
@@ -88,12 +92,13 @@ def _looked_at(folder: Path, path: Path) -> Other | None:
         held, said = locked(claim), _read(claim)
         if held is False or (held is None and not has_ended(said)):
             return _other(said, path)
-        if not _is_own(path):
+        if not (_is_at(claim, path / CLAIM) and _is_own(path)):
             return None
         put_back(folder, path)
+        shutil.rmtree(path, ignore_errors=True)
     finally:
         os.close(claim)
-    shutil.rmtree(path, ignore_errors=True)
+    shutil.rmtree(path, ignore_errors=True)  # On Windows, which removes no open file.
     return None
 
 
@@ -132,8 +137,11 @@ def _is_at(claim: int, path: Path) -> bool:
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a folder is this user's: only what such a one holds may be put back."""
-    return not hasattr(os, "geteuid") or path.lstat().st_uid == os.geteuid()
+    """Whether a folder is there and this user's: only what such a one holds may be put back."""
+    try:
+        return not hasattr(os, "geteuid") or path.lstat().st_uid == os.geteuid()
+    except FileNotFoundError:
+        return False  # Without locks, another run may remove it meanwhile.
 
 
 def _remove_remains(path: Path) -> None:
