@@ -32,10 +32,10 @@ from typing import NamedTuple
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
+from regionpose.alignment import witnessed
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness import witnessed
 from rich.console import Console
 from rich.progress import track
 

@@ -25,12 +25,12 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from regionpose.alignment import refined_estimate, witnessed
 from regionpose.cameras import Camera
 from regionpose.pick.desk import Desk
 from regionpose.pick.session import Session
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
-from regionpose.witness import refined_estimate, witnessed
 from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]

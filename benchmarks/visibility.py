@@ -32,9 +32,9 @@ from unittest.mock import patch
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
+from regionpose.alignment import visibility
+from regionpose.alignment.odds import DECISIVE
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.witness import visibility
-from regionpose.witness.odds import DECISIVE
 from rich.console import Console
 from rich.progress import track
 from scipy.spatial import cKDTree

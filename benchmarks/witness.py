@@ -7,8 +7,8 @@ frames this says so and ends.
 A line each: steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
 these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then the
 AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and over
-those of which something is said. And what the constants of `regionpose.witness.odds` are taken from: the median of the
-leads at the true poses, the deviation of their logarithm, and the largest z of wrong poses.
+those of which something is said. And what the constants of `regionpose.alignment.odds` are taken from: the median of
+the leads at the true poses, the deviation of their logarithm, and the largest z of wrong poses.
 
     python -m benchmarks.witness [--data ../shared/data] [--wrong 12]
 """
@@ -26,8 +26,8 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
+from regionpose.alignment import Photo
 from regionpose.cameras import Camera
-from regionpose.witness import Photo
 from scipy.spatial.transform import Rotation
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_of, scan_of

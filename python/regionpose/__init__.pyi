@@ -1,6 +1,16 @@
 """Absolute pose of a central camera from planar regions, without correspondences; the public names and their homes."""
 
 from . import kernels as kernels
+from .alignment import Alignment as Alignment
+from .alignment import FocalEvidence as FocalEvidence
+from .alignment import Occlusion as Occlusion
+from .alignment import SceneFrame as SceneFrame
+from .alignment import SceneRefinement as SceneRefinement
+from .alignment import SceneWitness as SceneWitness
+from .alignment import Witnessed as Witnessed
+from .alignment import check_alignment as check_alignment
+from .alignment import estimate_with_scene as estimate_with_scene
+from .alignment import refine_with_scene as refine_with_scene
 from .calibration import load_camera as load_camera
 from .cameras import Camera as Camera
 from .cameras import EquirectangularCamera as EquirectangularCamera
@@ -55,16 +65,6 @@ from .segmentation.masks import masks_from_segmenter as masks_from_segmenter
 from .segmentation.masks import region_from_file as region_from_file
 from .segmentation.masks import regions_from_file as regions_from_file
 from .segmentation.planes import find_planes as find_planes
-from .witness import Alignment as Alignment
-from .witness import FocalEvidence as FocalEvidence
-from .witness import Occlusion as Occlusion
-from .witness import SceneFrame as SceneFrame
-from .witness import SceneRefinement as SceneRefinement
-from .witness import SceneWitness as SceneWitness
-from .witness import Witnessed as Witnessed
-from .witness import check_alignment as check_alignment
-from .witness import estimate_with_scene as estimate_with_scene
-from .witness import refine_with_scene as refine_with_scene
 
 __all__: list[str]
 __version__: str

@@ -37,6 +37,8 @@
 #![forbid(unsafe_code)]
 
 // Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.
+#[doc(hidden)]
+pub mod alignment;
 #[cfg(feature = "batch")]
 #[doc(hidden)]
 pub mod batch;
@@ -69,8 +71,6 @@ pub mod search;
 pub mod verdict;
 #[doc(hidden)]
 pub mod view;
-#[doc(hidden)]
-pub mod witness;
 
 #[cfg(feature = "batch")]
 pub use batch::in_parallel;

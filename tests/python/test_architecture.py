@@ -29,7 +29,7 @@ CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("problem",),
     ("search",),
     ("verdict",),
-    ("witness",),
+    ("alignment",),
 )
 """Folders and files of the crate; each uses those of the layers before its own only."""
 
@@ -43,7 +43,7 @@ PACKAGE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("cameras", "clouds", "pose"),
     ("calibration", "kernels", "regions"),
     ("estimation", "exporting", "segmentation"),
-    ("witness",),
+    ("alignment",),
     ("evaluation", "pictures", "sanity"),
     ("scene",),
     ("pick",),

@@ -10,7 +10,7 @@ from textwrap import dedent
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.witness.descent import Ends, descended
+from regionpose.alignment.descent import Ends, descended
 from scipy.optimize import rosen, rosen_der
 
 Array = NDArray[np.float64]
@@ -64,8 +64,8 @@ def test_what_is_no_number_is_no_minimum() -> None:
 PROCESSOR_TIME = """
     import time
     import numpy as np
-    from regionpose.witness.descent import descended
-    from regionpose.witness.posterior import ENDS
+    from regionpose.alignment.descent import descended
+    from regionpose.alignment.posterior import ENDS
 
     def cost(at):
         return float(0.5 * at @ at + 0.1 * (at**4).sum()), at + 0.4 * at**3

@@ -9,8 +9,8 @@ import pytest
 import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
 from numpy.typing import NDArray
-from regionpose.witness.evidence import Evidence
-from regionpose.witness.focal import focal_evidence
+from regionpose.alignment.evidence import Evidence
+from regionpose.alignment.focal import focal_evidence
 
 Array = NDArray[np.float64]
 

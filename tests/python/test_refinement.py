@@ -9,8 +9,8 @@ import pytest
 import regionpose as rp
 from card_scenes import CAMERA, POSE, cards
 from numpy.typing import NDArray
-from regionpose.witness.evidence import Evidence
-from regionpose.witness.posterior import SPREADS_PX, Posterior
+from regionpose.alignment.evidence import Evidence
+from regionpose.alignment.posterior import SPREADS_PX, Posterior
 
 Array = NDArray[np.float64]
 

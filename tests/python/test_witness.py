@@ -11,11 +11,11 @@ from card_scenes import CAMERA, POSE, cards, painted, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from regionpose.alignment import Photo, weighed, witnessed
+from regionpose.alignment.odds import log_odds
+from regionpose.alignment.photo import blurred, largest
 from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
-from regionpose.witness import Photo, weighed, witnessed
-from regionpose.witness.odds import log_odds
-from regionpose.witness.photo import blurred, largest
 from scipy.ndimage import gaussian_filter, maximum_filter
 
 Array = NDArray[np.float64]

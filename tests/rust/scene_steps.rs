@@ -3,10 +3,10 @@
 use crate::support::random::Random;
 use nalgebra::{Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
-use regionpose::witness::agreement::{EdgeStrength, SeenStep};
-use regionpose::witness::blur::blurred;
-use regionpose::witness::evidence::SeenSteps;
-use regionpose::witness::steps::{Seen, Step};
+use regionpose::alignment::agreement::{EdgeStrength, SeenStep};
+use regionpose::alignment::blur::blurred;
+use regionpose::alignment::edges::{Seen, Step};
+use regionpose::alignment::evidence::SeenSteps;
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from regionpose.alignment import Alignment
 from regionpose.arguments import checked_arguments
 from regionpose.arrays import checked_image
 from regionpose.cameras import Camera
@@ -21,7 +22,6 @@ from regionpose.pictures.projections import projected_lines, projected_rings, re
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.witness import Alignment
 
 __all__ = ["depth_colors", "overlay_depth", "overlay_regions", "overlay_steps", "projected_lines"]
 

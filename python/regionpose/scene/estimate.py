@@ -10,6 +10,16 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.alignment import (
+    Alignment,
+    Estimated,
+    Photo,
+    SceneFrame,
+    SceneRefinement,
+    SceneWitness,
+    refined_estimate,
+    witnessed,
+)
 from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
@@ -28,16 +38,6 @@ from regionpose.scene.known import given_pose, scene_prior, scene_solver
 from regionpose.scene.loading import Scene
 from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.stages import Stages
-from regionpose.witness import (
-    Alignment,
-    Estimated,
-    Photo,
-    SceneFrame,
-    SceneRefinement,
-    SceneWitness,
-    refined_estimate,
-    witnessed,
-)
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")

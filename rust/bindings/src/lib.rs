@@ -3,6 +3,7 @@
 //! Each function checks shapes, copies what it needs, calls one core function without the interpreter, and converts.
 #![forbid(unsafe_code)]
 
+mod alignment;
 mod arrays;
 mod contours;
 mod interrupts;
@@ -14,11 +15,12 @@ mod prior;
 mod regions;
 mod solve;
 mod warnings;
-mod witness;
 
 /// Kernels of regionpose.
 #[pyo3::pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::alignment::{SeenSteps, blurred, edge_agreement, scene_steps};
     #[pymodule_export]
     use crate::contours::{contour_pieces, nearest_edges};
     #[pymodule_export]
@@ -38,8 +40,6 @@ mod _core {
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_done};
-    #[pymodule_export]
-    use crate::witness::{SeenSteps, blurred, edge_agreement, scene_steps};
 
     #[pymodule_export]
     const TRUSTED: f64 = regionpose::verdict::estimate::TRUSTED;

@@ -12,13 +12,13 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from regionpose.alignment.evidence import Evidence
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.posterior import Peak, Posterior, Seen, root_of
 from regionpose.cameras import Camera
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.pose import Pose
-from regionpose.witness.evidence import Evidence
-from regionpose.witness.frame import SceneFrame
-from regionpose.witness.posterior import Peak, Posterior, Seen, root_of
 
 Array = NDArray[np.float64]
 

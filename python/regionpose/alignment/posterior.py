@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
 
+from regionpose.alignment.descent import Ends, descended
+from regionpose.alignment.evidence import Evidence
+from regionpose.alignment.steps import SEED
 from regionpose.arrays import real_array
 from regionpose.pose import Pose
 from regionpose.progress import check_wanted
-from regionpose.witness.descent import Ends, descended
-from regionpose.witness.evidence import Evidence
-from regionpose.witness.steps import SEED
 
 Array = NDArray[np.float64]
 

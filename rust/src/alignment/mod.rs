@@ -3,5 +3,5 @@
 
 pub mod agreement;
 pub mod blur;
+pub mod edges;
 pub mod evidence;
-pub mod steps;

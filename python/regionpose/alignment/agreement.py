@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
-from regionpose.arrays import KeptArrays
-from regionpose.cameras import Camera
-from regionpose.witness.odds import HIDDEN, log_odds
-from regionpose.witness.photo import Photo
-from regionpose.witness.steps import (
+from regionpose.alignment.odds import HIDDEN, log_odds
+from regionpose.alignment.photo import Photo
+from regionpose.alignment.steps import (
     TURNED_COUNT,
     Known,
     SeenSteps,
@@ -22,7 +20,9 @@ from regionpose.witness.steps import (
     far_turns,
     seen_steps,
 )
-from regionpose.witness.visibility import Occlusion
+from regionpose.alignment.visibility import Occlusion
+from regionpose.arrays import KeptArrays
+from regionpose.cameras import Camera
 
 Array = NDArray[np.float64]
 

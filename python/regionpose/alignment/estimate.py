@@ -8,6 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionpose.alignment.answers import Witnessed, witnessed
+from regionpose.alignment.focal import focal_evidence
+from regionpose.alignment.focal_curve import Estimated
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo import Photo
+from regionpose.alignment.refinement import SceneRefinement, refine_with_scene
+from regionpose.alignment.steps import checked_intensity, checked_points
 from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
@@ -18,13 +25,6 @@ from regionpose.estimation.single import estimate_pose
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.witness.answers import Witnessed, witnessed
-from regionpose.witness.focal import focal_evidence
-from regionpose.witness.focal_curve import Estimated
-from regionpose.witness.frame import SceneFrame
-from regionpose.witness.photo import Photo
-from regionpose.witness.refinement import SceneRefinement, refine_with_scene
-from regionpose.witness.steps import checked_intensity, checked_points
 
 
 @checked_arguments

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
+from regionpose.alignment.photo import DIRECTIONS, Photo
 from regionpose.arrays import check_coordinates, real_array, row_array
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
-from regionpose.witness.photo import DIRECTIONS, Photo
 
 Array = NDArray[np.float64]
 Known = Callable[[Array], NDArray[np.bool_]]

@@ -9,6 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionpose.alignment.agreement import Alignment, aligned
+from regionpose.alignment.photo import Photo
+from regionpose.alignment.steps import Steps, beside, steps_at
+from regionpose.alignment.visibility import occlusions
 from regionpose.arguments import check_fields, checked_arguments
 from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
@@ -17,10 +21,6 @@ from regionpose.pose import Pose
 from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.witness.alignment import Alignment, aligned
-from regionpose.witness.photo import Photo
-from regionpose.witness.steps import Steps, beside, steps_at
-from regionpose.witness.visibility import occlusions
 
 KEPT = 4
 """Poses whose steps are kept: alignment and refinement look at the same one, and few answers are looked at twice."""

@@ -6,10 +6,10 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::witness::agreement::{EdgeStrength, SeenStep};
-use regionpose::witness::blur;
-use regionpose::witness::evidence;
-use regionpose::witness::steps::Seen;
+use regionpose::alignment::agreement::{EdgeStrength, SeenStep};
+use regionpose::alignment::blur;
+use regionpose::alignment::edges::Seen;
+use regionpose::alignment::evidence;
 
 use crate::arrays::{array, numbers, points};
 

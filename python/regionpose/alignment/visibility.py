@@ -11,11 +11,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_closing
 
+from regionpose.alignment.steps import STEP_SHARE, checked_points
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.witness.steps import STEP_SHARE, checked_points
 
 Array = NDArray[np.float64]
 

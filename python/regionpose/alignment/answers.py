@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, expit
 
 from regionpose import _core
+from regionpose.alignment.agreement import Alignment
+from regionpose.alignment.focal import FocalEvidence
+from regionpose.alignment.odds import COMMON, DECISIVE, weighed
+from regionpose.alignment.refinement import SceneRefinement
+from regionpose.alignment.visibility import Occlusion
 from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
-from regionpose.witness.alignment import Alignment
-from regionpose.witness.focal import FocalEvidence
-from regionpose.witness.odds import COMMON, DECISIVE, weighed
-from regionpose.witness.refinement import SceneRefinement
-from regionpose.witness.visibility import Occlusion
 
 Array = NDArray[np.float64]
 

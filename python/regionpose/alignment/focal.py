@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from regionpose.alignment.focal_curve import Estimated, FocalCurve, FocalPrior, zoomed
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.odds import COMMON, DECISIVE
+from regionpose.alignment.posterior import Peak, Seen, log_odds_of
 from regionpose.arrays import KeptArrays
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.pose import Pose
-from regionpose.witness.focal_curve import Estimated, FocalCurve, FocalPrior, zoomed
-from regionpose.witness.frame import SceneFrame
-from regionpose.witness.odds import COMMON, DECISIVE
-from regionpose.witness.posterior import Peak, Seen, log_odds_of
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,11 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo import Photo, Pictures, blurred
+from regionpose.alignment.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.pose import Pose
-from regionpose.witness.frame import SceneFrame
-from regionpose.witness.photo import Photo, Pictures, blurred
-from regionpose.witness.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 
 Array = NDArray[np.float64]
 

@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
+from regionpose.alignment.agreement import Alignment
+from regionpose.alignment.evidence import Evidence
+from regionpose.alignment.focal import FocalEvidence
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.odds import DECISIVE
+from regionpose.alignment.posterior import Peak, Posterior, Seen, log_odds_of, root_of
+from regionpose.alignment.steps import far_turns
 from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays
 from regionpose.pose import Pose
-from regionpose.witness.alignment import Alignment
-from regionpose.witness.evidence import Evidence
-from regionpose.witness.focal import FocalEvidence
-from regionpose.witness.frame import SceneFrame
-from regionpose.witness.odds import DECISIVE
-from regionpose.witness.posterior import Peak, Posterior, Seen, log_odds_of, root_of
-from regionpose.witness.steps import far_turns
 
 Array = NDArray[np.float64]
 
