@@ -34,12 +34,7 @@ pub fn scene_steps<'py>(
     share: f64,
     shades: Option<PyReadonlyArray1<'py, f64>>,
 ) -> PyResult<StepArrays<'py>> {
-    for (name, value) in [("cell", cell), ("gap", gap)] {
-        // Cells are counted in 32 bits.
-        if !(value.is_finite() && value > 1e-8) {
-            return Err(PyValueError::new_err(format!("{name} is {value}; it needs to be above 1e-8 rad")));
-        }
-    }
+    check_angles(cell, gap)?;
     let points = self::points::<3>("points", points)?;
     let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
     if let Some(count) = shades.as_ref().map(Vec::len).filter(|count| *count != points.len()) {
@@ -54,6 +49,17 @@ pub fn scene_steps<'py>(
     let distances = found.iter().map(|step| step.distance).collect();
     let (near, far): (Vec<_>, Vec<_>) = found.into_iter().map(|step| (step.near, step.far)).unzip();
     Ok((array(py, &near)?, array(py, &far)?, PyArray1::from_vec(py, distances)))
+}
+
+/// Refuses angles that cells cannot be counted by.
+pub fn check_angles(cell: f64, gap: f64) -> PyResult<()> {
+    for (name, value) in [("cell", cell), ("gap", gap)] {
+        // Cells are counted in 32 bits.
+        if !(value.is_finite() && value > 1e-8) {
+            return Err(PyValueError::new_err(format!("{name} is {value}; it needs to be above 1e-8 rad")));
+        }
+    }
+    Ok(())
 }
 
 /// Mean strength (t,) of a photo's edges under depth steps, for the camera turned by each of some rotation vectors.

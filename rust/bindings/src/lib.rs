@@ -10,6 +10,7 @@ mod interrupts;
 mod masks;
 mod mesh;
 mod moments;
+mod pose_search;
 mod poses;
 mod prior;
 mod regions;
@@ -32,6 +33,8 @@ mod _core {
         mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles,
         spherical_moments,
     };
+    #[pymodule_export]
+    use crate::pose_search::{AlignmentFrame, CloudEdges, Density, Projection, edge_spreads, search_poses};
     #[pymodule_export]
     use crate::poses::{moved_pose, nearness, together};
     #[pymodule_export]

@@ -1,7 +1,16 @@
-//! What the rest of a scene says of a pose: depth steps of its points, and how far these lie on edges of the photo
-//! (`docs/math.md`, section 18).
+//! What the edges of a scene say of a pose: those of a cloud, and how far these lie on the edges of a photo (`docs/math.md`, sections 18
+//! and 19).
 
 pub mod agreement;
 pub mod blur;
+pub mod cloud_edges;
+pub mod density;
+pub mod descent;
 pub mod edges;
 pub mod evidence;
+pub mod frame;
+mod parallel;
+pub mod pictures;
+pub mod posterior;
+pub mod projection;
+pub mod search;

@@ -1,0 +1,238 @@
+//! The search of a pose by the edges of photos and clouds.
+
+use nalgebra::{Vector2, Vector3};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use pyo3::prelude::*;
+use regionpose::alignment::cloud_edges::{self, EdgeOptions};
+use regionpose::alignment::density::PoseDensity;
+use regionpose::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
+use regionpose::alignment::pictures::LogRatios;
+use regionpose::alignment::posterior::Mode;
+use regionpose::alignment::projection;
+use regionpose::alignment::search::{self, SearchOptions};
+use regionpose::effort;
+use regionpose::error::Error;
+
+use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
+use crate::interrupts::detached_threads;
+use crate::prior::Prior;
+
+/// The projection of a camera as a table over a cube of bearings.
+///
+/// `size`: width and height of the image, pixels. `project`: takes bearings (n, 3) to pixels (n, 2), NaN where the camera sees none.
+/// ValueError for a camera that sees nothing within its image.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct Projection(projection::Projection);
+
+#[pymethods]
+impl Projection {
+    #[new]
+    fn new(py: Python<'_>, size: [f64; 2], project: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let pixels = |bearings: &[Vector3<f64>]| -> Result<Vec<Vector2<f64>>, Failure> {
+            let found = project.call1((array(py, bearings).map_err(Failure)?,)).map_err(Failure)?;
+            let pixels = points::<2>("pixels", &found).map_err(Failure)?;
+            if pixels.len() != bearings.len() {
+                let found = format!("project gave {} pixels for {} bearings", pixels.len(), bearings.len());
+                return Err(Failure(PyValueError::new_err(found)));
+            }
+            Ok(pixels)
+        };
+        projection::Projection::new(size, pixels).map(Self).map_err(|Failure(error)| error)
+    }
+
+    /// Pixels (n, 2) of bearings (n, 3), NaN where the camera sees none.
+    fn project<'py>(&self, py: Python<'py>, bearings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let seen = |bearing: &Vector3<f64>| self.0.pixel_of(bearing).unwrap_or(Vector2::repeat(f64::NAN));
+        let pixels: Vec<_> = points::<3>("bearings", bearings)?.iter().map(seen).collect();
+        array(py, &pixels)
+    }
+}
+
+/// An error of Python's, or the core's as one.
+struct Failure(PyErr);
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self(value_error(error))
+    }
+}
+
+/// Edges of a cloud in the world, as seen from a place: where surfaces end, and where their shade changes.
+///
+/// `points` (n, 3), world coordinates, meters; those that are not finite are left out. `place` (3,). `cell`, rad: of points whose
+/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `share`: how far an edge goes
+/// beyond the plane of the near side, as a share of the inverse distance. `shades` (n,) on any scale. ValueError for other shapes.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct CloudEdges(cloud_edges::CloudEdges);
+
+#[pymethods]
+impl CloudEdges {
+    #[new]
+    #[pyo3(signature = (points, place, cell, gap, share, shades=None))]
+    fn new(
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        place: &Bound<'_, PyAny>,
+        cell: f64,
+        gap: f64,
+        share: f64,
+        shades: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        crate::alignment::check_angles(cell, gap)?;
+        let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
+        let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
+        if let Some(count) = shades.as_ref().map(Vec::len).filter(|count| *count != points.len()) {
+            let refused = format!("shades has {count} values for {} points; it needs one a point", points.len());
+            return Err(PyValueError::new_err(refused));
+        }
+        let options = EdgeOptions { cell, gap, share };
+        Ok(Self(py.detach(|| cloud_edges::CloudEdges::new(&points, shades.as_deref(), &place, &options))))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+}
+
+/// A photo and the edges of a cloud.
+///
+/// `ratios`: for each spread of 16, 8, 4 and 2 pixels a picture (4, h, w) float32 of log likelihood ratios by direction, and over how
+/// many pixels it is averaged. `half_field`: the largest angle from the camera's axis that the photo shows, rad. `origin` (3,): a place
+/// of the world near the scanner. ValueError for other shapes.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct AlignmentFrame(Frame);
+
+#[pymethods]
+impl AlignmentFrame {
+    #[new]
+    fn new(
+        projection: &Projection,
+        ratios: Vec<(PyReadonlyArray3<'_, f32>, usize)>,
+        half_field: f64,
+        edges: &CloudEdges,
+        origin: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let refused =
+            || PyValueError::new_err(format!("ratios needs {SPREADS} pictures (4, h, w) with a pixel or more"));
+        let pictures: Option<Vec<LogRatios>> =
+            ratios.iter().map(|(values, reduction)| picture(values, *reduction)).collect();
+        let pictures: [LogRatios; SPREADS] = pictures.and_then(|made| made.try_into().ok()).ok_or_else(refused)?;
+        let view = PhotoView { projection: projection.0.clone(), pictures, half_field };
+        Ok(Self(Frame::new(view, &edges.0, vector("origin", origin)?)))
+    }
+
+    /// The same photo with other edges.
+    fn with_edges(&self, edges: &CloudEdges) -> Self {
+        Self(self.0.with_edges(&edges.0))
+    }
+
+    /// The sum of log likelihood ratios at a pose, by the number of a spread.
+    fn log_ratio(
+        &self,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+        spread: usize,
+    ) -> PyResult<(f64, usize)> {
+        if spread >= SPREADS {
+            return Err(PyValueError::new_err(format!("spread is {spread}; it needs to be below {SPREADS}")));
+        }
+        Ok(self.0.log_ratio(&pose(rotation, translation)?, spread))
+    }
+
+    /// Pixels (n, 2) of the photo at which edges are seen at a pose, and the numbers (n,) of the directions across them.
+    fn seen<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>)> {
+        let pose = pose(rotation, translation)?;
+        let (pixels, directions) = self.0.seen_from(&pose, SPREADS - 1).pixels(&pose);
+        let directions = directions.into_iter().map(|direction| direction as i64).collect();
+        Ok((array(py, &pixels)?, PyArray1::from_vec(py, directions)))
+    }
+}
+
+fn picture(values: &PyReadonlyArray3<'_, f32>, reduction: usize) -> Option<LogRatios> {
+    let shape = values.shape();
+    LogRatios::new(&values.as_array().iter().copied().collect::<Vec<f32>>(), shape[1], shape[2], reduction)
+}
+
+/// A density of poses.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct Density(PoseDensity);
+
+#[pymethods]
+impl Density {
+    /// That of a prior which says where the camera stands; ValueError for others.
+    #[staticmethod]
+    fn of_prior(prior: &Prior) -> PyResult<Self> {
+        let refused = || PyValueError::new_err("prior says nothing of where the camera stands; needed camera_near");
+        PoseDensity::of_prior(&prior.0).map(Self).ok_or_else(refused)
+    }
+
+    /// Student's about a pose, of a covariance (6, 6) of its left increment; ValueError for what is none.
+    #[staticmethod]
+    fn student(
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+        covariance: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let refused = || PyValueError::new_err("covariance has negative eigenvalues; needed a covariance");
+        PoseDensity::student(pose(rotation, translation)?, &self::covariance(covariance)?).map(Self).ok_or_else(refused)
+    }
+
+    /// The logarithm of the density at a pose.
+    fn log_at(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.at(&pose(rotation, translation)?).value)
+    }
+}
+
+/// A maximum of the posterior: rotation (3, 3), translation (3,), covariance (6, 6) of the left increment, logarithm of the mass about
+/// it, of the likelihood ratio at it, and how many edges are seen.
+type ModeArrays<'py> =
+    (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, f64, f64, usize);
+
+/// The maxima of the posterior of the pose that frames share, of the largest mass first.
+///
+/// `starts`: poses to look about beside `draws` drawn ones. `kept`: how many of the best by each spread but the finest are led
+/// on to the next one. `threads`: all
+/// cores for None.
+#[pyfunction]
+#[pyo3(signature = (frames, density, starts, draws, kept, threads=None))]
+pub fn search_poses<'py>(
+    py: Python<'py>,
+    frames: Vec<PyRef<'py, AlignmentFrame>>,
+    density: &Density,
+    starts: Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    draws: usize,
+    kept: [usize; FINEST],
+    threads: Option<usize>,
+) -> PyResult<Vec<ModeArrays<'py>>> {
+    let frames: Vec<Frame> = frames.iter().map(|frame| frame.0.clone()).collect();
+    let starts =
+        starts.iter().map(|(rotation, translation)| pose(rotation, translation)).collect::<PyResult<Vec<_>>>()?;
+    let options = SearchOptions { draws, kept, threads };
+    let found = detached_threads(py, |stop| {
+        effort::interruptible(stop.clone(), || search::search(&frames, &density.0, &starts, &options))
+    })?;
+    let found = found.ok_or_else(|| PyKeyboardInterrupt::new_err(()))?.map_err(value_error)?;
+    let arrays = |mode: &Mode| {
+        Ok((
+            rotation(py, &mode.pose)?,
+            translation(py, &mode.pose),
+            matrix(py, mode.covariance.iter().copied().collect(), [6, 6])?,
+            mode.log_mass,
+            mode.log_ratio,
+            mode.edges,
+        ))
+    };
+    found.iter().map(arrays).collect()
+}
+
+/// The spreads of edges, pixels, from wide to narrow.
+#[pyfunction]
+pub fn edge_spreads() -> [f64; SPREADS] {
+    SPREADS_PX
+}

@@ -1,0 +1,156 @@
+//! Edges of a cloud as points of the world, in groups that a camera sees or not as a whole.
+
+use std::ops::Range;
+
+use nalgebra::Vector3;
+
+use super::edges::{Seen, Step};
+use crate::geometry::pose::Pose;
+
+/// Edges of a group: few enough that most groups lie wholly inside or outside a view.
+const GROUP: usize = 32;
+
+/// Edges nearer to the scanner than this are its own vehicle's or tripod's, meters: a convention.
+const LEAST_DISTANCE: f64 = 0.5;
+
+/// Where a cloud's surfaces end, or their shade changes, as seen from some place.
+#[derive(Debug, Clone)]
+pub struct CloudEdges {
+    /// Points half-way between both sides of an edge, at the near side's distance, world coordinates, meters.
+    middles: Vec<Vector3<f64>>,
+    /// Ways from there across the edge, to the far side's bearing at the same distance, meters.
+    across: Vec<Vector3<f64>>,
+}
+
+/// How a cloud is looked at for edges.
+#[derive(Debug, Clone, Copy)]
+pub struct EdgeOptions {
+    /// Of points whose bearings differ by less, the nearest hides the others, rad.
+    pub cell: f64,
+    /// Neighbors farther apart are none, rad.
+    pub gap: f64,
+    /// How far an edge goes beyond the plane of the near side, as a share of the inverse distance.
+    pub share: f64,
+}
+
+impl CloudEdges {
+    /// Those of points (world coordinates, meters), and of their shades if there are any, as seen from a place.
+    pub fn new(points: &[Vector3<f64>], shades: Option<&[f64]>, place: &Vector3<f64>, options: &EdgeOptions) -> Self {
+        let local: Vec<_> = points.iter().map(|point| point - place).collect();
+        let seen = Seen::new(&local, options.cell, options.gap);
+        let mut steps = seen.depth_steps(options.share);
+        steps.extend(shades.map_or(Vec::new(), |shades| seen.shade_steps(shades, options.share)));
+        steps.retain(|step| step.distance > LEAST_DISTANCE);
+        Self::of(&steps, place)
+    }
+
+    /// Those of steps as seen from a place.
+    fn of(steps: &[Step], place: &Vector3<f64>) -> Self {
+        let middle = |step: &Step| (step.near + step.far).normalize() * step.distance;
+        Self {
+            middles: steps.iter().map(|step| place + middle(step)).collect(),
+            across: steps.iter().map(|step| step.far * step.distance - middle(step)).collect(),
+        }
+    }
+
+    /// Number of edges.
+    pub fn len(&self) -> usize {
+        self.middles.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.middles.is_empty()
+    }
+
+    /// At most so many of them, spread evenly over the order in which they were found, which is that of their bearings.
+    pub fn thinned(&self, most: usize) -> Self {
+        let count = self.len().min(most);
+        let chosen = (0..count).map(|index| index * self.len() / count.max(1));
+        let (middles, across) = chosen.map(|index| (self.middles[index], self.across[index])).unzip();
+        Self { middles, across }
+    }
+}
+
+/// Edges in groups of neighbors, in single precision about an origin.
+#[derive(Debug, Clone)]
+pub(super) struct GroupedEdges {
+    groups: Vec<Group>,
+    pub(super) middles: [Vec<f32>; 3],
+    pub(super) across: [Vec<f32>; 3],
+}
+
+/// Edges that lie within a sphere.
+#[derive(Debug, Clone)]
+struct Group {
+    edges: Range<usize>,
+    center: Vector3<f64>,
+    radius: f64,
+}
+
+impl GroupedEdges {
+    /// Of edges given in the world, about an origin of it.
+    pub(super) fn new(edges: &CloudEdges, origin: &Vector3<f64>) -> Self {
+        let local: Vec<_> = edges.middles.iter().map(|middle| middle - origin).collect();
+        let mut order: Vec<usize> = (0..local.len()).collect();
+        let mut ranges = Vec::new();
+        split(&local, &mut order, 0, &mut ranges);
+        let groups = ranges.into_iter().map(|range| Group::new(&local, &order, range)).collect();
+        let of_axis = |from: &[Vector3<f64>], axis: usize| order.iter().map(|edge| from[*edge][axis] as f32).collect();
+        Self {
+            groups,
+            middles: [0, 1, 2].map(|axis| of_axis(&local, axis)),
+            across: [0, 1, 2].map(|axis| of_axis(&edges.across, axis)),
+        }
+    }
+
+    /// The ranges of edges of which some may lie within an angle of a camera's axis, by the cosine and sine of that angle.
+    pub(super) fn within(&self, pose: &Pose, [cosine, sine]: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
+        let pose = *pose;
+        let may_show = move |group: &&Group| {
+            let center = pose.transform(&group.center);
+            // The distance of the sphere's center beyond the cone: from its side, or from its tip where that is nearer.
+            let (along, away) = (center.z, center.xy().norm());
+            let beyond = away * cosine - along * sine;
+            let from_tip = along * cosine + away * sine;
+            beyond <= group.radius && (from_tip >= 0.0 || center.norm() <= group.radius)
+        };
+        self.groups.iter().filter(may_show).map(|group| group.edges.clone())
+    }
+}
+
+impl Group {
+    fn new(points: &[Vector3<f64>], order: &[usize], edges: Range<usize>) -> Self {
+        let held = || order[edges.clone()].iter().map(|edge| points[*edge]);
+        let center = held().sum::<Vector3<f64>>() / edges.len() as f64;
+        let radius = held().map(|point| (point - center).norm()).fold(0.0, f64::max);
+        Self { edges, center, radius }
+    }
+}
+
+/// Puts edges in an order in which groups of neighbors follow one another, halving them along the direction in which their bearings
+/// and the logarithms of their distances spread most.
+fn split(points: &[Vector3<f64>], order: &mut [usize], first: usize, ranges: &mut Vec<Range<usize>>) {
+    if order.len() <= GROUP {
+        if !order.is_empty() {
+            ranges.push(first..first + order.len());
+        }
+        return;
+    }
+    let place = |edge: usize| {
+        let distance = points[edge].norm().max(LEAST_DISTANCE);
+        let bearing = points[edge] / distance;
+        [bearing.x, bearing.y, bearing.z, distance.ln()]
+    };
+    let spread = |axis: usize| {
+        let values = order.iter().map(|edge| place(*edge)[axis]);
+        let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        most - least
+    };
+    let axis = (0..4).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |a, b| place(*a)[axis].total_cmp(&place(*b)[axis]).then(a.cmp(b)));
+    let (low, high) = order.split_at_mut(half);
+    split(points, low, first, ranges);
+    split(points, high, first + half, ranges);
+}

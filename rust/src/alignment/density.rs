@@ -1,0 +1,227 @@
+//! What is known of a pose beforehand, as a density over poses: of the camera's place and directions alone, or about the pose that other
+//! evidence gives (`docs/math.md`, section 19).
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix6, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3, Vector6};
+
+use crate::geometry::pose::Pose;
+use crate::prior::Prior;
+
+/// Degrees of freedom of Student's distribution of the error of a pose whose covariance is known but roughly.
+pub const FREEDOM: f64 = 4.0;
+
+/// Information below this share of the largest is none: rounding.
+const OPEN: f64 = 1e-12;
+
+/// Variance of an angle that may be any, rad^2: a uniform one's.
+const FREE_ANGLE: f64 = PI * PI / 3.0;
+
+/// A density of poses by their left increments, rad and meters.
+#[derive(Debug, Clone)]
+pub enum PoseDensity {
+    /// What a prior says; rotations that it says nothing of are all alike.
+    Prior {
+        /// Of the camera's place and directions.
+        prior: Prior,
+        /// Logarithm of the integral of what it gives.
+        log_volume: f64,
+    },
+    /// Student's distribution of 4 degrees of freedom about a pose.
+    Student {
+        /// In the middle.
+        pose: Pose,
+        /// Inverse covariance of the left increment.
+        information: Matrix6<f64>,
+        /// Logarithm of the density in the middle.
+        log_height: f64,
+    },
+}
+
+/// Logarithm of a density at a pose, its derivative by a left increment and the information that it adds there.
+#[derive(Debug, Clone, Copy)]
+pub struct DensityAt {
+    pub value: f64,
+    pub slope: Vector6<f64>,
+    pub information: Matrix6<f64>,
+}
+
+impl PoseDensity {
+    /// That of a prior which says where the camera stands; `None` for others.
+    pub fn of_prior(prior: &Prior) -> Option<Self> {
+        let at = Self::Prior { prior: *prior, log_volume: 0.0 }.at(&base_pose(prior, &[0.0; 3]));
+        let eigen = SymmetricEigen::new(with_free_angles(prior, &at.information));
+        if !eigen.eigenvalues.iter().all(|value| *value > 0.0) {
+            return None;
+        }
+        // Of an angle that may be any, its range in place of a Gaussian's.
+        let uniform = |is_free: bool, range: f64, angles: f64| {
+            if is_free { range.ln() - 0.5 * angles * (2.0 * PI * FREE_ANGLE).ln() } else { 0.0 }
+        };
+        let free = Free::of(prior);
+        let ranges =
+            uniform(free == Free::Heading, 2.0 * PI, 1.0) + uniform(free == Free::Rotation, 8.0 * PI * PI, 3.0);
+        let log_volume = ranges + 3.0 * (2.0 * PI).ln() - 0.5 * eigen.eigenvalues.map(f64::ln).sum();
+        // Relative to the density where it is greatest: at the drawn pose a prior with contradicting parts has less.
+        let most = at.value + 0.5 * at.slope.dot(&(eigen_inverse(&eigen) * at.slope));
+        Some(Self::Prior { prior: *prior, log_volume: log_volume + most })
+    }
+
+    /// Student's about a pose with a covariance of its left increment; `None` for what is no covariance.
+    pub fn student(pose: Pose, covariance: &Matrix6<f64>) -> Option<Self> {
+        let root = covariance.cholesky()?;
+        let log_height = log_gamma_ratio() - 3.0 * (FREEDOM * PI).ln() - root.l().diagonal().map(f64::ln).sum();
+        Some(Self::Student { pose, information: root.inverse(), log_height })
+    }
+
+    /// What it is at a pose.
+    pub fn at(&self, pose: &Pose) -> DensityAt {
+        match self {
+            Self::Prior { prior, log_volume } => {
+                let factor = prior.gaussian(pose);
+                DensityAt { value: factor.offset - log_volume, slope: factor.vector, information: factor.information }
+            }
+            Self::Student { pose: middle, information, log_height } => {
+                let increment = middle.increment_to(pose);
+                let pull = information * increment;
+                let squares = increment.dot(&pull);
+                let weight = FREEDOM + 6.0;
+                let by_middle = -pull * (weight / (FREEDOM + squares));
+                let derivative = crate::geometry::pose::increment_derivative(&increment);
+                let slope = derivative.try_inverse().map_or(by_middle, |inverse| inverse.tr_mul(&by_middle));
+                DensityAt {
+                    value: log_height - 0.5 * weight * (squares / FREEDOM).ln_1p(),
+                    slope,
+                    information: information * (weight / (FREEDOM + squares)).min(1.0),
+                }
+            }
+        }
+    }
+
+    /// The standard deviation of the camera's place that it leaves, meters, and of its rotation about each of three axes, rad.
+    pub fn sigmas(&self) -> ([f64; 3], [f64; 3]) {
+        let information = match self {
+            Self::Prior { prior, .. } => {
+                with_free_angles(prior, &prior.gaussian(&base_pose(prior, &[0.0; 3])).information)
+            }
+            Self::Student { information, .. } => *information,
+        };
+        let covariance = information.try_inverse().unwrap_or_else(Matrix6::identity);
+        let block = |first: usize| {
+            let block = covariance.fixed_view::<3, 3>(first, first).into_owned();
+            SymmetricEigen::new(block).eigenvalues.map(|value| value.max(0.0).sqrt()).into()
+        };
+        (block(3), block(0))
+    }
+}
+
+/// Draws poses from a density.
+#[derive(Debug, Clone)]
+pub struct Sampler {
+    density: PoseDensity,
+    /// From a base pose to the middle of what is known beside it.
+    mean: Vector6<f64>,
+    /// Increments of one deviation each, as columns; none along what is open, which the base pose has.
+    root: Matrix6<f64>,
+}
+
+impl Sampler {
+    /// That of a density.
+    pub fn new(density: PoseDensity) -> Self {
+        let (factor, least) = match &density {
+            PoseDensity::Prior { prior, .. } => (prior.gaussian(&base_pose(prior, &[0.0; 3])), OPEN),
+            PoseDensity::Student { information, .. } => {
+                (crate::prior::Gaussian { information: *information, ..Default::default() }, 0.0)
+            }
+        };
+        // The same in the camera's axes whatever its heading, or its rotation if that is open.
+        let eigen = SymmetricEigen::new(factor.information);
+        let most = eigen.eigenvalues.amax();
+        let scale = eigen.eigenvalues.map(|value| if value > least * most { value.sqrt().recip() } else { 0.0 });
+        let root = eigen.eigenvectors * Matrix6::from_diagonal(&scale);
+        Self { density, mean: root * (root.transpose() * factor.vector), root }
+    }
+
+    /// The pose of some numbers: `uniform` ones from 0 to 1 for what may be any, `normal` ones for the rest.
+    pub fn pose(&self, uniform: &[f64; 3], normal: &[f64; 6]) -> Pose {
+        let base = match &self.density {
+            PoseDensity::Prior { prior, .. } => base_pose(prior, uniform),
+            PoseDensity::Student { pose, .. } => *pose,
+        };
+        base.moved(&(self.mean + self.root * Vector6::from(*normal)))
+    }
+}
+
+/// What a prior leaves entirely open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Free {
+    Nothing,
+    Heading,
+    Rotation,
+}
+
+impl Free {
+    fn of(prior: &Prior) -> Self {
+        if prior.initial.is_some() && prior.initial_sigma.is_some() {
+            Self::Nothing
+        } else if prior.up.is_some() {
+            Self::Heading
+        } else {
+            Self::Rotation
+        }
+    }
+}
+
+/// A pose as a prior has it, but for what is known only up to normal deviations.
+fn base_pose(prior: &Prior, uniform: &[f64; 3]) -> Pose {
+    let rotation = match (Free::of(prior), prior.initial, prior.up) {
+        (Free::Nothing, Some(initial), _) => initial.rotation,
+        (Free::Heading, _, Some(up)) => {
+            let level = Rotation3::rotation_between(&up, &-Vector3::y())
+                .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), PI));
+            Rotation3::from_axis_angle(&Vector3::y_axis(), 2.0 * PI * uniform[0]) * level
+        }
+        _ => uniform_rotation(uniform),
+    };
+    let place = prior.initial.filter(|_| prior.initial_sigma.is_some()).map(|initial| initial.inverse().translation);
+    let center = place.or(prior.near).unwrap_or_else(Vector3::zeros);
+    Pose::new(rotation, -(rotation * center))
+}
+
+/// A rotation, all of which are alike if the numbers are even from 0 to 1 (Shoemake, Uniform random rotations, 1992).
+fn uniform_rotation(&[a, b, c]: &[f64; 3]) -> Rotation3<f64> {
+    let (low, high) = ((1.0 - a).sqrt(), a.sqrt());
+    let ((i, j), (k, w)) = ((2.0 * PI * b).sin_cos(), (2.0 * PI * c).sin_cos());
+    UnitQuaternion::new_normalize(Quaternion::new(high * w, low * i, low * j, high * k)).to_rotation_matrix()
+}
+
+/// The information of a prior, and as much as nothing of angles that may be any.
+fn with_free_angles(prior: &Prior, information: &Matrix6<f64>) -> Matrix6<f64> {
+    let free = Free::of(prior);
+    let mut whole = *information;
+    if free == Free::Nothing {
+        return whole;
+    }
+    let rotation = information.fixed_view::<3, 3>(0, 0).into_owned();
+    let eigen = SymmetricEigen::new(rotation);
+    let most = eigen.eigenvalues.amax();
+    for (value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value <= 1e-9 * most || most == 0.0 {
+            let mut block = whole.fixed_view_mut::<3, 3>(0, 0);
+            block += axis * axis.transpose() / FREE_ANGLE;
+        }
+    }
+    whole
+}
+
+/// The inverse of a matrix without what is zero.
+fn eigen_inverse(eigen: &SymmetricEigen<f64, nalgebra::Const<6>>) -> Matrix6<f64> {
+    let open = OPEN * eigen.eigenvalues.amax();
+    let inverse = eigen.eigenvalues.map(|value| if value > open { value.recip() } else { 0.0 });
+    eigen.eigenvectors * Matrix6::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
+}
+
+/// Logarithm of `Gamma((4 + 6) / 2) / Gamma(4 / 2)` = 4!.
+fn log_gamma_ratio() -> f64 {
+    24.0_f64.ln()
+}
