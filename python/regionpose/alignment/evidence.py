@@ -19,13 +19,6 @@ from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
 
-SHOWN, POWER = 0.5, 4.0
-"""The share of steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
-between a rank that tells nothing and one that tells all."""
-
-AROUND_PX = 41
-"""Width of the window within which ranks are made comparable: that of the widest reach of `Photo.strength`."""
-
 SMALL_DEG, SMALL_COUNT = 0.6, 5
 """Turns about each turned pose over which evidence varies, and how many: some pixels of any photo."""
 
@@ -39,23 +32,20 @@ class Evidence:
     pixels: Array
     moved: Array
 
-    def __init__(
-        self, frame: SceneFrame, pose: Pose, *, with_focal: bool = False, like: Evidence | None = None
-    ) -> None:
+    def __init__(self, frame: SceneFrame, pose: Pose, *, with_focal: bool = False) -> None:
         """The steps that the camera would see at a pose; ValueError for points or an image of another shape.
 
         `with_focal`: increments are of seven components, the last of them of the logarithm of the focal lengths, of a
-        camera that has a matrix. `like`: that of the same photo at another pose, whose pictures are taken over.
+        camera that has a matrix.
         """
         self._frame, self._camera, self._pose, self._with_focal = frame, frame.camera, pose, with_focal
         self._photo, self._known = frame.photo, beside(frame.regions)
-        self._spreads: _Spreads = _Spreads(frame.photo) if like is None else like._spreads
         self._all = frame.steps(pose)
         self.turn(Rotation.identity())
 
     def seen_from(self, pose: Pose) -> Evidence:
         """That of the same frame by the steps that the camera would see at another pose."""
-        return Evidence(self._frame, pose, with_focal=self._with_focal, like=self)
+        return Evidence(self._frame, pose, with_focal=self._with_focal)
 
     def of_frame(self, frame: SceneFrame) -> Evidence:
         """That of the same steps and photo by the camera of another frame, once it is moved to a pose."""
@@ -99,7 +89,7 @@ class Evidence:
         """Logarithms (t,) of the likelihood ratio at increments (t, d), rad and meters, and their derivatives (t, d),
         of steps as if they were independent; of every so manyth of them alone, as if it stood for so many.
         """
-        values, slopes = self._every(every).evidence(self._spreads.log_ratios(spread_px), increments)
+        values, slopes = self._every(every).evidence(self._photo.log_ratios(spread_px), increments)
         return every * values, every * slopes
 
     def _every(self, so_manyth: int) -> _core.SeenSteps:
@@ -127,33 +117,6 @@ class Evidence:
         turns = (far_turns()[:, None] + _small_turns()).reshape(-1, 3)
         sums, _ = self.at(np.pad(turns, ((0, 0), (0, 4 if self._with_focal else 3))), spread_px)
         return float(np.clip(-2.0 * sums.mean() / max(float(sums.var(ddof=1)), 1e-12), 0.0, 1.0))
-
-
-class _Spreads:
-    """A photo's likelihood ratios by how far it is spread, each made when it is first asked for."""
-
-    def __init__(self, photo: Photo) -> None:
-        self._photo = photo
-        self._made: dict[float, Pictures] = {}
-
-    def log_ratios(self, spread_px: float) -> Pictures:
-        if spread_px not in self._made:
-            self._made[spread_px] = _log_ratios(self._densities, spread_px)
-        return self._made[spread_px]
-
-    @cached_property
-    def _densities(self) -> list[tuple[Pictures, Pictures]]:
-        """For each direction the density (h, w) of the ranks of steps, and its mean about each place."""
-        densities = [np.float32(POWER) * ranks ** np.float32(POWER - 1.0) for ranks in self._photo.ranks]
-        return [(each, np.maximum(uniform_filter(each, AROUND_PX), np.float32(1e-3))) for each in densities]
-
-
-def _log_ratios(densities: list[tuple[Pictures, Pictures]], spread_px: float) -> Pictures:
-    """Logarithms (k, h, w) of how much likelier the photo is with the image of a step in a pixel than with none."""
-    ratios = np.stack([blurred(density, spread_px, 3.0) / mean for density, mean in densities])
-    ratios -= np.float32(1.0)
-    ratios *= np.float32(SHOWN)
-    return np.log1p(ratios, out=ratios)
 
 
 @cache

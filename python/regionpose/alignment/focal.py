@@ -122,7 +122,7 @@ class _Compared(NamedTuple):
     @classmethod
     def of(cls, given: FocalPrior, seen: Seen, other: FocalPrior, known: Sequence[Pose]) -> _Compared:
         """The given focal lengths, with which steps are `seen`, and others, with which maxima near poses are known."""
-        about = other.seen(known, seen.frames)
+        about = other.seen(known)
         right, peaks, shares = seen.peaks, about.peaks, about.shares
         # Other steps are other data: both are asked of those that are likelier where they are seen from.
         if log_odds_of(peaks) > log_odds_of(right):

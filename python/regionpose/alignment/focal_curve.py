@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +88,10 @@ class FocalPrior:
     log_focal: float
     spread: float
 
-    def seen(self, known: Sequence[Pose], likes: Sequence[Evidence] = ()) -> Seen:
-        """What the steps say that are seen with these, maxima near poses being `known`; `likes`: evidence of the same
-        photos.
-        """
+    def seen(self, known: Sequence[Pose]) -> Seen:
+        """What the steps say that are seen with these, maxima near poses being `known`."""
         pose, *_ = self.curve.at(self.log_focal)
-        frames = [Evidence(frame, pose, with_focal=True, like=like) for frame, like in zip_longest(self._frames, likes)]
+        frames = [Evidence(frame, pose, with_focal=True) for frame in self._frames]
         return Seen.of(frames, self._posterior, known).or_likelier(self._posterior)
 
     def maxima_by(self, seen: Seen, near: Sequence[Peak]) -> list[Peak]:

@@ -97,8 +97,8 @@ impl CloudEdges {
 
 /// A photo and the edges of a cloud.
 ///
-/// `ratios`: for each spread of 16, 8, 4 and 2 pixels a picture (4, h, w) float32 of log likelihood ratios by direction, and over how
-/// many pixels it is averaged. `half_field`: the largest angle from the camera's axis that the photo shows, rad. `origin` (3,): a place
+/// `half_field`: the largest angle from the camera's axis that the photo shows, rad. `ratios`: for each spread of 16, 8, 4 and 2 pixels a
+/// picture (4, h, w) float32 of log likelihood ratios by direction, and over how many pixels it is averaged. `origin` (3,): a place
 /// of the world near the scanner. ValueError for other shapes.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct AlignmentFrame(Frame);
@@ -108,8 +108,8 @@ impl AlignmentFrame {
     #[new]
     fn new(
         projection: &Projection,
-        ratios: Vec<(PyReadonlyArray3<'_, f32>, usize)>,
         half_field: f64,
+        ratios: Vec<(PyReadonlyArray3<'_, f32>, usize)>,
         edges: &CloudEdges,
         origin: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
@@ -125,6 +125,11 @@ impl AlignmentFrame {
     /// The same photo with other edges.
     fn with_edges(&self, edges: &CloudEdges) -> Self {
         Self(self.0.with_edges(&edges.0))
+    }
+
+    /// The same photo and edges as another camera has them.
+    fn with_projection(&self, projection: &Projection, half_field: f64) -> Self {
+        Self(self.0.with_projection(&projection.0, half_field))
     }
 
     /// The sum of log likelihood ratios at a pose, by the number of a spread.

@@ -37,10 +37,11 @@ impl CloudEdges {
     /// Those of points (world coordinates, meters), and of their shades if there are any, as seen from a place.
     pub fn new(points: &[Vector3<f64>], shades: Option<&[f64]>, place: &Vector3<f64>, options: &EdgeOptions) -> Self {
         let local: Vec<_> = points.iter().map(|point| point - place).collect();
-        let seen = Seen::new(&local, options.cell, options.gap);
+        // What is left out hides nothing, either; a point in the center is none.
+        let beyond = |point: &Vector3<f64>| if point.norm() > LEAST_DISTANCE { *point } else { Vector3::zeros() };
+        let seen = Seen::new(&local.iter().map(beyond).collect::<Vec<_>>(), options.cell, options.gap);
         let mut steps = seen.depth_steps(options.share);
         steps.extend(shades.map_or(Vec::new(), |shades| seen.shade_steps(shades, options.share)));
-        steps.retain(|step| step.distance > LEAST_DISTANCE);
         Self::of(&steps, place)
     }
 

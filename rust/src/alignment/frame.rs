@@ -52,9 +52,10 @@ impl Frame {
         Self::new(self.view.clone(), edges, self.origin)
     }
 
-    /// The largest angle between the camera's axis and what the photo shows, rad.
-    pub fn half_field(&self) -> f64 {
-        self.view.half_field
+    /// The same photo and edges as another camera has them; `half_field` as of [`PhotoView`].
+    pub fn with_projection(&self, projection: &Projection, half_field: f64) -> Self {
+        let view = PhotoView { projection: projection.clone(), half_field, ..self.view.clone() };
+        Self { view, ..self.clone() }
     }
 
     /// The sum of log likelihood ratios under the edges that a camera at a pose sees, by the number of the spread, as if edges were

@@ -1,0 +1,270 @@
+"""From photos and clouds of one rig to the camera's pose, with neither regions nor a start (docs/math.md, section 19)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import expit
+
+from regionpose import _core
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.pose_search import EdgeFrame, EdgeMode, log_mass, maxima, searched
+from regionpose.arguments import checked_arguments
+from regionpose.arrays import KeptArrays
+from regionpose.cameras.matrix import MatrixCamera
+from regionpose.estimation.answer import Alternative, PoseEstimate
+from regionpose.estimation.options import Solver, checked_solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.warning import PoseWarning
+from regionpose.pose import Pose
+from regionpose.progress import Progress, part
+
+Array = NDArray[np.float64]
+
+NEAR_SIGMA_M = 0.5
+"""Standard deviation, along each axis, of the camera's place about the scanner where none is given: a convention, that
+of both on one vehicle's roof or one tripod."""
+
+SAME_DEG, SAME_M = 5.0, 1.0
+"""Modes within so much of one another are one place: the confidence is that of the rotation within 5 degrees, and what
+moves the camera by a meter moves what it shows at 10 m by as much."""
+
+MASS_OF_CHANCE, MASS_SCALE = 0.0, 1.0
+
+AMBIGUOUS_SHARE = 0.02
+
+FOCAL_STEP = 0.01
+"""Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(KeptArrays):
+    """A pose by the edges of photos and clouds, and what it was found by.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        The pose with its covariance, confidence, warnings and `alternatives`: other places, likeliest first. Without
+        regions it has no overlap errors (NaN).
+    prior : Prior
+        What was searched: the given prior, and what was assumed where that says nothing.
+    assumed : tuple of str
+        Names of the prior's fields that were assumed.
+    log_odds : float
+        Logarithm of the odds that photo and cloud agree at the pose rather than by chance anywhere in the prior.
+    lead : float
+        The same of the pose over the likeliest other place; infinite where there is none.
+    edges : int
+        How many edges of the clouds the photos show.
+    modes : tuple of EdgeMode
+        All maxima of the posterior that were found, of the largest mass first.
+    """
+
+    estimate: PoseEstimate
+    prior: Prior
+    assumed: tuple[str, ...]
+    log_odds: float
+    lead: float
+    edges: int
+    modes: tuple[EdgeMode, ...]
+
+    @property
+    def pose(self) -> Pose:
+        """The camera's, `camera_from_world`."""
+        return self.estimate.pose
+
+    def __repr__(self) -> str:
+        """The estimate, and how far it leads."""
+        return f"Calibration({self.estimate!r}, log_odds={self.log_odds:.1f}, lead={self.lead:.1f})"
+
+
+@checked_arguments
+def calibrate(
+    frames: Sequence[SceneFrame],
+    *,
+    prior: Prior | None = None,
+    sensor_origin: ArrayLike | None = None,
+    solver: Solver | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """The pose of a camera in the frame of a scanner, from photos and clouds alone.
+
+    The edges of the clouds, of depth and intensity, are laid on those of the photos at tens of thousands of poses that
+    the prior allows; the likeliest are maximized, and how far the best leads chance and the others gives the
+    confidence (docs/math.md, section 19). Frames of one rig share the pose, and their evidence adds up.
+
+    Parameters
+    ----------
+    frames : sequence of SceneFrame
+        Photos and clouds of one rig, the clouds in the scanner's frame.
+    prior : Prior, optional
+        Where the camera stands (`camera_near`), which direction is up, a rough pose. Without a place the camera is
+        taken to be near the scanner, within 0.5 m along each axis; without `up` or `initial` with its deviations every
+        rotation is searched.
+    sensor_origin : (3,) array, optional
+        Where the scanner stands in the clouds' frame, meters; (0, 0, 0) by default.
+    solver : Solver, optional
+        Its limits, and what a frame and the focal lengths are off by.
+    progress : callable, optional
+        Told which share of the work is done, 0 to 1.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+        For no frames, arrays of another shape, or clouds and photos in which no edges are found.
+    """
+    if not frames:
+        raise ValueError("frames is empty; needed at least one photo and cloud")
+    options = checked_solver(solver)
+    known, assumed, place = _assumed(prior, sensor_origin)
+    edge_frames = [EdgeFrame(frame, place) for frame in frames]
+    modes = searched(edge_frames, known, progress=part(progress, 0.0, 0.95))
+    if not modes:
+        raise ValueError("no pose was found: clouds and photos show no edges in common that the prior allows")
+    return _judged(modes, edge_frames, known, assumed, options)
+
+
+def _assumed(prior: Prior | None, sensor_origin: ArrayLike | None) -> tuple[Prior, tuple[str, ...], Array]:
+    """The prior with what it needs to be searched, the names of what was assumed, and the scanner's place."""
+    place = np.zeros(3) if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
+    known, assumed = prior or Prior(), []
+    has_pose = known.initial is not None and known.initial_rotation_sigma_deg is not None
+    if known.camera_near is None and not has_pose:
+        known, assumed = replace(known, camera_near=place), ["camera_near"]
+    if known.camera_near is not None and known.camera_near_sigma_m is None:
+        known = replace(known, camera_near_sigma_m=NEAR_SIGMA_M)
+        assumed.append("camera_near_sigma_m")
+    return known, tuple(assumed), place
+
+
+def _judged(
+    modes: Sequence[EdgeMode], frames: Sequence[EdgeFrame], prior: Prior, assumed: tuple[str, ...], solver: Solver
+) -> Calibration:
+    """The first mode as an estimate, with the others as its alternatives."""
+    best = modes[0]
+    places = _places(modes)
+    masses = np.array([log_mass(place) for place in places])
+    lead = float(masses[0] - masses[1]) if len(masses) > 1 else np.inf
+    confidences = _confidences(masses)
+    shift = _focal_shift(frames, best, prior)
+    own = _covariance_of(places[0]) + _frame_covariance(solver, len(frames)) + solver.focal_covariance(shift)
+    estimate = PoseEstimate(
+        pose=best.pose,
+        covariance=own,
+        confidence=float(confidences[0]) * _core.nearness(own),
+        share=float(confidences[0]),
+        overlap_error=np.nan,
+        region_overlap_errors=np.empty(0),
+        boundary_noise_px=np.nan,
+        disturbed_share=None,
+        alternatives=tuple(_alternative(place[0], share) for place, share in zip(places[1:], confidences[1:], strict=True)),
+        warnings=(),
+        converged=True,
+        termination="a maximum of the posterior",
+        evaluations=0,
+        distance_m=float(np.median([frame.distance_m(best.pose) for frame in frames])),
+        focal_shift=shift,
+    )
+    estimate = replace(estimate, warnings=_warnings(estimate, solver))
+    return Calibration(estimate, prior, assumed, float(masses[0]), lead, best.edges, tuple(modes))
+
+
+def _places(modes: Sequence[EdgeMode]) -> list[list[EdgeMode]]:
+    """The modes by the places that they belong to, each with its likeliest first."""
+    places: list[list[EdgeMode]] = []
+    for mode in modes:
+        own = next((place for place in places if _is_same(place[0].pose, mode.pose)), None)
+        if own is None:
+            places.append([mode])
+        else:
+            own.append(mode)
+    return sorted(places, key=log_mass, reverse=True) if places else places
+
+
+def _is_same(pose: Pose, other: Pose) -> bool:
+    turn = np.degrees((pose.rotation * other.rotation.inv()).magnitude())
+    return bool(turn <= SAME_DEG and np.linalg.norm(pose.camera_center - other.camera_center) <= SAME_M)
+
+
+def _confidences(masses: Array) -> Array:
+    """Probabilities (n,) that places are right: of one another and of chance, which none of them leads."""
+    scaled = (masses - MASS_OF_CHANCE) / MASS_SCALE
+    total = np.logaddexp(np.logaddexp.reduce(scaled), 0.0)
+    return np.asarray(np.exp(scaled - total))
+
+
+def _covariance_of(place: Sequence[EdgeMode]) -> Array:
+    """The covariance (6, 6) about the first of a place's modes, each of which counts by its mass."""
+    best = place[0]
+    shares = np.exp(np.array([mode.log_mass for mode in place]) - log_mass(place))
+    ways = [best.pose.increment_to(mode.pose) for mode in place]
+    parts = zip(shares, place, ways, strict=True)
+    return np.asarray(sum(share * (mode.covariance + np.outer(way, way)) for share, mode, way in parts))
+
+
+def _frame_covariance(solver: Solver, frames: int) -> Array:
+    """Covariance (6, 6) of the mean error of so many whole exposures."""
+    sigma = np.repeat([np.radians(solver.frame_sigma_deg), solver.frame_sigma_m], 3)
+    return np.diag(np.square(sigma)) / frames
+
+
+def _focal_shift(frames: Sequence[EdgeFrame], best: EdgeMode, prior: Prior) -> Array:
+    """The pose's derivative (6,) by the logarithm of the focal lengths; zero of a camera without them."""
+    if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
+        return np.zeros(6)
+    density = _core.Density.of_prior(prior.core)
+    ends = [
+        maxima([frame.zoomed(sign * FOCAL_STEP) for frame in frames], density, [best.pose]) for sign in (-1.0, 1.0)
+    ]
+    if not all(ends):
+        return np.full(6, np.nan)
+    low, high = (best.pose.increment_to(modes[0].pose) for modes in ends)
+    return (high - low) / (2.0 * FOCAL_STEP)
+
+
+def _alternative(mode: EdgeMode, share: float) -> Alternative:
+    return Alternative(
+        pose=mode.pose,
+        covariance=mode.covariance,
+        confidence=share,
+        share=share,
+        overlap_error=np.nan,
+        region_overlap_errors=np.empty(0),
+    )
+
+
+def _warnings(estimate: PoseEstimate, solver: Solver) -> tuple[PoseWarning, ...]:
+    """What speaks against trusting an estimate by edges."""
+    found: list[PoseWarning] = []
+    others = [other for other in estimate.alternatives if other.share > AMBIGUOUS_SHARE]
+    if others:
+        turns = [np.degrees((other.pose.rotation * estimate.pose.rotation.inv()).magnitude()) for other in others]
+        moves = [float(np.linalg.norm(other.pose.camera_center - estimate.pose.camera_center)) for other in others]
+        text = "photo and cloud agree about as well at {count:.0f} other poses, turned by {turned_deg:.0f} deg and moved by {moved_m:.1f} m or more"
+        values = {"count": float(len(others)), "turned_deg": float(min(turns)), "moved_m": min(moves)}
+        found.append(PoseWarning("ambiguous", text, (), values))
+    most_deg, share = solver.limits
+    turn, shift = float(estimate.rotation_sigma_deg.max()), float(estimate.translation_sigma_m.max())
+    if turn > most_deg or shift > share * estimate.distance_m:
+        text = (
+            "standard deviations of {rotation_deg:.2f} deg and {translation_mm:.0f} mm exceed the limits of"
+            " {most_deg:.2f} deg and {most_mm:.0f} mm"
+        )
+        values = {
+            "rotation_deg": turn,
+            "translation_mm": 1000.0 * shift,
+            "most_deg": most_deg,
+            "most_mm": 1000.0 * share * estimate.distance_m,
+        }
+        found.append(PoseWarning("weak-geometry", text, (), values))
+    if estimate.confidence < _core.TRUSTED and not others:
+        text = "too few edges of photo and cloud agree: confidence {percent:.0f} %"
+        found.append(PoseWarning("low-confidence", text, (), {"percent": 100.0 * estimate.confidence}))
+    return tuple(found)
