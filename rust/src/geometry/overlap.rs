@@ -16,7 +16,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Add;
 
 use crate::effort;
-use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, sign};
+use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, greater, lesser, sign};
 use crate::geometry::rings::PlaneRings;
 use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
@@ -100,8 +100,10 @@ struct Segments(Vec<([Point; 2], f64)>);
 impl Segments {
     /// All of a region's edges; vertical ones bound no area below them.
     fn of(region: &Parts) -> Self {
-        let edges = region.edges().iter().map(|edge| (edge.rising(), f64::from(edge.sign())));
-        Self(edges.filter(|(_, sign)| *sign != 0.0).collect())
+        let edges = region.edges().iter().map(|edge| (edge.ends, f64::from(edge.sign)));
+        let mut segments = Vec::with_capacity(edges.len());
+        segments.extend(edges.filter(|(_, sign)| *sign != 0.0));
+        Self(segments)
     }
 
     /// Adds what of the edges of a region is the lower one with the edges of another region, as often as it is; with `ties` also
@@ -109,7 +111,8 @@ impl Segments {
     fn add_below(&mut self, region: &Parts, other: &Parts, ties: bool) {
         let room = ROUNDING * region.largest().max(other.largest());
         let (mut steps, mut looked) = (Vec::new(), 0);
-        for edge in region.edges().iter().filter(|edge| edge.sign() != 0) {
+        self.0.reserve(region.edges().len());
+        for edge in region.edges().iter().filter(|edge| edge.sign != 0) {
             let mut below = Below::new(edge, ties, room, steps);
             looked += other.visit(&mut below);
             steps = below.steps;
@@ -120,7 +123,7 @@ impl Segments {
 
     /// Adds an edge as often as the sum of steps along it says, which are empty then.
     fn add_steps(&mut self, edge: &Edge, steps: &mut Vec<(f64, i32)>) {
-        let ends = edge.rising();
+        let ends = edge.ends;
         steps.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let (mut count, mut begun) = (0_i32, 0.0);
         for at_place in steps.chunk_by(|a, b| a.0 == b.0) {
@@ -128,7 +131,7 @@ impl Segments {
             if step == 0 {
                 continue;
             }
-            let segment = ([begun, x].map(|x| [x, y_at(&ends, x)]), f64::from(count.signum() * edge.sign()));
+            let segment = ([begun, x].map(|x| [x, y_at(&ends, x)]), f64::from(count.signum() * edge.sign));
             self.0.extend((0..count.abs()).map(|_| segment));
             (count, begun) = (count + step, x);
         }
@@ -153,74 +156,88 @@ struct Below {
     edge: [Point; 2],
     /// Whether edges that lie where it does count as above it.
     ties: bool,
-    /// How far from it a part of a ring lies on one side for certain.
-    room: f64,
+    /// The y below and above which a part of a ring lies on one side of it for certain.
+    low: f64,
+    high: f64,
     /// From the left end of the edge to its right one.
     step: Point,
-    length: f64,
+    /// How far from its line a part lies on one side for certain, times at least its length.
+    far: f64,
     /// Where the sum of the signs of the edges above changes, and by how much.
     steps: Vec<(f64, i32)>,
 }
 
 impl Below {
     fn new(edge: &Edge, ties: bool, room: f64, steps: Vec<(f64, i32)>) -> Self {
-        let [left, right] = edge.rising();
+        let [left, right] = edge.ends;
         let step = [right[0] - left[0], right[1] - left[1]];
-        Self { edge: [left, right], ties, room, step, length: step[0].hypot(step[1]), steps }
+        let (low, high) = (lesser(left[1], right[1]) - room, greater(left[1], right[1]) + room);
+        Self { edge: [left, right], ties, low, high, step, far: room * (step[0] + step[1].abs()), steps }
     }
 
     /// Adds a path from one x to another that lies above, as far as the edge goes.
     fn add(&mut self, path: [f64; 2]) {
         let [left, right] = [self.edge[0][0], self.edge[1][0]];
-        let (from, to) = (path[0].min(path[1]).max(left), path[0].max(path[1]).min(right));
+        let (from, to) = (greater(lesser(path[0], path[1]), left), lesser(greater(path[0], path[1]), right));
         if from < to {
             self.steps.extend([(from, sign(path)), (to, -sign(path))]);
         }
     }
 
-    /// How far the corners of a part lie from the edge's line at least and at most, above it being positive, times its length.
-    fn sides(&self, part: &Part) -> [f64; 2] {
-        let [left, _] = self.edge;
-        let side = |point: Point| self.step[0] * (point[1] - left[1]) - self.step[1] * (point[0] - left[0]);
-        let sides = part.corners.map(side);
-        [sides.into_iter().fold(f64::INFINITY, f64::min), sides.into_iter().fold(f64::NEG_INFINITY, f64::max)]
-    }
-}
-
-impl Visitor for Below {
-    fn enters(&mut self, part: &Part) -> bool {
-        let [left, right] = self.edge;
-        if part.low[0] >= right[0] || part.high[0] <= left[0] {
-            return false;
+    /// Whether a part may lie on either side of the edge; adds it where it is above.
+    fn lies_beside(&mut self, part: &Part) -> bool {
+        let mut is_above = part.low[1] > self.high;
+        if !is_above {
+            let [least, most] = self.sides(part);
+            if most < -self.far {
+                return false;
+            }
+            is_above = least > self.far;
         }
-        let [least, most] = self.sides(part);
-        let far = self.room * self.length;
-        if part.high[1] < left[1].min(right[1]) - self.room || most < -far {
-            return false;
-        }
-        let is_above = part.low[1] > left[1].max(right[1]) + self.room || least > far;
         if is_above {
             part.paths.into_iter().for_each(|path| self.add(path));
         }
         !is_above
     }
 
+    /// Adds what of another edge lies above between two x.
+    fn compare(&mut self, other: &Edge, from: f64, to: f64) {
+        let gap = |x: f64| y_at(&other.ends, x) - y_at(&self.edge, x);
+        let (begin, end) = (gap(from), gap(to));
+        // The other edge finds the same gaps, negative ones, and the same place between.
+        let cross = || from + (to - from) * (begin / (begin - end));
+        let path = match (begin > 0.0, end > 0.0) {
+            _ if begin >= 0.0 && end >= 0.0 && (self.ties || begin > 0.0 || end > 0.0) => [from, to],
+            (true, _) => [from, cross()],
+            (_, true) => [cross(), to],
+            _ => return,
+        };
+        self.add(if other.sign > 0 { [path[1], path[0]] } else { path });
+    }
+
+    /// How far the corners of a part lie from the edge's line at least and at most, above it being positive, times its length.
+    fn sides(&self, part: &Part) -> [f64; 2] {
+        let [left, _] = self.edge;
+        let side = |point: Point| self.step[0] * (point[1] - left[1]) - self.step[1] * (point[0] - left[0]);
+        let [a, b, c, d] = part.corners.map(side);
+        [lesser(lesser(a, b), lesser(c, d)), greater(greater(a, b), greater(c, d))]
+    }
+}
+
+impl Visitor for Below {
+    #[inline(always)]
+    fn enters(&mut self, part: &Part) -> bool {
+        let [left, right] = self.edge;
+        part.low[0] < right[0] && part.high[0] > left[0] && part.high[1] >= self.low && self.lies_beside(part)
+    }
+
+    #[inline(always)]
     fn meets(&mut self, other: &Edge) {
-        let [left, right] = other.rising();
-        let (from, to) = (left[0].max(self.edge[0][0]), right[0].min(self.edge[1][0]));
+        let [left, right] = other.ends;
+        let (from, to) = (greater(left[0], self.edge[0][0]), lesser(right[0], self.edge[1][0]));
         // The comparison fails for vertical edges, too.
         if from < to {
-            let gap = |x: f64| y_at(&[left, right], x) - y_at(&self.edge, x);
-            let (begin, end) = (gap(from), gap(to));
-            // The other edge finds the same gaps, negative ones, and the same place between.
-            let cross = from + (to - from) * (begin / (begin - end));
-            let path = match (begin > 0.0, end > 0.0) {
-                _ if begin >= 0.0 && end >= 0.0 && (self.ties || begin > 0.0 || end > 0.0) => [from, to],
-                (true, _) => [from, cross],
-                (_, true) => [cross, to],
-                _ => return,
-            };
-            self.add(if other.sign() > 0 { [path[1], path[0]] } else { path });
+            self.compare(other, from, to);
         }
     }
 }

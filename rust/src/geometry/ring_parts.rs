@@ -15,23 +15,38 @@ const GROUP: usize = 8;
 /// A point of the plane.
 pub(super) type Point = [f64; 2];
 
-/// An edge of a ring, in its direction.
+/// An edge of a ring.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Edge {
-    from: Point,
-    to: Point,
+    /// Its ends from left to right.
+    pub(super) ends: [Point; 2],
+    /// +1 where it leads to the left and has its region below, -1 to the right, 0 of a vertical one.
+    pub(super) sign: i32,
 }
 
 impl Edge {
-    /// +1 of an edge to the left, which has its region below, -1 to the right, 0 of a vertical one.
-    pub(super) fn sign(&self) -> i32 {
-        sign([self.from[0], self.to[0]])
+    fn new(from: Point, to: Point) -> Self {
+        let sign = sign([from[0], to[0]]);
+        Self { ends: if sign > 0 { [to, from] } else { [from, to] }, sign }
     }
 
-    /// Its ends from left to right.
-    pub(super) fn rising(&self) -> [Point; 2] {
-        if self.to[0] < self.from[0] { [self.to, self.from] } else { [self.from, self.to] }
+    /// The x at which a ring comes to it and leaves it.
+    fn path(&self) -> [f64; 2] {
+        let [left, right] = self.ends.map(|end| end[0]);
+        if self.sign > 0 { [right, left] } else { [left, right] }
     }
+}
+
+/// The lesser of two numbers, neither of which is NaN.
+#[inline(always)]
+pub(super) fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers, neither of which is NaN.
+#[inline(always)]
+pub(super) fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// The sign of the area below a path from one x to another.
@@ -81,9 +96,14 @@ impl Parts {
                 })
             })
             .collect();
-        let edge = |(a, b): (&Vector2<f64>, &Vector2<f64>)| Edge { from: [a.x, a.y], to: [b.x, b.y] };
-        let edges = rings.iter().flat_map(|ring| ring.iter().zip(ring.iter().cycle().skip(1)).map(edge));
-        let mut parts = Self { edges: edges.collect(), levels: Vec::new() };
+        let mut edges = Vec::with_capacity(ends.last().copied().unwrap_or(0));
+        for ring in rings {
+            let Some(last) = ring.last() else { continue };
+            let closing = Edge::new((*last).into(), ring[0].into());
+            edges.extend(ring.windows(2).map(|ends| Edge::new(ends[0].into(), ends[1].into())));
+            edges.push(closing);
+        }
+        let mut parts = Self { edges, levels: Vec::new() };
         let count = parts.edges.len();
         let paths = |part: Range<usize>| {
             // The first ring that ends behind its first edge, and the ring of its last edge.
@@ -92,7 +112,7 @@ impl Parts {
             let last_start = if last_ring > 0 { ends[last_ring - 1] } else { 0 };
             let path = |part: Range<usize>| match part.is_empty() {
                 true => [0.0; 2],
-                false => [parts.edges[part.start].from[0], parts.edges[part.end - 1].to[0]],
+                false => [parts.edges[part.start].path()[0], parts.edges[part.end - 1].path()[1]],
             };
             [path(part.start..first_end), path(last_start.max(first_end)..part.end)]
         };
@@ -125,7 +145,11 @@ impl Parts {
 
     /// The largest size of a coordinate.
     pub(super) fn largest(&self) -> f64 {
-        self.edges.iter().flat_map(|edge| edge.from).fold(0.0, |most, x| most.max(x.abs()))
+        let of_edge = |most: f64, edge: &Edge| {
+            let [[a, b], [c, d]] = edge.ends.map(|end| end.map(f64::abs));
+            greater(most, greater(greater(a, b), greater(c, d)))
+        };
+        self.edges.iter().fold(0.0, of_edge)
     }
 
     /// Takes a visitor to all parts and edges that it enters; how many it was shown.
@@ -153,13 +177,13 @@ impl Parts {
 
 impl Part {
     fn around_edges(edges: &[Edge], paths: [[f64; 2]; 2]) -> Self {
-        let steps = edges.iter().map(|Edge { from, to }| [to[0] - from[0], to[1] - from[1]]);
-        Self::around(edges.iter().flat_map(|edge| [edge.from, edge.to]), steps, paths)
+        let steps = edges.iter().map(|Edge { ends: [left, right], .. }| [right[0] - left[0], right[1] - left[1]]);
+        Self::around(edges.iter().map(|edge| &edge.ends), steps, paths)
     }
 
     fn around_parts(parts: &[Part], paths: [[f64; 2]; 2]) -> Self {
-        let points = parts.iter().flat_map(|part| part.corners);
-        let mut part = Self::around(points, parts.iter().map(|part| part.longest), paths);
+        let mut part =
+            Self::around(parts.iter().map(|part| &part.corners), parts.iter().map(|part| part.longest), paths);
         for axis in 0..2 {
             part.low[axis] = parts.iter().map(|part| part.low[axis]).fold(f64::INFINITY, f64::min);
             part.high[axis] = parts.iter().map(|part| part.high[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -167,22 +191,28 @@ impl Part {
         part
     }
 
-    fn around(
-        points: impl Iterator<Item = Point> + Clone,
+    fn around<'a, const N: usize>(
+        points: impl Iterator<Item = &'a [Point; N]>,
         steps: impl Iterator<Item = Point>,
         paths: [[f64; 2]; 2],
     ) -> Self {
-        let length = |step: &Point| step[0].hypot(step[1]);
-        let longest = steps.max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or([0.0; 2]);
-        let [u, v] = if length(&longest) > 0.0 { longest.map(|x| x / length(&longest)) } else { [1.0, 0.0] };
-        let bounds = |along: Point| {
-            let values = points.clone().map(|[x, y]| x * along[0] + y * along[1]);
-            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
-        };
-        let ([left, right], [down, up]) = (bounds([u, v]), bounds([-v, u]));
+        // Any direction will do, so squares that are out of range do no harm.
+        let square = |[x, y]: Point| x * x + y * y;
+        let longer = |a: (f64, Point), b: (f64, Point)| if b.0 >= a.0 { b } else { a };
+        let (_, longest) = steps.map(|step| (square(step), step)).fold((0.0, [0.0; 2]), longer);
+        let length = longest[0].hypot(longest[1]);
+        let [u, v] = if length > 0.0 { longest.map(|x| x / length) } else { [1.0, 0.0] };
+        let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
+        for points in points {
+            for [x, y] in points {
+                for (axis, value) in [*x, *y, x * u + y * v, y * u - x * v].into_iter().enumerate() {
+                    (low[axis], high[axis]) = (lesser(low[axis], value), greater(high[axis], value));
+                }
+            }
+        }
+        let ([low_x, low_y, left, down], [high_x, high_y, right, up]) = (low, high);
         let corners = [[left, down], [right, down], [right, up], [left, up]];
         let corners = corners.map(|[along, across]| [along * u - across * v, along * v + across * u]);
-        let ([low_x, high_x], [low_y, high_y]) = (bounds([1.0, 0.0]), bounds([0.0, 1.0]));
         Self { low: [low_x, low_y], high: [high_x, high_y], corners, paths, longest }
     }
 }
