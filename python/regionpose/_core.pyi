@@ -139,7 +139,7 @@ def estimate_batch(
     mesh_size: float | None = None,
     start: Literal["global", "paper"] = "global",
     refine: Literal["contour"] | None = "contour",
-    frame_sigma: tuple[float, float, float] | None = None,
+    frame_sigma: tuple[float, float, float, float] | None = None,
     limits: tuple[float, float] | None = None,
 ) -> list[Estimate | str | None]:
     """Estimates of many problems by the native solver, each with its prior, in order; None for one without a pose in
@@ -378,6 +378,10 @@ class Estimate:
         """Evaluations of the equations over all minima."""
 
     @property
+    def pixel_angle(self) -> float:
+        """Angle of a pixel where the regions are seen, radians: the root of its mean square over them."""
+
+    @property
     def distance(self) -> float:
         """Median distance of the regions from the camera at the best pose."""
 
@@ -427,7 +431,7 @@ class Problem:
         start: Literal["global", "paper"] = "global",
         prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
-        frame_sigma: tuple[float, float, float] | None = None,
+        frame_sigma: tuple[float, float, float, float] | None = None,
         limits: tuple[float, float] | None = None,
     ) -> Search:
         """The poses that may be the answer, and the equations to polish them by."""
@@ -462,7 +466,7 @@ class Problem:
         start: Literal["global", "paper"] = "global",
         prior: Prior | None = None,
         refine: Literal["contour"] | None = "contour",
-        frame_sigma: tuple[float, float, float] | None = None,
+        frame_sigma: tuple[float, float, float, float] | None = None,
         limits: tuple[float, float] | None = None,
     ) -> Estimate | None:
         """The estimate by the native driver; None without a pose in view."""

@@ -233,6 +233,12 @@ impl Problem {
         0.5 * (below + above)
     }
 
+    /// Angle of a pixel where the regions are seen, rad: the root of its mean square over them.
+    pub fn pixel_angle(&self) -> f64 {
+        let squares = self.regions.iter().map(|region| region.pixels_per_radian().powi(-2));
+        (squares.sum::<f64>() / self.regions.len() as f64).sqrt()
+    }
+
     /// The pose for world points about the problem's origin.
     pub fn centered(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.transform(&self.origin))

@@ -73,7 +73,7 @@ def test_what_solver_options_say_of_the_prior_is_added_to_what_is_known() -> Non
     told = estimate_options(problem, 'prior={"up":[0,-1,0]} start=paper', exact_exposure=True)
     assert told == (
         rp.Prior(up=[0.0, -1.0, 0.0], camera_near=[1.0, 2.0, 3.0]),
-        rp.Solver(start="paper", frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma_percent=0.0),
+        rp.Solver(start="paper", frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma_percent=0.0, center_sigma_px=0.0),
     )
     assert estimate_options(problem, "", exact_exposure=False) == (known, rp.Solver())
 

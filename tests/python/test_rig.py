@@ -18,8 +18,8 @@ from regionpose.estimation.contours import (
     distances_of,
 )
 from regionpose.estimation.intrinsics import CameraPart, ContourProblem, refined_camera
+from regionpose.estimation.options import EXACT_EXPOSURE
 from regionpose.evaluation import fisheye_scene, pose_errors, squares_on_mask
-from regionpose.evaluation.studies.study import EXACT_EXPOSURE
 from rig_frames import (
     RIG,
     fisheye_frames,

@@ -214,3 +214,13 @@ def test_a_forked_child_solves_after_its_parent(batch: list[PoseProblem]) -> Non
     with multiprocessing.get_context("fork").Pool(2) as pool:
         found = pool.map_async(solve_in_child, batch[:2]).get(SCENE_TIMEOUT_S)
     assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
+
+
+def test_the_calibrations_errors_are_what_they_add_to_a_covariance() -> None:
+    problem, solver = problem_of(omnidirectional_scene(3, 3)), rp.Solver(driver="native")
+    known = rp.Solver(driver="native", focal_sigma_percent=0.0, center_sigma_px=0.0)
+    ordinary, exact = (rp.estimate_pose(*problem[:3], solver=each) for each in (solver, known))
+    added = solver.calibration_covariance(ordinary.focal_shift, ordinary.pixel_angle_rad)
+    assert np.allclose(ordinary.covariance - exact.covariance, added, rtol=1e-9, atol=1e-15)
+    # The camera has 504 px in a radian about its axis.
+    assert 1 / 600 < ordinary.pixel_angle_rad < 1 / 500

@@ -12,7 +12,7 @@ from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards, painted
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.clouds import Cloud, write_ply
-from regionpose.evaluation.studies.study import EXACT_EXPOSURE
+from regionpose.estimation.options import EXACT_EXPOSURE
 from regionpose.scene.verdict import DOUBTFUL, TRUSTED, verdict
 from regionpose.yaml_text import to_yaml
 from scipy.spatial.transform import Rotation

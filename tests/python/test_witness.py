@@ -167,6 +167,7 @@ def estimate(confidences: list[float], *codes: str) -> PoseEstimate:
         "",
         1,
         5.0,
+        0.001,
         np.zeros(6),
     )
 

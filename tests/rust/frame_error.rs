@@ -2,8 +2,8 @@
 
 use crate::support::random::Random;
 use crate::support::samples::{layout, sampled};
-use crate::support::scene::Scene;
-use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
+use crate::support::scene::{FOCAL, Scene};
+use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
 use regionpose::{Estimate, FrameSigma, Limits, ObservedRegion, Options, Problem, Warning, WorldRegion};
 
 fn estimated(observed: &[ObservedRegion], worlds: &[WorldRegion], frame_sigma: FrameSigma) -> Estimate {
@@ -24,10 +24,11 @@ fn seen(scene: &Scene, change: impl Fn(usize, Vector3<f64>) -> Vector3<f64>) -> 
 #[test]
 fn the_error_of_an_exposure_adds_to_the_covariance() {
     let scene = Scene::random(&mut Random::new(4), layout(3));
-    let sigma = FrameSigma { rotation: 0.002, place: 0.05, focal: 0.01 };
-    let alone = estimated(&scene.observed, &scene.worlds, FrameSigma::ZERO).best;
+    let sigma = FrameSigma { rotation: 0.002, place: 0.05, focal: 0.01, center: 2.0 };
+    let Estimate { best: alone, pixel_angle, .. } = estimated(&scene.observed, &scene.worlds, FrameSigma::ZERO);
     let whole = estimated(&scene.observed, &scene.worlds, sigma).best;
-    let turn = sigma.rotation * sigma.rotation;
+    assert!((pixel_angle * FOCAL - 1.0).abs() < 0.02, "{pixel_angle}");
+    let turn = sigma.rotation.powi(2) + (sigma.center * pixel_angle).powi(2);
     // Of outlines that are known the place has no error of its own.
     let added = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, 0.0, 0.0, 0.0))
         + alone.focal_shift * alone.focal_shift.transpose() * (sigma.focal * sigma.focal);
@@ -58,6 +59,28 @@ fn focal_lengths_move_a_pose_as_stated() {
         .collect();
     errors.sort_by(f64::total_cmp);
     assert!(errors[10] < 0.06 && errors[19] < 0.1, "{errors:.3?}");
+}
+
+/// The turn of poses of photos by a lens that keeps areas, whose center is a pixel beside, against the angle of a pixel.
+#[test]
+fn a_center_beside_its_place_turns_a_pose_by_its_angle() {
+    let turn = |seed: u64, along: Vector2<f64>| {
+        let scene = Scene::random(&mut Random::new(seed), layout(3));
+        let seen_from = |center: Vector2<f64>| {
+            let beside = |x: Vector3<f64>| {
+                let pixel = x.xy().normalize() * (2.0 * FOCAL * (0.5 * x.xy().norm().atan2(x.z)).sin()) - center;
+                let angle = 2.0 * (0.5 * pixel.norm() / FOCAL).asin();
+                (pixel.normalize() * angle.sin()).push(angle.cos())
+            };
+            estimated(&seen(&scene, |_, x| beside(x)), &scene.worlds, FrameSigma::ZERO)
+        };
+        let [before, after] = [-0.5, 0.5].map(|share| seen_from(along * share));
+        before.best.pose.increment_to(&after.best.pose).fixed_rows::<3>(0).norm() / before.pixel_angle
+    };
+    let both = |seed| [turn(seed, Vector2::x()), turn(seed, Vector2::y())];
+    let mut turns: Vec<f64> = (0..20).flat_map(both).collect();
+    turns.sort_by(f64::total_cmp);
+    assert!((turns[19] - 1.0).abs() < 0.1 && turns[0] > 0.7 && turns[39] < 1.2, "{turns:.3?}");
 }
 
 /// A region that is seen half a degree beside its place moves the pose by several of the deviations that noise leaves; how far the regions

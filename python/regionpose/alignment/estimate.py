@@ -114,29 +114,31 @@ def refined_estimate(
     and of the focal lengths; `estimated`: the regions' estimate with another camera, started at a pose.
 
     The estimate's covariance holds what the edges of all frames share beside their noise: the error of each whole
-    exposure, to the solver's deviations, and of the focal lengths.
+    exposure, to the solver's deviations, and of the calibration.
     """
-    # With the focal lengths as they are given; what an error of these does to regions and edges is added after.
-    given = _at_given_focal(estimate, solver)
+    # With the calibration as it is given; what an error of it does to regions and edges is added after.
+    given = _at_given_calibration(estimate, solver)
     found = refine_with_scene(given.pose, given.covariance, scene)
 
     def zoomed(other: Camera, pose: Pose) -> PoseEstimate:
-        return _at_given_focal(estimated(other, pose), solver)
+        return _at_given_calibration(estimated(other, pose), solver)
 
     focal = focal_evidence(given, scene, zoomed, found.pose if found.refined else None)
     found = replace(found, focal=focal)
     covariance = estimate.covariance
     if found.refined:
         shift = estimate.focal_shift if focal is None else 100.0 * focal.shift
-        covariance = found.covariance + _shared_error(solver, len(scene)) + solver.focal_covariance(shift)
+        calibration = solver.calibration_covariance(shift, estimate.pixel_angle_rad)
+        covariance = found.covariance + _shared_error(solver, len(scene)) + calibration
     return moved_estimate(estimate, found.pose, covariance, camera, image_regions, world_regions, solver), found
 
 
-def _at_given_focal(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
-    """The estimate with the covariance that it has if the focal lengths are without error."""
+def _at_given_calibration(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
+    """The estimate with the covariance that it has if focal lengths and image center are without error."""
     if not np.isfinite(estimate.covariance).all():
         return estimate
-    return replace(estimate, covariance=estimate.covariance - solver.focal_covariance(estimate.focal_shift))
+    calibration = solver.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+    return replace(estimate, covariance=estimate.covariance - calibration)
 
 
 def _shared_error(solver: Solver, frames: int) -> NDArray[np.float64]:

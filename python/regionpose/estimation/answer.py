@@ -128,6 +128,9 @@ class PoseEstimate(Judged):
     distance_m : float
         Median distance of the regions from the camera, meters: what the limit of the translation's standard deviation
         is a share of.
+    pixel_angle_rad : float
+        The angle of a pixel where the regions are seen, radians: the root of its mean square over them. About 1 over
+        the focal length.
     focal_shift : (6,) array
         The pose's derivative by the logarithm of the focal lengths, a left increment, as the regions tell it: a
         hundredth of it is what focal lengths 1 % longer do (docs/math.md, eq. 10.9). NaN where a direction is left
@@ -151,6 +154,7 @@ class PoseEstimate(Judged):
     termination: str
     evaluations: int
     distance_m: float
+    pixel_angle_rad: float
     focal_shift: Array
     creases: tuple[Crease, ...] = ()
 
@@ -191,6 +195,7 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         termination=best.termination,
         evaluations=estimate.evaluations,
         distance_m=estimate.distance,
+        pixel_angle_rad=estimate.pixel_angle,
         focal_shift=best.focal_shift,
         creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
     )

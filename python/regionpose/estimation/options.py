@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +39,12 @@ class Solver:
     driver : {"scipy", "native"} or None
         What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
         rigs; both reach the same minimum. Batches are always native.
-    frame_sigma_deg, frame_sigma_m, focal_sigma_percent : float
+    frame_sigma_deg, frame_sigma_m, focal_sigma_percent, center_sigma_px : float
         Standard deviations of the error of a whole exposure, which calibration, time and scan add and no contour shows:
         of the rotation about each axis, degrees; of the camera's place along each, meters, where regions are those of a
-        scan; of the focal lengths, percent. They count in the covariance (docs/math.md, eq. 10.8); 0, 0 and
-        0 for simulated exposures. A rig estimates the first two itself.
+        scan; of the focal lengths, percent; of the image's center along either axis, pixels, by default what OpenCV
+        states of nine views of a chessboard. They count in the covariance (docs/math.md, eq. 10.8); 0, 0, 0 and 0 for
+        simulated exposures. A rig estimates the first two itself.
     max_rotation_sigma_deg : float
         Largest standard deviation of the rotation, degrees, of a pose that is trusted: of a larger one
         `weak-geometry` warns.
@@ -61,8 +62,8 @@ class Solver:
     >>> import regionpose as rp
     >>> rp.Solver(system="sphere", driver="native")
     Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='native', \
-frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma_percent=0.5, max_rotation_sigma_deg=0.5, \
-max_translation_sigma_percent=2.0)
+frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma_percent=0.5, center_sigma_px=1.5, \
+max_rotation_sigma_deg=0.5, max_translation_sigma_percent=2.0)
 
     """
 
@@ -75,22 +76,27 @@ max_translation_sigma_percent=2.0)
     frame_sigma_deg: float = 0.1
     frame_sigma_m: float = 0.03
     focal_sigma_percent: float = 0.5
+    center_sigma_px: float = 1.5
     max_rotation_sigma_deg: float = 0.5
     max_translation_sigma_percent: float = 2.0
 
     @property
-    def frame_sigma(self) -> tuple[float, float, float]:
+    def frame_sigma(self) -> tuple[float, float, float, float]:
         """The error of a whole exposure, as the core takes it."""
-        return self.frame_sigma_deg, self.frame_sigma_m, 0.01 * self.focal_sigma_percent
+        return self.frame_sigma_deg, self.frame_sigma_m, 0.01 * self.focal_sigma_percent, self.center_sigma_px
 
     @property
     def limits(self) -> tuple[float, float]:
         """The limits of a trusted pose, as the core takes them."""
         return self.max_rotation_sigma_deg, 0.01 * self.max_translation_sigma_percent
 
-    def focal_covariance(self, focal_shift: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the error of the focal lengths adds to the covariance (6, 6) of a pose of this `focal_shift` (6,)."""
-        return (0.01 * self.focal_sigma_percent) ** 2 * np.outer(focal_shift, focal_shift)
+    def calibration_covariance(self, focal_shift: NDArray[np.float64], pixel_angle_rad: float) -> NDArray[np.float64]:
+        """What errors of the focal lengths and of the image's center add to the covariance (6, 6) of a pose of this
+        `focal_shift` (6,) whose regions are seen where a pixel has this angle.
+        """
+        covariance = (0.01 * self.focal_sigma_percent) ** 2 * np.outer(focal_shift, focal_shift)
+        covariance[:3, :3] += (self.center_sigma_px * pixel_angle_rad) ** 2 * np.eye(3)
+        return covariance
 
     def __post_init__(self) -> None:
         """Check words and numbers."""
@@ -129,10 +135,20 @@ NUMBERS = (
     "frame_sigma_deg",
     "frame_sigma_m",
     "focal_sigma_percent",
+    "center_sigma_px",
     "max_rotation_sigma_deg",
     "max_translation_sigma_percent",
 )
 """The options that are numbers of at least 0."""
+
+
+EXACT_EXPOSURE: dict[str, Any] = {
+    "frame_sigma_deg": 0.0,
+    "frame_sigma_m": 0.0,
+    "focal_sigma_percent": 0.0,
+    "center_sigma_px": 0.0,
+}
+"""Options of an exposure whose calibration, time and scan are without error."""
 
 
 def _checked_number(name: str, value: object) -> float:

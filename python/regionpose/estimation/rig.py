@@ -23,7 +23,7 @@ from regionpose.estimation.intrinsics import (
     refined_camera,
 )
 from regionpose.estimation.moved import scattered_estimate
-from regionpose.estimation.options import Solver, checked_solver
+from regionpose.estimation.options import EXACT_EXPOSURE, Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.sides import core_problem
 from regionpose.estimation.single import estimate_pose
@@ -227,7 +227,7 @@ def estimate_rig(
     rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
     if len(listed) > 1:
         # How far frames are off as wholes is estimated below.
-        rig = replace(rig, solver=replace(rig.solver, frame_sigma_deg=0.0, frame_sigma_m=0.0, focal_sigma_percent=0.0))
+        rig = replace(rig, solver=replace(rig.solver, **EXACT_EXPOSURE))
     if names and all(region.is_line for region in _sides(listed)[1]):
         raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
     estimate = rig.joint(listed)
@@ -242,8 +242,9 @@ def estimate_rig(
     found = rig.scattered(listed, estimate)
     if found is not None:
         pose = estimate.pose.moved(found.increment)
-        # An error of the focal lengths is the same in all frames.
-        covariance = found.covariance + options.focal_covariance(estimate.focal_shift)
+        # Errors of the calibration are the same in all frames.
+        calibration = options.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+        covariance = found.covariance + calibration
         estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
     elif len(listed) > 1:
         # Nothing tells how far frames are off.

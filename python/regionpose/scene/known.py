@@ -23,6 +23,7 @@ def scene_solver(scene: Scene) -> Solver:
         frame_sigma_deg=item.frame_sigma_deg,
         frame_sigma_m=item.frame_sigma_m,
         focal_sigma_percent=item.focal_sigma_percent,
+        center_sigma_px=item.center_sigma_px,
         max_rotation_sigma_deg=item.max_rotation_sigma_deg,
         max_translation_sigma_percent=item.max_translation_sigma_percent,
     )

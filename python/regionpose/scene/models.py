@@ -409,6 +409,10 @@ class SolverItem(Item):
     focal_sigma_percent: Annotated[
         NotNegative, Field(description="standard deviation of the calibration's focal lengths, percent")
     ] = Solver.focal_sigma_percent
+    center_sigma_px: Annotated[
+        NotNegative,
+        Field(description="standard deviation of the calibration's image center along either axis, pixels"),
+    ] = Solver.center_sigma_px
     max_rotation_sigma_deg: Annotated[
         NotNegative, Field(description="largest standard deviation of the rotation of a trusted pose, degrees")
     ] = Solver.max_rotation_sigma_deg

@@ -273,6 +273,12 @@ impl Estimate {
         self.0.warnings.iter().map(|warning| told(py, warning)).collect()
     }
 
+    /// Angle of a pixel where the regions are seen, radians: the root of its mean square over them.
+    #[getter]
+    fn pixel_angle(&self) -> f64 {
+        self.0.pixel_angle
+    }
+
     /// Median distance of the regions from the camera at the best pose.
     #[getter]
     fn distance(&self) -> f64 {
@@ -323,7 +329,7 @@ impl Problem {
         start: &str,
         prior: Option<Prior>,
         refine: Option<&str>,
-        frame_sigma: Option<[f64; 3]>,
+        frame_sigma: Option<[f64; 4]>,
         limits: Option<[f64; 2]>,
     ) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
@@ -380,7 +386,7 @@ impl Problem {
         start: &str,
         prior: Option<Prior>,
         refine: Option<&str>,
-        frame_sigma: Option<[f64; 3]>,
+        frame_sigma: Option<[f64; 4]>,
         limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
@@ -392,7 +398,7 @@ fn parsed_options(
     start: &str,
     prior: Option<Prior>,
     refine: Option<&str>,
-    frame_sigma: Option<[f64; 3]>,
+    frame_sigma: Option<[f64; 4]>,
     limits: Option<[f64; 2]>,
 ) -> PyResult<Options> {
     let (prior, given) = (prior.map(|prior| prior.0).unwrap_or_default(), Options::default());
@@ -401,10 +407,11 @@ fn parsed_options(
         prior,
         refinement: parsed_refinement(refine)?,
         frame_sigma: match frame_sigma {
-            Some([degrees, meters, focal]) => FrameSigma {
+            Some([degrees, meters, focal, center]) => FrameSigma {
                 rotation: at_least_zero("frame_sigma[0]", degrees)?.to_radians(),
                 place: at_least_zero("frame_sigma[1]", meters)?,
                 focal: at_least_zero("frame_sigma[2]", focal)?,
+                center: at_least_zero("frame_sigma[3]", center)?,
             },
             None => given.frame_sigma,
         },
@@ -515,7 +522,7 @@ pub fn estimate_batch<'py>(
     mesh_size: Option<f64>,
     start: &str,
     refine: Option<&str>,
-    frame_sigma: Option<[f64; 3]>,
+    frame_sigma: Option<[f64; 4]>,
     limits: Option<[f64; 2]>,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
     if problems.len() != priors.len() {

@@ -58,14 +58,10 @@ pub fn creases(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vec
     let crease = |pair: [usize; 2]| {
         let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]])?;
         let ends = shared_edge(&regions[pair[0]], pair.map(sides_of))?;
-        let pixels = pair.map(|index| pixels_per_radian(&regions[index]));
+        let pixels = pair.map(|index| regions[index].pixels_per_radian());
         Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
     };
-    neighbors(regions, |region| SHARED / pixels_per_radian(region)).into_iter().filter_map(crease).collect()
-}
-
-fn pixels_per_radian(region: &RegionEquations) -> f64 {
-    region.pixel_area().sqrt() * region.chart().scale
+    neighbors(regions, |region| SHARED / region.pixels_per_radian()).into_iter().filter_map(crease).collect()
 }
 
 /// The line in which two planes meet, if both regions reach it: a point and the direction.
@@ -95,7 +91,7 @@ type Side = [Vector3<f64>; 2];
 /// Bearings of the ends of the longest edge that two observed outlines share, each outline on its own side of it; `first` is the
 /// region of the first of both lists of sides.
 fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
-    let (chart, pixels) = (first.chart(), pixels_per_radian(first));
+    let (chart, pixels) = (first.chart(), first.pixels_per_radian());
     let in_pixels = |ray: &Vector3<f64>| {
         let turned = chart.rotation * ray;
         (turned.z > 0.0).then(|| turned.xy() * (pixels / turned.z))

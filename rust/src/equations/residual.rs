@@ -146,6 +146,11 @@ impl RegionEquations {
         self.sides.pixel_area
     }
 
+    /// Pixels in an angle of one radian where the region is seen, as its area has them.
+    pub fn pixels_per_radian(&self) -> f64 {
+        self.pixel_area().sqrt() * self.chart().scale
+    }
+
     /// The region's chart.
     pub fn chart(&self) -> &Chart {
         &self.sides.chart

@@ -98,6 +98,8 @@ pub struct Estimate {
     pub evaluations: usize,
     /// Median distance of the regions from the camera at the best pose.
     pub distance: f64,
+    /// Angle of a pixel where the regions are seen, rad: the root of its mean square over them.
+    pub pixel_angle: f64,
 }
 
 /// Candidate poses, and the problem without the samples that do not constrain any of them.
@@ -176,8 +178,18 @@ impl Search {
         let warnings = warnings(problem, &best, &alternatives, &evidence, &self.options, ended);
         let warnings = unused.into_iter().chain(warnings).collect();
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
-        let distance = self.problem.distance(&best.pose);
-        Some(Estimate { best, boundary_noise: noise, alternatives, creases, warnings, evidence, evaluations, distance })
+        let (distance, pixel_angle) = (self.problem.distance(&best.pose), self.problem.pixel_angle());
+        Some(Estimate {
+            best,
+            boundary_noise: noise,
+            alternatives,
+            creases,
+            warnings,
+            evidence,
+            evaluations,
+            distance,
+            pixel_angle,
+        })
     }
 
     /// The creases as a pose shows them.
@@ -394,7 +406,7 @@ impl Place {
 fn solution(problem: &Problem, place: Place, [share, confidence]: [f64; 2], frame_sigma: &FrameSigma) -> Solution {
     let (noise, factors) = (place.covariance(problem), place.region_factors(problem));
     let focal_shift = focal_shift(noise, &factors);
-    let covariance = with_frame_error(noise, &factors, &focal_shift, frame_sigma);
+    let covariance = with_frame_error(noise, &factors, &focal_shift, problem.pixel_angle(), frame_sigma);
     let (overlap_error, region_overlap_errors) = errors_of(place.overlaps(problem));
     let Place { pose, minimum, fit, posterior, .. } = place;
     Solution {

@@ -39,20 +39,22 @@ pub(super) struct RegionFactor {
 }
 
 /// The covariance of a pose, of the left increment, with what errors add that contours and samples share: of the whole exposure, of its
-/// focal lengths and, of a scan, of each region (`docs/math.md`, eq. 10.8 to 10.11).
+/// calibration and, of a scan, of each region (`docs/math.md`, eq. 10.8 to 10.12); `pixel` is the angle of one.
 ///
 /// How far the regions of a scan are off is learned from how far they contradict one another at the pose, about what is expected of them.
 pub(super) fn with_frame_error(
     covariance: &Matrix6<f64>,
     factors: &[RegionFactor],
     focal_shift: &Tangent,
+    pixel: f64,
     sigma: &FrameSigma,
 ) -> Matrix6<f64> {
     if *sigma == FrameSigma::ZERO || !covariance.iter().all(|entry| entry.is_finite()) {
         return *covariance;
     }
     let is_scan = factors.iter().any(|factor| factor.is_scanned);
-    let whole = deviations(sigma.rotation, if is_scan { sigma.place } else { 0.0 });
+    let turn = sigma.rotation.hypot(sigma.center * pixel);
+    let whole = deviations(turn, if is_scan { sigma.place } else { 0.0 });
     let focal = focal_shift * sigma.focal;
     let whole = Matrix6::from_diagonal(&whole.component_mul(&whole)) + focal * focal.transpose();
     honest(&(covariance + by_regions(covariance, factors, sigma) + whole))

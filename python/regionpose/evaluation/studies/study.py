@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any, Literal
 
 from regionpose import _core
-from regionpose.estimation.options import Solver
+from regionpose.estimation.options import EXACT_EXPOSURE, Solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.single import estimate_pose
 from regionpose.evaluation.setups import Setup, fisheye_setup, omnidirectional_setup, perspective_setup
@@ -151,10 +151,6 @@ class Study:
             return {**row, "input_warnings": SparseSamplingWarning.__name__ if said else ""}
         except Exception as error:
             return failed_row(error, problem)
-
-
-EXACT_EXPOSURE: dict[str, Any] = {"frame_sigma_deg": 0.0, "frame_sigma_m": 0.0, "focal_sigma_percent": 0.0}
-"""Solver options of an exposure whose calibration, time and scan are without error."""
 
 
 def estimate_options(problem: StudyProblem, solver: str, *, exact_exposure: bool) -> tuple[Prior, Solver]:
