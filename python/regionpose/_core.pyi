@@ -1,6 +1,6 @@
 """The core's kernels: rings, meshes, moments, and problems and what comes of them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final, Literal, final
 
 import numpy as np
@@ -8,11 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "TRUSTED",
+    "AlignmentFrame",
+    "CloudEdges",
+    "Density",
     "Estimate",
     "Minimum",
     "ObservedRegion",
     "Prior",
     "Problem",
+    "Projection",
     "Search",
     "SeenSteps",
     "Solution",
@@ -22,6 +26,7 @@ __all__ = [
     "blurred",
     "contour_pieces",
     "edge_agreement",
+    "edge_spreads",
     "estimate_batch",
     "even_mesh",
     "mask_contours",
@@ -35,6 +40,7 @@ __all__ = [
     "plane_rings",
     "quad_solid_angles",
     "scene_steps",
+    "search_poses",
     "spherical_moments",
     "together",
     "triangulate",
@@ -148,6 +154,89 @@ def estimate_batch(
 
 def work_done() -> int:
     """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
+
+@final
+class Projection:
+    """The projection of a camera as a table over a cube of bearings."""
+
+    def __new__(cls, size: Sequence[float], project: Callable[[NDArray[np.float64]], ArrayLike]) -> Projection:
+        """Of an image of `size` (width, height), pixels; `project` takes bearings (n, 3) to pixels (n, 2)."""
+
+    def project(self, bearings: ArrayLike) -> NDArray[np.float64]:
+        """Pixels (n, 2) of bearings (n, 3), NaN where the camera sees none."""
+
+@final
+class CloudEdges:
+    """Edges of a cloud in the world, as seen from a place."""
+
+    def __new__(
+        cls,
+        points: ArrayLike,
+        place: ArrayLike,
+        cell: float,
+        gap: float,
+        share: float,
+        shades: NDArray[np.float64] | None = None,
+    ) -> CloudEdges:
+        """Of points (n, 3) from a place (3,); `cell`, `gap`, rad; `share` of the inverse distance; `shades` (n,)."""
+
+    def __len__(self) -> int: ...
+
+@final
+class AlignmentFrame:
+    """A photo and the edges of a cloud."""
+
+    def __new__(
+        cls,
+        projection: Projection,
+        half_field: float,
+        ratios: Sequence[tuple[NDArray[np.float32], int]],
+        edges: CloudEdges,
+        origin: ArrayLike,
+    ) -> AlignmentFrame:
+        """Of log likelihood ratios (4, h, w) by spread, each with its reduction; `half_field`, rad; `origin` (3,)."""
+
+    def with_edges(self, edges: CloudEdges) -> AlignmentFrame:
+        """The same photo with other edges."""
+
+    def with_projection(self, projection: Projection, half_field: float) -> AlignmentFrame:
+        """The same photo and edges as another camera has them."""
+
+    def log_ratio(self, rotation: ArrayLike, translation: ArrayLike, spread: int) -> tuple[float, int]:
+        """Sum of log likelihood ratios at a pose, by the number of a spread, and how many edges the photo shows."""
+
+    def seen(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Pixels (n, 2) at which edges are seen at a pose, and the directions (n,) across them."""
+
+@final
+class Density:
+    """A density of poses."""
+
+    @staticmethod
+    def of_prior(prior: Prior) -> Density:
+        """That of a prior which says where the camera stands; ValueError for others."""
+
+    @staticmethod
+    def student(rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> Density:
+        """Student's about a pose, of a covariance (6, 6) of its left increment."""
+
+    def log_at(self, rotation: ArrayLike, translation: ArrayLike) -> float:
+        """The logarithm of the density at a pose."""
+
+def search_poses(
+    frames: Sequence[AlignmentFrame],
+    density: Density,
+    starts: Sequence[tuple[ArrayLike, ArrayLike]],
+    draws: int,
+    kept: Sequence[int],
+    threads: int | None = None,
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int]]:
+    """Maxima of the posterior, of the largest mass first: rotation (3, 3), translation (3,), covariance (6, 6), logarithms
+    of mass and likelihood ratio, number of edges.
+    """
+
+def edge_spreads() -> list[float]:
+    """The spreads of edges, pixels, from wide to narrow."""
 
 @final
 class SeenSteps:

@@ -2,6 +2,7 @@
 
 from regionpose.alignment.agreement import Alignment
 from regionpose.alignment.answers import SceneWitness, Witnessed, witnessed
+from regionpose.alignment.calibration import Calibration, calibrate
 from regionpose.alignment.estimate import estimate_with_scene, refined_estimate
 from regionpose.alignment.focal import FocalEvidence
 from regionpose.alignment.focal_curve import Estimated
@@ -13,6 +14,7 @@ from regionpose.alignment.visibility import Occlusion
 
 __all__ = [
     "Alignment",
+    "Calibration",
     "Estimated",
     "FocalEvidence",
     "Occlusion",
@@ -21,6 +23,7 @@ __all__ = [
     "SceneRefinement",
     "SceneWitness",
     "Witnessed",
+    "calibrate",
     "check_alignment",
     "estimate_with_scene",
     "refine_with_scene",

@@ -1,4 +1,4 @@
-"""From photos and clouds of one rig to the camera's pose, with neither regions nor a start (docs/math.md, section 19)."""
+"""From photos and clouds of one rig to the camera's pose, without regions or a start (docs/math.md, section 19)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import expit
 
 from regionpose import _core
 from regionpose.alignment.frame import SceneFrame
@@ -154,7 +153,9 @@ def _judged(
     lead = float(masses[0] - masses[1]) if len(masses) > 1 else np.inf
     confidences = _confidences(masses)
     shift = _focal_shift(frames, best, prior)
-    own = _covariance_of(places[0]) + _frame_covariance(solver, len(frames)) + solver.focal_covariance(shift)
+    pixel = float(np.mean([frame.pixel_angle_rad for frame in frames]))
+    own = _covariance_of(places[0]) + _frame_covariance(solver, len(frames))
+    own += solver.calibration_covariance(shift, pixel)
     estimate = PoseEstimate(
         pose=best.pose,
         covariance=own,
@@ -164,13 +165,16 @@ def _judged(
         region_overlap_errors=np.empty(0),
         boundary_noise_px=np.nan,
         disturbed_share=None,
-        alternatives=tuple(_alternative(place[0], share) for place, share in zip(places[1:], confidences[1:], strict=True)),
+        alternatives=tuple(
+            _alternative(place[0], share) for place, share in zip(places[1:], confidences[1:], strict=True)
+        ),
         warnings=(),
         converged=True,
         termination="a maximum of the posterior",
         evaluations=0,
         distance_m=float(np.median([frame.distance_m(best.pose) for frame in frames])),
         focal_shift=shift,
+        pixel_angle_rad=pixel,
     )
     estimate = replace(estimate, warnings=_warnings(estimate, solver))
     return Calibration(estimate, prior, assumed, float(masses[0]), lead, best.edges, tuple(modes))
@@ -220,9 +224,7 @@ def _focal_shift(frames: Sequence[EdgeFrame], best: EdgeMode, prior: Prior) -> A
     if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
         return np.zeros(6)
     density = _core.Density.of_prior(prior.core)
-    ends = [
-        maxima([frame.zoomed(sign * FOCAL_STEP) for frame in frames], density, [best.pose]) for sign in (-1.0, 1.0)
-    ]
+    ends = [maxima([frame.zoomed(sign * FOCAL_STEP) for frame in frames], density, [best.pose]) for sign in (-1.0, 1.0)]
     if not all(ends):
         return np.full(6, np.nan)
     low, high = (best.pose.increment_to(modes[0].pose) for modes in ends)
@@ -247,7 +249,10 @@ def _warnings(estimate: PoseEstimate, solver: Solver) -> tuple[PoseWarning, ...]
     if others:
         turns = [np.degrees((other.pose.rotation * estimate.pose.rotation.inv()).magnitude()) for other in others]
         moves = [float(np.linalg.norm(other.pose.camera_center - estimate.pose.camera_center)) for other in others]
-        text = "photo and cloud agree about as well at {count:.0f} other poses, turned by {turned_deg:.0f} deg and moved by {moved_m:.1f} m or more"
+        text = (
+            "photo and cloud agree about as well at {count:.0f} other poses, turned by {turned_deg:.0f} deg and moved"
+            " by {moved_m:.1f} m or more"
+        )
         values = {"count": float(len(others)), "turned_deg": float(min(turns)), "moved_m": min(moves)}
         found.append(PoseWarning("ambiguous", text, (), values))
     most_deg, share = solver.limits

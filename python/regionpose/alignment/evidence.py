@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.photo import Photo, Pictures, blurred
 from regionpose.alignment.steps import SEED, TURNS, beside, far_turns, places_moved, seen_steps
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.pose import Pose

@@ -104,6 +104,11 @@ class EdgeFrame:
         """That took the photo."""
         return self._frame.camera
 
+    @property
+    def pixel_angle_rad(self) -> float:
+        """The angle of a pixel of the original photo in its middle."""
+        return pixel_angle(self.camera, self._frame.photo) / self._frame.photo.reduction
+
     def distance_m(self, pose: Pose) -> float:
         """The median distance of the points that the camera may see at a pose, meters; NaN where there are none."""
         local = pose.transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
@@ -151,9 +156,7 @@ def searched(
     return max(modes, anew, key=log_mass)
 
 
-def maxima(
-    frames: Sequence[_core.AlignmentFrame], density: _core.Density, starts: Sequence[Pose]
-) -> list[EdgeMode]:
+def maxima(frames: Sequence[_core.AlignmentFrame], density: _core.Density, starts: Sequence[Pose]) -> list[EdgeMode]:
     """The maxima that starts lead to, that of the largest mass first."""
     return _modes(frames, density, starts, 0, (len(starts),) * len(KEPT))
 
@@ -173,4 +176,7 @@ def _modes(
     check_wanted()
     given = [(start.rotation.as_matrix(), start.translation) for start in starts]
     found = _core.search_poses(list(frames), density, given, draws, list(kept))
-    return [EdgeMode(Pose(Rotation.from_matrix(turn), shift), *rest) for turn, shift, *rest in found]
+    return [
+        EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
+        for rotation, translation, covariance, mass, ratio, edges in found
+    ]

@@ -1,10 +1,11 @@
-"""`regionpose calibrate`: one pose from a folder of photos and clouds of one rig."""
+"""`regionpose calibrate`: one pose from a photo and a cloud, or from a folder of these of one rig."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -32,9 +33,39 @@ if TYPE_CHECKING:
 
 SCENE_FILE = "scene.yaml"
 
+DEFAULT_NEAR_M, UP_SIGMA_DEG, MOUNT_SIGMA_DEG = 0.5, 5.0, 20.0
+"""What options that say no number are taken to mean: conventions, of both on one vehicle or tripod, of cameras that
+look ahead or slightly down, and of words for directions."""
+
+AXES = ("x", "y", "z")
+
+
+class Mount(StrEnum):
+    """Directions of a vehicle."""
+
+    front = "front"
+    left = "left"
+    rear = "rear"
+    right = "right"
+
+
+FORWARD = {
+    "front": (1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "rear": (-1.0, 0.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+}
+"""The camera's axis by its mount, in a frame of x forward, y left and z up."""
+
 
 def calibrate(
-    folder: Annotated[Path, typer.Argument(help="Folder of photos and clouds, a pair having one name.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folder of photos and clouds, a pair having one name; or a photo and a cloud.",
+            metavar="FOLDER | PHOTO CLOUD",
+        ),
+    ],
     camera: Annotated[
         Path | None,
         typer.Option("--camera", help=f"{CAMERA_HELP}  [default: the pairs' scene files say it]", show_default=False),
@@ -52,9 +83,35 @@ def calibrate(
             "--sensor-origin", help="x,y,z (meters) where the scanner stood in each cloud.", show_default=False
         ),
     ] = None,
+    near: Annotated[
+        str | None,
+        typer.Option(
+            "--near",
+            help="How near the scanner the camera stands, 1 sigma along each axis, meters; or x,y,z,sigma.  [default:"
+            " 0.5, without regions]",
+            show_default=False,
+        ),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option(
+            "--up",
+            help="Which way is up in the clouds, of a camera that is upright to some 5 degrees: x, y, z, -x, ... or"
+            " x,y,z.  [default: not known]",
+            show_default=False,
+        ),
+    ] = None,
+    mount: Annotated[
+        Mount | None,
+        typer.Option(
+            "--mount",
+            help="Where the camera looks, to some 20 degrees, in clouds with x forward, y left and z up.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder for the files.  [default: FOLDER-result, beside it]"),
+        typer.Option("--out", "-o", help="Folder for the files.  [default: FOLDER-result or PHOTO-result, beside it]"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -62,28 +119,43 @@ def calibrate(
     segmenter: SegmenterName = None,
     quiet: Quiet = False,
 ) -> None:
-    """Estimate one pose from a folder of photos and clouds.
+    """Estimate a camera's pose in the frame of a scanner, from photos and clouds of one rig.
 
-    The camera and the scanner are fixed to each other; the pose is the camera's in the scanner's frame.
-    Every photo 0001.png with a cloud 0001.pcd beside it is a frame. Its regions are in 0001.yaml (keys of a scene
-    file), in 0001.json (labelme or COCO) or in masks 0001-NAME.png. Without world_regions in 0001.yaml, they are
-    matched with the planes of the cloud. Writes what `regionpose estimate` writes, and the scene.yaml that it runs.
+    Needs neither regions nor a start: the edges of the clouds are laid on those of the photos at all poses that --near,
+    --up and --mount leave, and how far the best leads chance and the others gives the verdict. Several photos are surer
+    and more precise than one.
+
+    Of a folder, every photo 0001.png with a cloud 0001.pcd beside it is a frame. Regions, where there are some, are in
+    0001.yaml (keys of a scene file), in 0001.json (labelme or COCO) or in masks 0001-NAME.png. Without world_regions in
+    0001.yaml, they are matched with the planes of the cloud. Writes what `regionpose estimate` writes, and the
+    scene.yaml that it runs.
 
     \b
     Examples:
-      regionpose calibrate drive --camera calib.yaml
+      regionpose calibrate photo.png scan.pcd --camera calib.yaml --up z
+      regionpose calibrate drive --camera calib.yaml --up z --mount front
       regionpose calibrate drive --camera calib.yaml --coco annotations.json --out result
       regionpose calibrate drive --json --quiet | jq .camera_from_world.matrix
     """
-    from regionpose.scene.folder import folder_scene
+    from regionpose.scene.folder import folder_scene, pair_scene
 
-    result = out or folder.parent / f"{folder.resolve().name}-result"
+    first = paths[0].resolve()
+    stem = first.name if len(paths) == 1 else first.stem
+    result = out or paths[0].parent / f"{stem}-result"
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
     with Progress(quiet) as progress:
-        progress.begin("pairs of the folder")
+        progress.begin("pairs of the folder" if len(paths) == 1 else "files")
         chosen = {"name": camera_name, "model": camera_model, "rectified": rectified}
-        options = replace(_options(camera, chosen, origin, coco), columns=names_of(columns))
-        scene, alone = folder_scene(folder, result / SCENE_FILE, options)
+        options = replace(
+            _options(camera, chosen, origin, coco), columns=names_of(columns), prior=_prior(near, up, mount, origin)
+        )
+        alone: list[Path] = []
+        if len(paths) == 1:
+            scene, alone = folder_scene(paths[0], result / SCENE_FILE, options)
+        elif len(paths) == 2:
+            scene = pair_scene(*_photo_and_cloud(*paths), result / SCENE_FILE, options)
+        else:
+            raise ValueError(f"found {len(paths)} paths; needed a folder, or a photo and a cloud")
     if alone and not quiet:
         typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)
     run_scene(
@@ -95,6 +167,53 @@ def calibrate(
         strict=strict,
         extra={SCENE_FILE: text_writer(scene.document.content.decode())},
     )
+
+
+def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
+    """Which of two files is the photo; ValueError where that isn't clear."""
+    from regionpose.reading import IMAGE_SUFFIXES
+
+    for path in (first, second):
+        if not path.exists() and "#" not in path.name:
+            raise FileNotFoundError(f"{path}: found nothing; needed a photo and a cloud")
+    pictures = [path.suffix.lower() in IMAGE_SUFFIXES for path in (first, second)]
+    if pictures[0] and pictures[1]:
+        raise ValueError(f"{second}: found a second photo; needed a cloud")
+    return (second, first) if pictures[1] else (first, second)
+
+
+def _prior(near: str | None, up: str | None, mount: Mount | None, origin: list[float] | None) -> dict[str, Any]:
+    """What the options say of the pose, as the scene's key; ValueError that names the option."""
+    import numpy as np
+
+    known: dict[str, Any] = {}
+    place = origin or [0.0, 0.0, 0.0]
+    sigma = DEFAULT_NEAR_M
+    if near is not None:
+        numbers = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
+        place, sigma = list(numbers[:3]) if len(numbers) == 4 else place, numbers[-1]
+        known |= {"camera_near": place, "camera_near_sigma_m": sigma}
+    if up is not None:
+        known |= {"up": _direction(up), "up_sigma_deg": UP_SIGMA_DEG}
+    if mount is not None:
+        forward = np.array(FORWARD[mount.value])
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        rotation = np.stack([right, [0.0, 0.0, -1.0], forward])
+        matrix = np.column_stack([rotation, -rotation @ place])
+        known |= {
+            "initial": {"camera_from_world": {"matrix": matrix.tolist()}},
+            "initial_rotation_sigma_deg": MOUNT_SIGMA_DEG,
+            "initial_center_sigma_m": sigma,
+        }
+    return known
+
+
+def _direction(text: str) -> list[float]:
+    axis = text.lstrip("+-")
+    if axis in AXES and text in {axis, f"+{axis}", f"-{axis}"}:
+        sign = -1.0 if text.startswith("-") else 1.0
+        return [sign * (name == axis) for name in AXES]
+    return list(numbers_of("--up", text, 3, "x, y, z, -x, -y, -z or x,y,z"))
 
 
 def _options(

@@ -87,11 +87,13 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
 
     _say_pose(run)
     _say_matching(result)
-    typer.echo("overlap error by region")
-    say_rows([(region["name"], _errors(region)) for region in result["regions"]])
-    typer.echo("3D regions known by")
-    say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
-    _say_frames(result)
+    if result["regions"]:
+        typer.echo("overlap error by region")
+        say_rows([(region["name"], _errors(region)) for region in result["regions"]])
+        typer.echo("3D regions known by")
+        say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
+        _say_frames(result)
+    _say_search(result)
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)
@@ -116,9 +118,19 @@ def _say_pose(run: SceneEstimate) -> None:
             ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
             *([] if fit.on_their_side is None else [(fit.measure, fit.value)]),
-            ("overlap error", f"{100.0 * estimate.overlap_error:.2f} %{_counts_less(fit.on_their_side)}"),
+            *_overlap(run),
         ]
     )
+
+
+def _overlap(run: SceneEstimate) -> list[tuple[str, str]]:
+    """The overlap error of all regions, where there are some."""
+    from regionpose.scene.fit import scene_fit
+
+    if not run.names:
+        return []
+    error, less = run.estimate.overlap_error, _counts_less(scene_fit(run).on_their_side)
+    return [("overlap error", f"{100.0 * error:.2f} %{less}")]
 
 
 def _counts_less(on_their_side: float | None) -> str:
@@ -166,6 +178,25 @@ def _frame_fit(frame: dict[str, Any]) -> str:
     own, other = frame["residual_px"], frame["without_it"]
     values = ["unknown" if value is None else f"{value:.2f}" for value in (own, other["residual_px"])]
     return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["disagrees"] else "")
+
+
+def _say_search(result: dict[str, Any]) -> None:
+    """What was searched for a pose by edges, and how far it leads."""
+    found = result["edge_search"]
+    if found is None:
+        return
+    prior, assumed = found["prior"], found["assumed"]
+    near = f"within {prior['camera_near_sigma_m']:g} m (1 sigma) of {_vector(prior['camera_near_m'], 2)} m"
+    turns = "every rotation"
+    if prior["initial_rotation_sigma_deg"] is not None:
+        turns = f"rotations within {prior['initial_rotation_sigma_deg']:g} deg (1 sigma) of the initial one"
+    elif prior["up"] is not None:
+        sigma = prior["up_sigma_deg"] or 15.0
+        turns = f"every heading, {_vector(prior['up'], 1)} being up to {sigma:g} deg (1 sigma)"
+    typer.echo(f"searched: {near}{' (assumed)' * bool(assumed)}; {turns}")
+    lead = found["log_odds_over_next"]
+    others = "no other pose" if lead is None else f"e^{lead:.1f} over the likeliest other pose"
+    typer.echo(f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {others}")
 
 
 def _say_known(result: dict[str, Any]) -> None:

@@ -20,7 +20,7 @@ from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate, frame_label
 from regionpose.scene.known import given_pose
-from regionpose.scene.loading import Scene
+from regionpose.scene.loading import Scene, has_pairs
 from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
@@ -29,11 +29,15 @@ from regionpose.scene.verdict import verdict
 Colors = NDArray[np.uint8]
 
 RESULT, REPORT, OVERLAY, BEFORE = "result.json", "report.html", "overlay.png", "overlay_before.png"
-DEPTH, EDGES, CLOUD = "depth.png", "edges.png", "cloud.ply"
+DEPTH, EDGES, RUNNER_UP, CLOUD = "depth.png", "edges.png", "runner_up.png", "cloud.ply"
 
 EDGES_CAPTION = (
     "Where the cloud's surfaces end before farther ones, away from the regions: green where an edge of the photo"
     " stands out there, magenta where none does."
+)
+
+RUNNER_UP_CAPTION = (
+    "The same at the next likeliest pose: if it fits the photo better, the pose is wrong; if as well, it is ambiguous."
 )
 
 UNSEEN = 0.35
@@ -67,6 +71,8 @@ def file_names(scene: Scene) -> list[str]:
 
 def _frame_names(scene: Scene) -> list[str]:
     """The names of the files of one frame, before they are numbered."""
+    if not has_pairs(scene):
+        return [DEPTH, EDGES, RUNNER_UP, CLOUD]
     before = [] if given_pose(scene) is None else [BEFORE]
     edges = [EDGES] if scene.model.solver.witness else []
     return [OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
@@ -157,7 +163,24 @@ def _write_cloud(cloud: Cloud, path: Path) -> None:
 
 def pictures(run: SceneEstimate) -> dict[str, Figure]:
     """The pictures over the image by file name: regions before and after, and the cloud by depth."""
-    sides, made = run.sides, {}
+    made = _region_pictures(run) if run.names else {}
+    sides = run.sides
+    if sides.cloud is not None:
+        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
+        made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
+    if run.witness is not None and run.witness.told:
+        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.told[0]), EDGES_CAPTION)
+    if run.calibration is not None and run.estimate.alternatives and sides.cloud is not None:
+        other = run.estimate.alternatives[0].pose.about(sides.origin)
+        made[RUNNER_UP] = Figure(
+            overlay_depth(sides.image, sides.camera, other, sides.cloud.local_points), RUNNER_UP_CAPTION
+        )
+    return made
+
+
+def _region_pictures(run: SceneEstimate) -> dict[str, Figure]:
+    """The regions over the image, before and after."""
+    made: dict[str, Figure] = {}
     if run.local_initial is not None:
         before = overlay_of(run, run.local_initial, run.errors_before)
         made[BEFORE] = Figure(before, "Before: the 3D regions (orange) projected with the scene's initial pose.")
@@ -172,11 +195,6 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
             " ones belong within, white ones beyond."
         )
     made[OVERLAY] = Figure(after, caption)
-    if sides.cloud is not None:
-        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
-        made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
-    if run.witness is not None and run.witness.told:
-        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.told[0]), EDGES_CAPTION)
     return made
 
 

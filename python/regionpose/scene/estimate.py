@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from regionpose.alignment import (
     Alignment,
+    Calibration,
     Estimated,
     Photo,
     SceneFrame,
     SceneRefinement,
     SceneWitness,
+    calibrate,
     refined_estimate,
     witnessed,
 )
@@ -50,7 +52,8 @@ class SceneEstimate:
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
     their regions, frame after frame. `seconds` per stage. `witness`: what the rest of the scene said, None where it
     wasn't asked. `fits`, `influence`, `scatter`: how each of several frames fits, what the others say
-    without it, and how far frames are off as wholes.
+    without it, and how far frames are off as wholes. `calibration`: of a scene without regions, how its pose was found
+    by the edges of photos and clouds; None of others.
     """
 
     scene: Scene
@@ -61,6 +64,7 @@ class SceneEstimate:
     fits: tuple[FrameFit, ...] = ()
     influence: tuple[Influence, ...] = ()
     scatter: FrameScatter | None = None
+    calibration: Calibration | None = None
 
     @property
     def sides(self) -> SceneSides:
@@ -86,9 +90,8 @@ class SceneEstimate:
     def _view(self, index: int, errors: Array) -> SceneEstimate:
         if len(self.frames) == 1:
             return self
-        estimate = replace(
-            self.estimate, region_overlap_errors=errors, overlap_error=self.fits[index].overlap_error, warnings=()
-        )
+        overlap_error = self.fits[index].overlap_error if self.fits else float("nan")
+        estimate = replace(self.estimate, region_overlap_errors=errors, overlap_error=overlap_error, warnings=())
         witness = self.witness and self.witness.of_frame(index)
         return replace(
             self, frames=(self.frames[index],), estimate=estimate, witness=witness, fits=(), influence=(), scatter=None
@@ -183,7 +186,37 @@ def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEsti
 def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of the camera in all frames of a scene; errors as of `estimate_scene`."""
     stages = stages or Stages()
+    if not has_regions(given):
+        return estimate_edges(scene, given, stages)
     return heard(estimate_regions(scene, given, stages), stages)
+
+
+def has_regions(frames: Sequence[SceneSides]) -> bool:
+    """Whether any frame has pairs of regions, or regions to be matched."""
+    return any(sides.names or sides.unpaired.can_match for sides in frames)
+
+
+def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
+    """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
+    stages, frames = stages or Stages(), tuple(given)
+    origin, scanner = frames[0].origin, _scanner(frames)
+    photos = [frame for frame in scene_frames(frames) if frame is not None]
+    with stages.stage("pose"):
+        found = _explained(
+            lambda: calibrate(
+                photos,
+                prior=_prior(frames).about(origin),
+                sensor_origin=-origin if scanner is None else scanner.place - origin,
+                solver=scene_solver(scene),
+                progress=stages.progress,
+            ),
+            frames,
+        )
+    with stages.stage("witness"):
+        alignments = tuple(None if frame is None else frame.alignment(found.pose) for frame in scene_frames(frames))
+    estimate = _in_world(found.estimate, frames)
+    evidence = SceneWitness(alignments, estimate.confidence, 0, 1 + len(estimate.alternatives))
+    return SceneEstimate(scene, frames, estimate, stages.seconds, witness=evidence, calibration=found)
 
 
 def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
@@ -262,6 +295,24 @@ def heard(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimate:
     return replace(run, estimate=told.estimate, witness=told.witness)
 
 
+def scene_frames(frames: Sequence[SceneSides]) -> list[SceneFrame | None]:
+    """The photos and clouds of frames, with their regions; None of a frame without a cloud."""
+    return [
+        None
+        if sides.cloud is None
+        else SceneFrame(
+            Photo.of(sides.image),
+            sides.cloud.local_points,
+            sides.camera,
+            sides.image_regions,
+            # Colors may come from this very photo, at a wrong pose.
+            sides.cloud.intensity,
+            [side.region for side in sides.world_sides],
+        )
+        for sides in frames
+    ]
+
+
 class RestOfScene:
     """The photos and the clouds of a scene away from its regions, for poses in the clouds' world."""
 
@@ -269,20 +320,7 @@ class RestOfScene:
         """Take the frames, those without a cloud left out."""
         self._camera, self._regions, self._origin = frames[0].camera, _regions(frames), frames[0].origin
         self._solver = scene_solver(frames[0].scene)
-        self._frames = [
-            None
-            if sides.cloud is None
-            else SceneFrame(
-                Photo.of(sides.image),
-                sides.cloud.local_points,
-                sides.camera,
-                sides.image_regions,
-                # Colors may come from this very photo, at a wrong pose.
-                sides.cloud.intensity,
-                [side.region for side in sides.world_sides],
-            )
-            for sides in frames
-        ]
+        self._frames = scene_frames(frames)
 
     def align(self, pose: Pose) -> tuple[Alignment | None, ...]:
         """How well they agree at a pose, frame by frame; None of a frame without a cloud."""

@@ -68,13 +68,14 @@ class FolderOptions:
 
     `camera`: the scene's key, its file relative to the working folder. `sensor_origin` (3,): where the scanner stood,
     of pairs that say nothing else. `coco`: a file with the regions of all photos. `columns`: names of the columns of
-    clouds whose files have none.
+    clouds whose files have none. `prior`: the scene's key, of pairs that say nothing else.
     """
 
     camera: str | dict[str, Any] | None = None
     sensor_origin: list[float] | None = None
     coco: Path | None = None
     columns: Sequence[str] | None = None
+    prior: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -98,15 +99,25 @@ def folder_scene(folder: Path, path: Path, options: FolderOptions | None = None)
 
     Its document holds the text to be written. SceneError that names a pair's file for what cannot be used.
     """
-    chosen = options or FolderOptions()
     pairs, alone = folder_pairs(folder)
+    return _scene_of(folder, pairs, path, options or FolderOptions()), alone
+
+
+def pair_scene(photo: Path, cloud: Path, path: Path, options: FolderOptions) -> Scene:
+    """The scene of one photo and one cloud, to be written to `path`, and of the scene file beside the photo."""
+    document = _document(photo.parent, photo.stem)
+    return _scene_of(photo, [Pair(photo.stem, photo, cloud, document, ())], path, options)
+
+
+def _scene_of(folder: Path, pairs: Sequence[Pair], path: Path, chosen: FolderOptions) -> Scene:
     values, sources = _shared(folder, pairs, path.parent, chosen)
-    frames = [_frame(pair, path.parent, chosen) for pair in pairs]
+    by_edges = not any(_has_regions(pair, chosen, path.parent) for pair in pairs)
+    frames = [_frame(pair, path.parent, chosen, by_edges=by_edges) for pair in pairs]
     values["frames"] = [frame for frame, _ in frames]
     for index, (_, own) in enumerate(frames):
         sources |= {("frames", index, *place): source for place, source in own.items()}
     written = document_of(path, (HEADING + to_yaml(values)).encode())
-    return scene_of(FolderDocument(path, written.value, written.lines, written.content, sources)), alone
+    return scene_of(FolderDocument(path, written.value, written.lines, written.content, sources))
 
 
 def folder_pairs(folder: Path) -> tuple[list[Pair], list[Path]]:
@@ -179,8 +190,11 @@ def _shared(folder: Path, pairs: Sequence[Pair], out: Path, options: FolderOptio
         values["camera"] = moved({"camera": options.camera}, Path(), out)["camera"]
         named = options.camera if isinstance(options.camera, str) else options.camera["file"]
         sources["camera",] = Source(Path(named))
+    if options.prior:
+        values["prior"], sources["prior",] = options.prior, Source(Path("--near, --up or --mount"))
+    given = set(values)
     for document in (pair.document for pair in pairs if pair.document is not None):
-        _share(document, values, sources, out, {"camera"} if options.camera is not None else set())
+        _share(document, values, sources, out, given)
     if "camera" not in values:
         raise SceneError(f"{folder}: found no camera; needed --camera, or the key camera in a pair's scene file")
     return {key: values[key] for key in SHARED if key in values}, sources
@@ -198,8 +212,14 @@ def _share(document: Document, values: Values, sources: Sources, out: Path, give
         sources.setdefault((key,), Source(document, (key,)))
 
 
-def _frame(pair: Pair, out: Path, options: FolderOptions) -> tuple[Values, Sources]:
-    """The frame of a pair, and where each of its values comes from."""
+def _has_regions(pair: Pair, options: FolderOptions, out: Path) -> bool:
+    """Whether any file holds regions of a pair."""
+    keys = ("regions", "image_regions", "world_regions")
+    return any(pair.held.get(key) for key in keys) or bool(_drawn(pair, options.coco, out))
+
+
+def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> tuple[Values, Sources]:
+    """The frame of a pair, and where each of its values comes from; `by_edges`: no pair has regions."""
     values: Values = {"name": pair.name, "image": relative(pair.photo, out)}
     sources: Sources = {(): Source(pair.photo), ("image",): Source(pair.photo)}
     if pair.cloud is not None:
@@ -213,7 +233,7 @@ def _frame(pair: Pair, out: Path, options: FolderOptions) -> tuple[Values, Sourc
         own: Values = moved(pair.held, pair.document.path.parent, out)
         for key in own.keys() - {*SHARED, "image", "name"}:
             values[key], sources[key,] = own[key], Source(pair.document, (key,))
-    if not pair.held.get("regions") and not pair.held.get("image_regions"):
+    if not by_edges and not pair.held.get("regions") and not pair.held.get("image_regions"):
         _add_drawn(pair, values, sources, _drawn(pair, options.coco, out))
     if values.get("image_regions") and "world_regions" not in pair.held:
         values["world_regions"] = PLANES

@@ -116,6 +116,10 @@ def _check_references(scene: Scene) -> None:
     _check_frames(scene)
     for frame in scene.frames:
         _check_exposure(frame)
+    with_pairs = [has_pairs(frame) for frame in scene.frames]
+    if any(with_pairs) and not all(with_pairs):
+        place = () if not scene.model.frames else ("frames", with_pairs.index(False))
+        raise scene.document.error(place, "found no region, but some in other frames; needed some in all, or in none")
     _check_solver(scene)
     prior = scene.model.prior
     for key, of in DEVIATIONS_OF.items():
@@ -163,9 +167,20 @@ def _check_exposure(scene: Scene) -> None:
     model = scene.model
     if scene.model.cloud is None and model.world_regions == "planes":
         raise scene.error(("world_regions",), "found planes without a cloud; needed the key cloud in the scene")
-    if not model.regions and not (model.image_regions and model.world_regions):
-        found = "found no region; needed one with both sides, or image_regions and world_regions to be matched"
+    if has_pairs(scene):
+        return
+    if model.regions or model.image_regions or model.world_regions:
+        found = "found regions of one side; needed some with both sides, or image_regions and world_regions"
         raise scene.error(("regions",), found)
+    if model.cloud is None or not model.solver.witness:
+        found = "found no region; needed one with both sides, image_regions and world_regions, or a cloud whose edges"
+        raise scene.error(("regions",), f"{found} are compared with the photo's (solver.witness)")
+
+
+def has_pairs(scene: Scene) -> bool:
+    """Whether a scene of one photo has regions with both sides, or some on either side to be matched."""
+    model = scene.model
+    return bool(model.regions or (model.image_regions and model.world_regions))
 
 
 def _check_mask(scene: Scene, place: Place, image: ImageMask) -> None:

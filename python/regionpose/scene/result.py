@@ -72,6 +72,7 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
         "scene_refinement": refinement_values(run),
+        "edge_search": edge_search_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
     }
@@ -248,7 +249,7 @@ def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
 def frame_values(run: SceneEstimate, folder: Path) -> list[dict[str, Any]] | None:
     """How each of several frames fits, and how far the pose of the others is from that of all; None of one photo."""
     if not run.fits:
-        return None
+        return None if len(run.frames) == 1 else [_unfitted_frame(view, folder) for view in run.views]
     return [
         {
             "name": fit.name,
@@ -267,6 +268,47 @@ def frame_values(run: SceneEstimate, folder: Path) -> list[dict[str, Any]] | Non
         }
         for fit, other, view in zip(run.fits, run.influence, run.views, strict=True)
     ]
+
+
+def _unfitted_frame(view: SceneEstimate, folder: Path) -> dict[str, Any]:
+    """A frame without regions, of several."""
+    scene = view.sides.scene
+    return {
+        "name": scene.name,
+        "image": image_path(scene, folder),
+        "cloud": cloud_path(scene, folder),
+        "overlap_error": None,
+        "residual_px": None,
+        "without_it": None,
+        "scene_agreement": agreement_values(view),
+    }
+
+
+def edge_search_values(run: SceneEstimate) -> dict[str, Any] | None:
+    """How the pose of a scene without regions was found by the edges of photos and clouds; None of other scenes.
+
+    Logarithms of odds: for the pose over chance anywhere in what was searched, and over the likeliest other place.
+    """
+    found = run.calibration
+    if found is None:
+        return None
+    prior = found.prior.about(-run.sides.origin)
+    initial = prior.initial
+    return {
+        "log_odds": found.log_odds,
+        "log_odds_over_next": found.lead,
+        "edges": found.edges,
+        "prior": {
+            "camera_near_m": prior.camera_near,
+            "camera_near_sigma_m": prior.camera_near_sigma_m,
+            "up": prior.up,
+            "up_sigma_deg": prior.up_sigma_deg,
+            "initial_camera_from_world": None if initial is None else pose_values(initial),
+            "initial_rotation_sigma_deg": prior.initial_rotation_sigma_deg,
+            "initial_center_sigma_m": prior.initial_center_sigma_m,
+        },
+        "assumed": list(found.assumed),
+    }
 
 
 def exports(pose: Pose) -> dict[str, Any]:

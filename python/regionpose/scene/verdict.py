@@ -44,6 +44,16 @@ ADVICE = {
 }
 """What to do about each warning whose message doesn't say so itself."""
 
+EDGE_ADVICE = {
+    "ambiguous": "Look at depth.png and runner_up.png; add frames (edges of several add up) or regions, or say what is"
+    " known: prior.up, prior.camera_near, prior.initial and its deviations.",
+    "low-confidence": "Look at depth.png; add frames or regions, or say what is known: prior.up, prior.camera_near,"
+    " prior.initial and its deviations.",
+    "weak-geometry": "Add frames, or regions; or, if this is precise enough, raise solver.max_rotation_sigma_deg or"
+    " solver.max_translation_sigma_percent.",
+}
+"""The same for a pose by edges alone."""
+
 TRUSTED, CHECK, DOUBTFUL = "trusted", "check", "doubtful"
 
 DOUBTS = {
@@ -86,7 +96,8 @@ def verdict(run: SceneEstimate) -> Verdict:
     """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
-    remarks = tuple((warning.message_for(run.names), ADVICE.get(warning.code, "")) for warning in estimate.warnings)
+    advice = ADVICE if run.calibration is None else ADVICE | EDGE_ADVICE
+    remarks = tuple((warning.message_for(run.names), advice.get(warning.code, "")) for warning in estimate.warnings)
     fit = _fit(run) + _heard(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), float(np.max(estimate.translation_sigma_m))
     sigma = f"{angle_text(turn)} and {length_text(shift)} (1 sigma; {_limits(run)}){_by_focal(run)}"
@@ -105,6 +116,14 @@ def limits(run: SceneEstimate) -> tuple[float, float]:
     return most_deg, share * run.estimate.distance_m
 
 
+def _count(count: int, what: str) -> str:
+    return f"the {what}" if count == 1 else f"{count} {what}s"
+
+
+def _photos(run: SceneEstimate) -> str:
+    return "the photo" if len(run.frames) == 1 else "their photos"
+
+
 def _limits(run: SceneEstimate) -> str:
     most_deg, most_m = limits(run)
     return f"trusted up to {angle_text(most_deg)} and {length_text(most_m)}"
@@ -113,7 +132,7 @@ def _limits(run: SceneEstimate) -> str:
 def _heard(run: SceneEstimate) -> str:
     """What the rest of photo and cloud did to the pose: chose it among answers, refined it."""
     witness = run.witness
-    if witness is None:
+    if witness is None or run.calibration is not None:
         return ""
     said = []
     unsettled = any(warning.code == "ambiguous" for warning in run.estimate.warnings)
@@ -134,7 +153,12 @@ def _by_focal(run: SceneEstimate) -> str:
 
 
 def _fit(run: SceneEstimate) -> str:
-    """How the projected regions fit the observed ones: by their samples where all have such, else by their areas."""
+    """How the projected regions fit the observed ones: by their samples where all have such, else by their areas; of a
+    scene without regions how the edges of photos and clouds agree.
+    """
+    if run.calibration is not None:
+        odds = f"odds of e^{run.calibration.log_odds:.0f} to 1 against chance"
+        return f"The edges of {_count(len(run.frames), 'cloud')} lie on those of {_photos(run)} at this pose, by {odds}"
     fit = scene_fit(run)
     if fit.on_their_side is None:
         share = 100.0 * fit.overlap_error
