@@ -128,7 +128,7 @@ class SceneEstimate:
     def errors_before(self) -> Array:
         """Each region's overlap error (k,) at the initial pose; NaN where there is none."""
         pose = given_pose(self.scene)
-        if pose is None:
+        if pose is None or not self.names:
             return np.full(len(self.names), np.nan)
         return np.concatenate([sides.overlap_errors(pose)[1] for sides in self.frames])
 
