@@ -2,12 +2,15 @@
 
 from . import kernels as kernels
 from .alignment import Alignment as Alignment
+from .alignment import Calibration as Calibration
+from .alignment import EdgeMode as EdgeMode
 from .alignment import FocalEvidence as FocalEvidence
 from .alignment import Occlusion as Occlusion
 from .alignment import SceneFrame as SceneFrame
 from .alignment import SceneRefinement as SceneRefinement
 from .alignment import SceneWitness as SceneWitness
 from .alignment import Witnessed as Witnessed
+from .alignment import calibrate as calibrate
 from .alignment import check_alignment as check_alignment
 from .alignment import estimate_with_scene as estimate_with_scene
 from .alignment import refine_with_scene as refine_with_scene

@@ -1,4 +1,4 @@
-"""The rest of a scene as witness of a pose: how well cloud and photo agree where no region is."""
+"""Alignment of clouds with photos by their edges: poses from nothing else, and how well the two agree at a pose."""
 
 from regionpose.alignment.agreement import Alignment
 from regionpose.alignment.answers import SceneWitness, Witnessed, witnessed
@@ -9,6 +9,7 @@ from regionpose.alignment.focal_curve import Estimated
 from regionpose.alignment.frame import SceneFrame, check_alignment
 from regionpose.alignment.odds import weighed
 from regionpose.alignment.photo import Photo
+from regionpose.alignment.pose_search import EdgeMode
 from regionpose.alignment.refinement import SceneRefinement, refine_with_scene
 from regionpose.alignment.visibility import Occlusion
 
