@@ -231,8 +231,8 @@ def search_poses(
     kept: Sequence[int],
     threads: int | None = None,
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int]]:
-    """Maxima of the posterior, of the largest mass first: rotation (3, 3), translation (3,), covariance (6, 6), log mass
-    about it, log likelihood ratio at it, number of edges.
+    """Maxima of the posterior, of the largest mass first: rotation (3, 3), translation (3,), covariance (6, 6), log
+    mass about it, log likelihood ratio at it, number of edges.
     """
 
 def edge_spreads() -> list[float]:

@@ -16,6 +16,7 @@ from regionpose.alignment.visibility import Occlusion
 __all__ = [
     "Alignment",
     "Calibration",
+    "EdgeMode",
     "Estimated",
     "FocalEvidence",
     "Occlusion",
