@@ -18,6 +18,7 @@ mod derivatives;
 mod directions;
 mod disturbed;
 mod edge_field;
+mod edge_sums;
 #[cfg(feature = "mesh")]
 mod estimate;
 #[cfg(feature = "mesh")]

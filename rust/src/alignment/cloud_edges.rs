@@ -1,14 +1,12 @@
 //! Edges of a cloud as points of the world, in groups that a camera sees or not as a whole.
 
-use std::ops::Range;
+use std::array;
 
 use nalgebra::Vector3;
 
 use super::edges::{Seen, Step};
+use super::groups::{Floats, GROUP};
 use crate::geometry::pose::Pose;
-
-/// Edges of a group: few enough that most groups lie wholly inside or outside a view.
-const GROUP: usize = 32;
 
 /// Edges nearer to the scanner than this are its own vehicle's or tripod's, meters: a convention.
 const LEAST_DISTANCE: f64 = 0.5;
@@ -64,6 +62,11 @@ impl CloudEdges {
         self.middles.is_empty()
     }
 
+    /// The point half-way between both sides of an edge, and the way from there to the far side, world coordinates, meters.
+    pub fn at(&self, edge: usize) -> (Vector3<f64>, Vector3<f64>) {
+        (self.middles[edge], self.across[edge])
+    }
+
     /// At most so many of them, spread evenly over the order in which they were found, which is that of their bearings.
     pub fn thinned(&self, most: usize) -> Self {
         let count = self.len().min(most);
@@ -73,18 +76,16 @@ impl CloudEdges {
     }
 }
 
-/// Edges in groups of neighbors, in single precision about an origin.
+/// Edges in groups of neighbors.
 #[derive(Debug, Clone)]
-pub(super) struct GroupedEdges {
-    groups: Vec<Group>,
-    pub(super) middles: [Vec<f32>; 3],
-    pub(super) across: [Vec<f32>; 3],
-}
+pub(super) struct GroupedEdges(Vec<EdgeGroup>);
 
-/// Edges that lie within a sphere.
+/// Edges that lie within a sphere, in single precision about an origin; NaN where they are fewer than a group holds.
 #[derive(Debug, Clone)]
-struct Group {
-    edges: Range<usize>,
+pub(super) struct EdgeGroup {
+    pub(super) middles: [Floats; 3],
+    pub(super) across: [Floats; 3],
+    pub(super) count: usize,
     center: Vector3<f64>,
     radius: f64,
 }
@@ -94,21 +95,14 @@ impl GroupedEdges {
     pub(super) fn new(edges: &CloudEdges, origin: &Vector3<f64>) -> Self {
         let local: Vec<_> = edges.middles.iter().map(|middle| middle - origin).collect();
         let mut order: Vec<usize> = (0..local.len()).collect();
-        let mut ranges = Vec::new();
-        split(&local, &mut order, 0, &mut ranges);
-        let groups = ranges.into_iter().map(|range| Group::new(&local, &order, range)).collect();
-        let of_axis = |from: &[Vector3<f64>], axis: usize| order.iter().map(|edge| from[*edge][axis] as f32).collect();
-        Self {
-            groups,
-            middles: [0, 1, 2].map(|axis| of_axis(&local, axis)),
-            across: [0, 1, 2].map(|axis| of_axis(&edges.across, axis)),
-        }
+        split(&local, &mut order);
+        Self(order.chunks(GROUP).map(|held| EdgeGroup::new(&local, &edges.across, held)).collect())
     }
 
-    /// The ranges of edges of which some may lie within an angle of a camera's axis, by the cosine and sine of that angle.
-    pub(super) fn within(&self, pose: &Pose, [cosine, sine]: [f64; 2]) -> impl Iterator<Item = Range<usize>> + '_ {
+    /// The groups of which some edges may lie within an angle of a camera's axis, by the cosine and sine of that angle.
+    pub(super) fn within(&self, pose: &Pose, [cosine, sine]: [f64; 2]) -> impl Iterator<Item = &EdgeGroup> {
         let pose = *pose;
-        let may_show = move |group: &&Group| {
+        let may_show = move |group: &&EdgeGroup| {
             let center = pose.transform(&group.center);
             // The distance of the sphere's center beyond the cone: from its side, or from its tip where that is nearer.
             let (along, away) = (center.z, center.xy().norm());
@@ -116,26 +110,31 @@ impl GroupedEdges {
             let from_tip = along * cosine + away * sine;
             beyond <= group.radius && (from_tip >= 0.0 || center.norm() <= group.radius)
         };
-        self.groups.iter().filter(may_show).map(|group| group.edges.clone())
+        self.0.iter().filter(may_show)
     }
 }
 
-impl Group {
-    fn new(points: &[Vector3<f64>], order: &[usize], edges: Range<usize>) -> Self {
-        let held = || order[edges.clone()].iter().map(|edge| points[*edge]);
-        let center = held().sum::<Vector3<f64>>() / edges.len() as f64;
-        let radius = held().map(|point| (point - center).norm()).fold(0.0, f64::max);
-        Self { edges, center, radius }
-    }
-}
-
-/// Puts edges in an order in which groups of neighbors follow one another, halving them along the direction in which their bearings
-/// and the logarithms of their distances spread most.
-fn split(points: &[Vector3<f64>], order: &mut [usize], first: usize, ranges: &mut Vec<Range<usize>>) {
-    if order.len() <= GROUP {
-        if !order.is_empty() {
-            ranges.push(first..first + order.len());
+impl EdgeGroup {
+    fn new(middles: &[Vector3<f64>], across: &[Vector3<f64>], held: &[usize]) -> Self {
+        let center = held.iter().map(|edge| middles[*edge]).sum::<Vector3<f64>>() / held.len() as f64;
+        let radius = held.iter().map(|edge| (middles[*edge] - center).norm()).fold(0.0, f64::max);
+        let floats = |of: &[Vector3<f64>], axis: usize| {
+            array::from_fn(|place| held.get(place).map_or(f32::NAN, |edge| of[*edge][axis] as f32))
+        };
+        Self {
+            middles: array::from_fn(|axis| floats(middles, axis)),
+            across: array::from_fn(|axis| floats(across, axis)),
+            count: held.len(),
+            center,
+            radius,
         }
+    }
+}
+
+/// Puts edges in an order in which neighbors follow one another, halving them along the direction in which their bearings and the
+/// logarithms of their distances spread most, down to groups; all of these but the last are full.
+fn split(points: &[Vector3<f64>], order: &mut [usize]) {
+    if order.len() <= GROUP {
         return;
     }
     let place = |edge: usize| {
@@ -149,9 +148,9 @@ fn split(points: &[Vector3<f64>], order: &mut [usize], first: usize, ranges: &mu
         most - least
     };
     let axis = (0..4).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
-    let half = order.len() / 2;
+    let half = (order.len() / 2).next_multiple_of(GROUP);
     order.select_nth_unstable_by(half, |a, b| place(*a)[axis].total_cmp(&place(*b)[axis]).then(a.cmp(b)));
     let (low, high) = order.split_at_mut(half);
-    split(points, low, first, ranges);
-    split(points, high, first + half, ranges);
+    split(points, low);
+    split(points, high);
 }

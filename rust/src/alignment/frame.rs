@@ -2,11 +2,13 @@
 
 use nalgebra::{Matrix6, SVector, Vector2, Vector3, Vector6};
 
-use super::cloud_edges::{CloudEdges, GroupedEdges};
-use super::pictures::{LogRatios, direction_of};
-use super::projection::Projection;
+use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges};
+use super::groups::{Floats, GROUP, Numbers, ZEROS, total};
+use super::pictures::{LogRatios, directions_of};
+use super::projection::{Pixels, Places, Projection};
 use crate::effort;
 use crate::geometry::pose::Pose;
+use crate::lanes::{NullaryFnOnce, vectorized};
 
 /// Edges that are looked at by each spread, from wide to narrow, of a cloud all around: those of wide ones overlap, and say the same.
 pub const MOST_EDGES: [usize; SPREADS] = [3_000, 6_000, 12_000, 24_000];
@@ -64,43 +66,18 @@ impl Frame {
         if effort::is_stopped() {
             return (0.0, 0);
         }
-        let (local, edges) = (Local::new(pose, &self.origin), &self.edges[spread]);
-        let (picture, projection) = (&self.view.pictures[spread], &self.view.projection);
-        let (mut sum, mut count, mut looked_at) = (0.0_f64, 0, 0);
-        for range in edges.within(&local.pose, self.cone()) {
-            looked_at += range.len();
-            for edge in range {
-                let (_, bearing, way) = local.of(edges, edge);
-                if let Some(value) = projection.pixel(bearing, way).and_then(|(pixel, way)| picture.at(pixel, way)) {
-                    sum += f64::from(value);
-                    count += 1;
-                }
-            }
-        }
+        let (sum, count, looked_at) = vectorized(Sum { frame: self, pose, spread });
         effort::spend(looked_at);
         (sum, count)
     }
 
     /// The edges that a camera at a pose sees, for sums at poses near it.
     pub fn seen_from(&self, pose: &Pose, spread: usize) -> SeenEdges<'_> {
-        let mut seen = SeenEdges { frame: self, spread, points: Vec::new(), directions: Vec::new() };
+        let mut seen = SeenEdges { frame: self, spread, groups: Vec::new(), count: 0 };
         if effort::is_stopped() {
             return seen;
         }
-        let edges = &self.edges[spread];
-        let local = Local::new(pose, &self.origin);
-        let mut looked_at = 0;
-        for range in edges.within(&local.pose, self.cone()) {
-            looked_at += range.len();
-            for edge in range {
-                let (point, bearing, way) = local.of(edges, edge);
-                let Some((pixel, across)) = self.view.projection.pixel(bearing, way) else { continue };
-                if pixel.iter().chain(&across).all(|value| value.is_finite()) {
-                    seen.points.push(point);
-                    seen.directions.push(direction_of(across));
-                }
-            }
-        }
+        let looked_at = vectorized(Find { pose, seen: &mut seen });
         effort::spend(looked_at);
         seen
     }
@@ -109,6 +86,72 @@ impl Frame {
     fn cone(&self) -> [f64; 2] {
         let (sine, cosine) = self.view.half_field.sin_cos();
         [cosine, sine]
+    }
+}
+
+/// The sum of log likelihood ratios at a pose, how many edges the photo shows, and how many were looked at.
+struct Sum<'a> {
+    frame: &'a Frame,
+    pose: &'a Pose,
+    spread: usize,
+}
+
+impl NullaryFnOnce for Sum<'_> {
+    type Output = (f64, usize, usize);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { frame, pose, spread } = self;
+        let local = Local::new(pose, &frame.origin);
+        let (mut sum, mut count, mut looked_at) = (0.0, 0, 0);
+        for group in frame.edges[spread].within(&local.pose, frame.cone()) {
+            let (pixels, ways) = frame.view.seen(&local, group);
+            let around = frame.view.pictures[spread].around(&pixels, &directions_of(&ways));
+            sum += total(&around.values(), &around.shown);
+            count += around.count();
+            looked_at += group.count;
+        }
+        (sum, count, looked_at)
+    }
+}
+
+/// Fills in the edges that are seen from a pose; how many were looked at.
+struct Find<'a, 'b> {
+    pose: &'a Pose,
+    seen: &'a mut SeenEdges<'b>,
+}
+
+impl NullaryFnOnce for Find<'_, '_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { pose, seen } = self;
+        let frame = seen.frame;
+        let local = Local::new(pose, &frame.origin);
+        let mut looked_at = 0;
+        for group in frame.edges[seen.spread].within(&local.pose, frame.cone()) {
+            let (pixels, ways) = frame.view.seen(&local, group);
+            let directions = directions_of(&ways);
+            for edge in 0..GROUP {
+                if pixels.iter().chain(&ways).all(|values| values[edge].is_finite()) {
+                    seen.push([0, 1, 2].map(|axis| group.middles[axis][edge]), directions[edge]);
+                }
+            }
+            looked_at += group.count;
+        }
+        looked_at
+    }
+}
+
+impl PhotoView {
+    /// The pixels of edges and the ways across them there, from a pose; NaN where they are not seen.
+    #[inline(always)]
+    fn seen(&self, local: &Local, edges: &EdgeGroup) -> ([Floats; 2], [Floats; 2]) {
+        let places = self.projection.places(&local.transform(&edges.middles));
+        let seen = self.projection.pixels(&places);
+        let ways = seen.moved(&places, &local.turn(&edges.across));
+        (seen.pixels, ways)
     }
 }
 
@@ -127,21 +170,28 @@ impl Local {
         Self { pose, rows, shift: [0, 1, 2].map(|axis| pose.translation[axis] as f32) }
     }
 
-    /// A point in the camera's axes.
+    /// Points in the camera's axes.
     #[inline(always)]
-    fn transform(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
-        [0, 1, 2].map(|axis| {
-            let row = self.rows[axis];
-            row[0] * x + row[1] * y + row[2] * z + self.shift[axis]
-        })
+    fn transform(&self, points: &[Floats; 3]) -> [Floats; 3] {
+        let mut transformed = self.turn(points);
+        for (values, shift) in transformed.iter_mut().zip(self.shift) {
+            for value in values {
+                *value += shift;
+            }
+        }
+        transformed
     }
 
-    /// An edge's middle, and this and the way across in the camera's axes.
+    /// Vectors in the camera's axes.
     #[inline(always)]
-    fn of(&self, edges: &GroupedEdges, edge: usize) -> ([f32; 3], [f32; 3], [f32; 3]) {
-        let point = [0, 1, 2].map(|axis| edges.middles[axis][edge]);
-        let [x, y, z] = [0, 1, 2].map(|axis| edges.across[axis][edge]);
-        (point, self.transform(point), self.rows.map(|row| row[0] * x + row[1] * y + row[2] * z))
+    fn turn(&self, [x, y, z]: &[Floats; 3]) -> [Floats; 3] {
+        let mut turned = [ZEROS; 3];
+        for (values, row) in turned.iter_mut().zip(self.rows) {
+            for edge in 0..GROUP {
+                values[edge] = row[0] * x[edge] + row[1] * y[edge] + row[2] * z[edge];
+            }
+        }
+        turned
     }
 }
 
@@ -150,62 +200,145 @@ impl Local {
 pub struct SeenEdges<'a> {
     frame: &'a Frame,
     spread: usize,
+    groups: Vec<SeenGroup>,
+    count: usize,
+}
+
+/// A group of them; NaN where they are fewer than it holds.
+#[derive(Debug, Clone)]
+struct SeenGroup {
     /// About the frame's origin.
-    points: Vec<[f32; 3]>,
-    directions: Vec<usize>,
+    points: [Floats; 3],
+    directions: Numbers,
 }
 
 impl SeenEdges<'_> {
+    fn push(&mut self, point: [f32; 3], direction: i32) {
+        let place = self.count % GROUP;
+        if place == 0 {
+            self.groups.push(SeenGroup { points: [[f32::NAN; GROUP]; 3], directions: [0; GROUP] });
+        }
+        if let Some(group) = self.groups.last_mut() {
+            for (held, value) in group.points.iter_mut().zip(point) {
+                held[place] = value;
+            }
+            group.directions[place] = direction;
+        }
+        self.count += 1;
+    }
+
     /// The sum of log likelihood ratios at a pose, less an `offset` for each edge that the photo shows, and its derivative by a left
     /// increment.
     pub fn log_ratio(&self, pose: &Pose, offset: f64) -> (f64, SVector<f64, 6>) {
-        effort::spend(2 * self.points.len());
-        let local = Local::new(pose, &self.frame.origin);
-        let (view, mut sum, mut slope) = (&self.frame.view, 0.0_f64, [0.0_f64; 6]);
-        let picture = &view.pictures[self.spread];
-        for (point, direction) in self.points.iter().zip(&self.directions) {
-            let bearing = local.transform(*point);
-            let Some((pixel, place)) = view.projection.pixel_and_place(bearing) else { continue };
-            let Some((value, by_pixel)) = picture.with_slope(pixel, *direction) else { continue };
-            sum += f64::from(value) - offset;
-            let [i, j, k] = view.projection.by_bearing(&place, bearing, by_pixel);
-            let [x, y, z] = bearing;
-            for (total, term) in slope.iter_mut().zip([y * k - z * j, z * i - x * k, x * j - y * i, i, j, k]) {
-                *total += f64::from(term);
-            }
-        }
-        (sum, SVector::from(slope))
+        effort::spend(2 * self.count);
+        let (sum, count, slope) = vectorized(SumAndSlope { edges: self, pose });
+        (sum - offset * count as f64, slope)
     }
 
     /// The mean square by which left increments of a pose move the edges in the photo, pixels, as a matrix; and how many it sees.
     pub fn square_moves(&self, pose: &Pose) -> (Matrix6<f64>, usize) {
-        let (mut squares, mut count) = (Matrix6::zeros(), 0);
-        let (local, view) = (Local::new(pose, &self.frame.origin), &self.frame.view);
-        for point in &self.points {
-            let bearing = local.transform(*point);
-            let Some((pixel, place)) = view.projection.pixel_and_place(bearing) else { continue };
-            if view.pictures[self.spread].with_slope(pixel, 0).is_none() {
-                continue;
-            }
-            for axis in 0..2 {
-                let along = [[1.0, 0.0], [0.0, 1.0]][axis];
-                let by_bearing = Vector3::from(view.projection.by_bearing(&place, bearing, along)).cast::<f64>();
-                let by_turn = Vector3::from(bearing).cast::<f64>().cross(&by_bearing);
-                let moves = Vector6::new(by_turn.x, by_turn.y, by_turn.z, by_bearing.x, by_bearing.y, by_bearing.z);
-                squares.ger(1.0, &moves, &moves, 1.0);
-            }
-            count += 1;
-        }
+        let (squares, count) = vectorized(SquareMoves { edges: self, pose });
         (squares / count.max(1) as f64, count)
     }
 
     /// The pixels at which the edges are seen at a pose, and the numbers of the directions across them.
     pub fn pixels(&self, pose: &Pose) -> (Vec<Vector2<f64>>, Vec<usize>) {
         let local = Local::new(pose, &self.frame.origin);
-        let seen = self.points.iter().zip(&self.directions).filter_map(|(point, direction)| {
-            let (pixel, _) = self.frame.view.projection.pixel_and_place(local.transform(*point))?;
-            Some((Vector2::from(pixel).cast::<f64>(), *direction))
+        let seen = self.groups.iter().flat_map(|group| {
+            let [x, y] = self.seen(&local, group).2.pixels;
+            let seen = move |edge: usize| (Vector2::new(x[edge], y[edge]).cast(), group.directions[edge] as usize);
+            (0..GROUP).map(seen).filter(|(pixel, _)| pixel.iter().all(|value: &f64| value.is_finite()))
         });
         seen.unzip()
     }
+
+    /// The bearings of a group of edges, where these meet the cube, and where the camera sees them.
+    #[inline(always)]
+    fn seen(&self, local: &Local, group: &SeenGroup) -> ([Floats; 3], Places, Pixels) {
+        let bearings = local.transform(&group.points);
+        let places = self.frame.view.projection.places(&bearings);
+        let pixels = self.frame.view.projection.pixels(&places);
+        (bearings, places, pixels)
+    }
+}
+
+/// The sum of log likelihood ratios at a pose, how many edges the photo shows, and the derivative of the sum by a left increment.
+struct SumAndSlope<'a> {
+    edges: &'a SeenEdges<'a>,
+    pose: &'a Pose,
+}
+
+impl NullaryFnOnce for SumAndSlope<'_> {
+    type Output = (f64, usize, Vector6<f64>);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { edges, pose } = self;
+        let local = Local::new(pose, &edges.frame.origin);
+        let picture = &edges.frame.view.pictures[edges.spread];
+        let (mut sum, mut count, mut slope) = (0.0, 0, [0.0; 6]);
+        for group in &edges.groups {
+            let (bearings, places, seen) = edges.seen(&local, group);
+            let around = picture.around(&seen.pixels, &group.directions);
+            sum += total(&around.values(), &around.shown);
+            count += around.count();
+            let by_bearings = seen.by_bearings(&places, &around.slopes());
+            for (sum, terms) in slope.iter_mut().zip(by_increments(&bearings, &by_bearings)) {
+                *sum += total(&terms, &around.shown);
+            }
+        }
+        (sum, count, Vector6::from(slope))
+    }
+}
+
+/// The sum of the squares by which left increments of a pose move edges that the photo shows, pixels, and how many these are.
+struct SquareMoves<'a> {
+    edges: &'a SeenEdges<'a>,
+    pose: &'a Pose,
+}
+
+impl NullaryFnOnce for SquareMoves<'_> {
+    type Output = (Matrix6<f64>, usize);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { edges, pose } = self;
+        let local = Local::new(pose, &edges.frame.origin);
+        let picture = &edges.frame.view.pictures[edges.spread];
+        let (mut squares, mut count) = (Matrix6::zeros(), 0);
+        for group in &edges.groups {
+            let (bearings, places, seen) = edges.seen(&local, group);
+            let around = picture.around(&seen.pixels, &group.directions);
+            count += around.count();
+            for axis in 0..2 {
+                let mut along = [ZEROS; 2];
+                along[axis] = [1.0; GROUP];
+                let moves = by_increments(&bearings, &seen.by_bearings(&places, &along));
+                for row in 0..6 {
+                    for column in 0..=row {
+                        let mut products = ZEROS;
+                        for edge in 0..GROUP {
+                            products[edge] = moves[row][edge] * moves[column][edge];
+                        }
+                        squares[(row, column)] += total(&products, &around.shown);
+                    }
+                }
+            }
+        }
+        squares.fill_upper_triangle_with_lower_triangle();
+        (squares, count)
+    }
+}
+
+/// Derivatives by the left increment of a pose, by those by the bearings.
+#[inline(always)]
+fn by_increments([x, y, z]: &[Floats; 3], by_bearings: &[Floats; 3]) -> [Floats; 6] {
+    let ([i, j, k], mut by_turn) = (by_bearings, [ZEROS; 3]);
+    for edge in 0..GROUP {
+        by_turn[0][edge] = y[edge] * k[edge] - z[edge] * j[edge];
+        by_turn[1][edge] = z[edge] * i[edge] - x[edge] * k[edge];
+        by_turn[2][edge] = x[edge] * j[edge] - y[edge] * i[edge];
+    }
+    let [a, b, c] = by_turn;
+    [a, b, c, *i, *j, *k]
 }

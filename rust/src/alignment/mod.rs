@@ -9,6 +9,7 @@ pub mod descent;
 pub mod edges;
 pub mod evidence;
 pub mod frame;
+mod groups;
 mod parallel;
 pub mod pictures;
 pub mod posterior;

@@ -4,6 +4,7 @@ use std::array;
 
 use nalgebra::{Vector2, Vector3};
 
+use super::groups::{Floats, GROUP, Numbers, ZEROS, whole};
 use crate::error::Error;
 
 /// Cells along the side of a face, from the first try to the last.
@@ -21,8 +22,18 @@ const SEAM_PX: f64 = 1.0;
 /// A perspective camera without distortion is exact everywhere, since it maps the faces linearly.
 #[derive(Debug, Clone)]
 pub struct Projection {
-    cells: usize,
-    faces: [Option<Vec<Cell>>; 6],
+    /// Along the side of a face.
+    count: usize,
+    faces: [Face; 6],
+    /// [`NONE`], and those of the faces that see something, face by face and row by row.
+    cells: Vec<Cell>,
+}
+
+/// Where the cells of a face begin, and which bits of their numbers count: none of a face that sees nothing, so that all are [`NONE`].
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    first: u32,
+    mask: u32,
 }
 
 /// Coefficients of x and y: `c[0] + c[1] u + c[2] v + c[3] u v`, with u and v from 0 to 1 across the cell.
@@ -31,13 +42,28 @@ pub struct Projection {
 #[derive(Debug, Clone, Copy)]
 struct Cell([[f32; 4]; 2]);
 
-/// Where a bearing meets the cube: the face, the cell, the place within it, and the bearing's component along the face's normal.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
-    face: usize,
-    cell: usize,
-    within: [f32; 2],
-    depth: f32,
+/// Where the bearings of a group of edges meet the cube.
+pub(super) struct Places {
+    /// The one of x, y and z along which the bearing is longest.
+    axis: Numbers,
+    /// The bearing's components along the two others, in turn: those along the sides of the face.
+    along: [Floats; 2],
+    /// The inverse of its component along the axis.
+    inverse: Floats,
+    /// Half the cells of a side, over the size of that component: moves within the cell by those of the bearing.
+    scale: Floats,
+    /// The place within the cell, from 0 to 1.
+    within: [Floats; 2],
+    face: Numbers,
+    /// Of the face, row by row.
+    cell: Numbers,
+}
+
+/// Where a group of edges is seen: NaN where it is not.
+pub(super) struct Pixels {
+    pub(super) pixels: [Floats; 2],
+    /// Derivatives of each pixel's x and y by the place within the cell.
+    by_within: [[Floats; 2]; 2],
 }
 
 impl Projection {
@@ -77,91 +103,142 @@ impl Projection {
                 Error::OutOfRange { item: "camera", found, needed: "the camera that took the photo".into() }.into()
             );
         }
-        Ok(Self { cells, faces })
+        let mut joined = vec![NONE];
+        let faces = faces.map(|face: Option<Vec<Cell>>| {
+            let first = joined.len() as u32;
+            let Some(face) = face else { return Face { first: 0, mask: 0 } };
+            joined.extend(face);
+            Face { first, mask: u32::MAX }
+        });
+        Ok(Self { count: cells, faces, cells: joined })
     }
 
-    fn place(&self, [x, y, z]: [f32; 3]) -> Option<(Place, &Cell)> {
-        let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-        let (axis, depth, first, second) = if az >= ax && az >= ay {
-            (2, z, x, y)
-        } else if ax >= ay {
-            (0, x, y, z)
-        } else {
-            (1, y, z, x)
+    /// Where bearings meet the cube.
+    #[inline(always)]
+    pub(super) fn places(&self, bearings: &[Floats; 3]) -> Places {
+        let (half, last) = (0.5 * self.count as f32, (self.count - 1) as f32);
+        let mut places = Places {
+            axis: [0; GROUP],
+            along: [ZEROS; 2],
+            inverse: ZEROS,
+            scale: ZEROS,
+            within: [ZEROS; 2],
+            face: [0; GROUP],
+            cell: [0; GROUP],
         };
-        let face = 2 * axis + usize::from(depth < 0.0);
-        let table = self.faces[face].as_ref()?;
-        let (count, depth) = (self.cells as f32, depth.abs());
-        let half = 0.5 * count / depth;
-        let (u, v) = (first * half + 0.5 * count, second * half + 0.5 * count);
-        // NaN, of the bearing 0, is taken for 0 here, and is NaN within the cell.
-        let (column, row) = ((u as usize).min(self.cells - 1), (v as usize).min(self.cells - 1));
-        let cell = row * self.cells + column;
-        let within = [u - column as f32, v - row as f32];
-        Some((Place { face, cell, within, depth }, &table[cell]))
-    }
-
-    /// The pixel at which a bearing is seen, and how it moves with a small `way` from there; NaN or `None` where it is not seen.
-    #[inline(always)]
-    pub(super) fn pixel(&self, bearing: [f32; 3], way: [f32; 3]) -> Option<([f32; 2], [f32; 2])> {
-        let (place, Cell(cell)) = self.place(bearing)?;
-        let [u, v] = place.within;
-        let moved = self.within_by(&place, bearing, way);
-        let mut pixel = [0.0; 2];
-        let mut across = [0.0; 2];
-        for axis in 0..2 {
-            let [a, b, c, d] = cell[axis];
-            pixel[axis] = a + b * u + (c + d * u) * v;
-            across[axis] = (b + d * v) * moved[0] + (c + d * u) * moved[1];
+        for edge in 0..GROUP {
+            let bearing = [bearings[0][edge], bearings[1][edge], bearings[2][edge]];
+            let [x, y, z] = bearing.map(f32::abs);
+            let axis = if (z >= x) & (z >= y) { 2 } else { i32::from(x < y) };
+            let [first, second, depth] = turned(bearing, axis);
+            let inverse = 1.0 / depth;
+            let scale = half * inverse.abs();
+            let (u, v) = (first * scale + half, second * scale + half);
+            // NaN, of the bearing 0, is taken for 0 here, and is NaN within the cell.
+            let (column, row) = (whole(u, last), whole(v, last));
+            places.axis[edge] = axis;
+            places.along[0][edge] = first;
+            places.along[1][edge] = second;
+            places.inverse[edge] = inverse;
+            places.scale[edge] = scale;
+            places.within[0][edge] = u - column as f32;
+            places.within[1][edge] = v - row as f32;
+            places.face[edge] = 2 * axis + i32::from(depth < 0.0);
+            places.cell[edge] = row * self.count as i32 + column;
         }
-        Some((pixel, across))
+        places
     }
 
-    /// How a way of the bearing moves its place within the cell.
+    /// The pixels at which places are seen.
     #[inline(always)]
-    fn within_by(&self, place: &Place, bearing: [f32; 3], way: [f32; 3]) -> [f32; 2] {
-        let (axis, sign) = (place.face / 2, if place.face % 2 == 1 { -1.0 } else { 1.0 });
-        let scale = 0.5 * self.cells as f32 / place.depth;
-        let deeper = sign * way[axis] / place.depth;
-        let [first, second] = [(axis + 1) % 3, (axis + 2) % 3];
-        [(way[first] - bearing[first] * deeper) * scale, (way[second] - bearing[second] * deeper) * scale]
-    }
-
-    /// The pixel at which a bearing is seen, and its place in the table; `None` where it is not seen.
-    #[inline(always)]
-    pub(super) fn pixel_and_place(&self, bearing: [f32; 3]) -> Option<([f32; 2], Place)> {
-        let (place, Cell(cell)) = self.place(bearing)?;
-        let [u, v] = place.within;
-        let pixel = cell.map(|[a, b, c, d]| a + b * u + (c + d * u) * v);
-        // Fails for NaN.
-        (pixel[0] > f32::NEG_INFINITY && pixel[1] > f32::NEG_INFINITY).then_some((pixel, place))
-    }
-
-    /// The derivative by the bearing of what has a derivative `by_pixel`, exact for the table.
-    #[inline(always)]
-    pub(super) fn by_bearing(&self, place: &Place, bearing: [f32; 3], by_pixel: [f32; 2]) -> [f32; 3] {
-        let Cell(cell) = self.faces[place.face].as_ref().map_or(NONE, |table| table[place.cell]);
-        let [u, v] = place.within;
-        let (mut by_u, mut by_v) = (0.0, 0.0);
-        for ([_, b, c, d], slope) in cell.into_iter().zip(by_pixel) {
-            by_u += slope * (b + d * v);
-            by_v += slope * (c + d * u);
+    pub(super) fn pixels(&self, places: &Places) -> Pixels {
+        let mut seen = Pixels { pixels: [ZEROS; 2], by_within: [[ZEROS; 2]; 2] };
+        for edge in 0..GROUP {
+            let face = self.faces[places.face[edge] as usize];
+            let Cell(cell) = self.cells[(face.first + (places.cell[edge] as u32 & face.mask)) as usize];
+            let (u, v) = (places.within[0][edge], places.within[1][edge]);
+            for (axis, [a, b, c, d]) in cell.into_iter().enumerate() {
+                let (by_u, by_v) = (b + d * v, c + d * u);
+                seen.pixels[axis][edge] = a + b * u + by_v * v;
+                seen.by_within[axis][0][edge] = by_u;
+                seen.by_within[axis][1][edge] = by_v;
+            }
         }
-        let (axis, sign) = (place.face / 2, if place.face % 2 == 1 { -1.0 } else { 1.0 });
-        let [first, second] = [(axis + 1) % 3, (axis + 2) % 3];
-        let scale = 0.5 * self.cells as f32 / place.depth;
-        let mut by_bearing = [0.0; 3];
-        by_bearing[first] = by_u * scale;
-        by_bearing[second] = by_v * scale;
-        by_bearing[axis] = -sign * scale / place.depth * (by_u * bearing[first] + by_v * bearing[second]);
-        by_bearing
+        seen
     }
 
     /// The pixel at which a bearing of any length is seen; `None` where it is not seen.
     pub fn pixel_of(&self, bearing: &Vector3<f64>) -> Option<Vector2<f64>> {
-        let (pixel, _) = self.pixel_and_place([0, 1, 2].map(|axis| bearing[axis] as f32))?;
-        Some(Vector2::from(pixel).cast())
+        let bearings = [0, 1, 2].map(|axis| [bearing[axis] as f32; GROUP]);
+        let pixels = self.pixels(&self.places(&bearings)).pixels;
+        let pixel = Vector2::new(pixels[0][0], pixels[1][0]).cast();
+        pixel.iter().all(|value: &f64| value.is_finite()).then_some(pixel)
     }
+}
+
+impl Pixels {
+    /// How the pixels move with small ways of the bearings.
+    #[inline(always)]
+    pub(super) fn moved(&self, places: &Places, ways: &[Floats; 3]) -> [Floats; 2] {
+        let mut moved = [ZEROS; 2];
+        for edge in 0..GROUP {
+            let [first, second, depth] = turned([ways[0][edge], ways[1][edge], ways[2][edge]], places.axis[edge]);
+            let deeper = depth * places.inverse[edge];
+            let by_u = (first - places.along[0][edge] * deeper) * places.scale[edge];
+            let by_v = (second - places.along[1][edge] * deeper) * places.scale[edge];
+            for (moved, [along_u, along_v]) in moved.iter_mut().zip(&self.by_within) {
+                moved[edge] = along_u[edge] * by_u + along_v[edge] * by_v;
+            }
+        }
+        moved
+    }
+
+    /// The derivatives by the bearings of what has derivatives `by_pixel`, exact for the table.
+    #[inline(always)]
+    pub(super) fn by_bearings(&self, places: &Places, by_pixel: &[Floats; 2]) -> [Floats; 3] {
+        let ([x, y], mut by_bearings) = (&self.by_within, [ZEROS; 3]);
+        for edge in 0..GROUP {
+            let (slope_x, slope_y) = (by_pixel[0][edge], by_pixel[1][edge]);
+            let first = (slope_x * x[0][edge] + slope_y * y[0][edge]) * places.scale[edge];
+            let second = (slope_x * x[1][edge] + slope_y * y[1][edge]) * places.scale[edge];
+            let along = first * places.along[0][edge] + second * places.along[1][edge];
+            let by_bearing = turned_back([first, second, -along * places.inverse[edge]], places.axis[edge]);
+            for (held, value) in by_bearings.iter_mut().zip(by_bearing) {
+                held[edge] = value;
+            }
+        }
+        by_bearings
+    }
+}
+
+/// The components of a vector along the two axes that follow an axis in turn, and along that one.
+#[inline(always)]
+fn turned([x, y, z]: [f32; 3], axis: i32) -> [f32; 3] {
+    let among = |a: f32, b: f32, c: f32| {
+        if axis == 2 {
+            c
+        } else if axis == 0 {
+            a
+        } else {
+            b
+        }
+    };
+    [among(y, z, x), among(z, x, y), among(x, y, z)]
+}
+
+/// The vector of which these are the components.
+#[inline(always)]
+fn turned_back([first, second, depth]: [f32; 3], axis: i32) -> [f32; 3] {
+    let among = |a: f32, b: f32, c: f32| {
+        if axis == 2 {
+            c
+        } else if axis == 0 {
+            a
+        } else {
+            b
+        }
+    };
+    [among(depth, second, first), among(first, depth, second), among(second, first, depth)]
 }
 
 /// The cell of what is not seen.
