@@ -104,11 +104,12 @@ impl GroupedEdges {
         let pose = *pose;
         let may_show = move |group: &&EdgeGroup| {
             let center = pose.transform(&group.center);
-            // The distance of the sphere's center beyond the cone: from its side, or from its tip where that is nearer.
+            // The distance of the sphere's center beyond the cone: from its side, or from its tip where that is nearer. Within a cone of
+            // more than a right angle the center may be nearer to the tip than to any side.
             let (along, away) = (center.z, center.xy().norm());
             let beyond = away * cosine - along * sine;
             let from_tip = along * cosine + away * sine;
-            beyond <= group.radius && (from_tip >= 0.0 || center.norm() <= group.radius)
+            beyond <= 0.0 || (beyond <= group.radius && from_tip >= 0.0) || center.norm() <= group.radius
         };
         self.0.iter().filter(may_show)
     }
@@ -153,4 +154,107 @@ fn split(points: &[Vector3<f64>], order: &mut [usize]) {
     let (low, high) = order.split_at_mut(half);
     split(points, low);
     split(points, high);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use nalgebra::Rotation3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
+        let entry = || -size..size;
+        (entry(), entry(), entry()).prop_map(|(x, y, z)| Vector3::new(x, y, z))
+    }
+
+    /// Edges in heaps, as of walls, poles and cars, each at a place of its own.
+    fn edges() -> impl Strategy<Value = CloudEdges> {
+        let heap = (vector(20.0), 0.0..6.0_f64, prop::collection::vec(vector(1.0), 1..80))
+            .prop_map(|(middle, size, ways)| ways.into_iter().map(move |way| middle + way * size));
+        prop::collection::vec(heap, 0..5).prop_map(|heaps| {
+            let middles: Vec<_> = heaps.into_iter().flatten().collect();
+            let across = middles.iter().map(|middle| middle.cross(&Vector3::y()) * 0.01).collect();
+            CloudEdges { middles, across }
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Cameras of any field, panoramas among them, that stand among the edges.
+        #[test]
+        fn no_edge_within_the_cone_is_left_out(
+            edges in edges(),
+            turn in vector(2.0),
+            translation in vector(10.0),
+            origin in vector(5.0),
+            angle in 0.0..=PI,
+        ) {
+            let grouped = GroupedEdges::new(&edges, &origin);
+            let pose = Pose::new(Rotation3::new(turn), translation);
+            let mut is_held = vec![false; edges.len()];
+            for edge in grouped.within(&pose, [angle.cos(), angle.sin()]).flatten() {
+                prop_assert!(!is_held[edge], "{edge} comes twice");
+                is_held[edge] = true;
+            }
+            for (edge, is_held) in is_held.iter().enumerate() {
+                let middle = Vector3::from_fn(|axis, _| f64::from(grouped.middles[axis][edge]));
+                let seen = pose.transform(&middle);
+                let off = seen.xy().norm().atan2(seen.z);
+                prop_assert!(*is_held || off > angle - 1e-5, "{off} of {angle}");
+            }
+        }
+
+        #[test]
+        fn groups_hold_every_edge_once_and_are_small(edges in edges(), origin in vector(5.0)) {
+            let grouped = GroupedEdges::new(&edges, &origin);
+            let held: Vec<usize> = grouped.groups.iter().flat_map(|group| group.edges.clone()).collect();
+            prop_assert_eq!(held, (0..edges.len()).collect::<Vec<_>>());
+            prop_assert!(grouped.groups.iter().all(|group| (1..=GROUP).contains(&group.edges.len())));
+            // The same edges in another order, each with its own way across.
+            let bits = |values: [f32; 6]| values.map(f32::to_bits);
+            let mut found: Vec<_> = (0..edges.len())
+                .map(|edge| {
+                    let of = |from: &[Vec<f32>; 3]| [0, 1, 2].map(|axis| from[axis][edge]);
+                    let ([a, b, c], [d, e, f]) = (of(&grouped.middles), of(&grouped.across));
+                    bits([a, b, c, d, e, f])
+                })
+                .collect();
+            let mut given: Vec<_> = edges.middles.iter().zip(&edges.across)
+                .map(|(middle, across)| {
+                    let middle = middle - origin;
+                    bits([middle.x, middle.y, middle.z, across.x, across.y, across.z].map(|value| value as f32))
+                })
+                .collect();
+            found.sort_unstable();
+            given.sort_unstable();
+            prop_assert_eq!(found, given);
+        }
+
+        #[test]
+        fn thinned_edges_are_some_of_them_in_order(edges in edges(), most in 0..300_usize) {
+            let thinned = edges.thinned(most);
+            prop_assert_eq!(thinned.len(), edges.len().min(most));
+            let mut rest = edges.middles.iter();
+            prop_assert!(thinned.middles.iter().all(|middle| rest.any(|other| other == middle)));
+        }
+    }
+
+    /// Most groups of a cloud all around lie outside of the view of a usual camera.
+    #[test]
+    fn a_narrow_view_leaves_most_edges_out() {
+        let ring = (0..10_000).map(|number| {
+            let angle = f64::from(number) * 0.1;
+            Vector3::new(angle.sin(), 0.2 * (angle * 7.0).sin(), angle.cos()) * (4.0 + (angle * 3.0).sin())
+        });
+        let middles: Vec<_> = ring.collect();
+        let grouped = GroupedEdges::new(&CloudEdges { across: middles.clone(), middles }, &Vector3::zeros());
+        let (sine, cosine) = 0.35_f64.sin_cos();
+        let count: usize = grouped.within(&Pose::identity(), [cosine, sine]).map(|range| range.len()).sum();
+        // Of 10,000 as many as 0.7 of 2 pi at the most, and some beside.
+        assert!((500..2000).contains(&count), "{count}");
+    }
 }
