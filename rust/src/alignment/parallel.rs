@@ -1,5 +1,6 @@
 //! The same work on many items, on all cores where the crate has threads.
 
+use crate::effort;
 use crate::error::Result;
 
 /// Items that are worked on in a row: enough that threads are worth it.
@@ -13,7 +14,14 @@ pub(super) fn mapped<T: Sync, A: Send>(
     work: impl Fn(&T) -> A + Sync,
 ) -> Result<Vec<A>> {
     let chunks: Vec<&[T]> = items.chunks(CHUNK).collect();
-    let done = crate::batch::in_parallel(&chunks, threads, |chunk| Ok(chunk.iter().map(&work).collect::<Vec<A>>()))?;
+    let all = |chunk: &&[T]| {
+        // Chunks are shorter than what work is done between two questions, and each begins to count anew.
+        effort::pass(usize::MAX);
+        Ok(chunk.iter().map(&work).collect::<Vec<A>>())
+    };
+    let done = crate::batch::in_parallel(&chunks, threads, all)?;
+    // Of a thread that ended early the caller must know, or would take what it has for an answer.
+    effort::pass(usize::MAX);
     let mut made = Vec::with_capacity(items.len());
     for chunk in done {
         made.extend(chunk?);
@@ -28,6 +36,9 @@ pub(super) fn mapped<T: Sync, A: Send>(
     _threads: Option<usize>,
     work: impl Fn(&T) -> A + Sync,
 ) -> Result<Vec<A>> {
-    let _ = CHUNK;
-    Ok(items.iter().map(work).collect())
+    let all = |chunk: &[T]| {
+        effort::pass(usize::MAX);
+        chunk.iter().map(&work).collect::<Vec<A>>()
+    };
+    Ok(items.chunks(CHUNK).flat_map(all).collect())
 }
