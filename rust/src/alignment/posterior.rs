@@ -141,8 +141,9 @@ impl Posterior<'_> {
     }
 }
 
-/// Information of which a direction has next to none, rad^-2 and m^-2: that of half a turn and of kilometers, which numbers bear.
-const OPEN: f64 = 1e-6;
+/// Information that every direction has, rad^-2 and m^-2: that of an angle that may be any, beyond which there are none, and of
+/// kilometers, which numbers bear.
+const OPEN: [f64; 2] = [3.0 / (std::f64::consts::PI * std::f64::consts::PI), 1e-6];
 
 /// A posterior by the edges that are seen from one pose.
 struct Local<'a> {
@@ -193,5 +194,6 @@ impl<'a> Local<'a> {
 
 /// A matrix that is nowhere next to zero.
 fn regular(matrix: &Matrix6<f64>) -> Matrix6<f64> {
-    matrix + Matrix6::identity() * OPEN
+    let [turn, place] = OPEN;
+    matrix + Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, place, place, place))
 }
