@@ -19,7 +19,7 @@ const SEAM_PX: f64 = 1.0;
 
 /// Where a camera sees bearings, pixels: exact at the nodes of a grid on each face of a cube, bilinear between them.
 ///
-/// A perspective camera without distortion is exact everywhere, since it maps the faces linearly.
+/// A perspective camera without distortion is exact on the face before it, a right angle wide, which it maps linearly.
 #[derive(Debug, Clone)]
 pub struct Projection {
     /// Along the side of a face.
@@ -302,5 +302,63 @@ impl Cell {
             let (a, b, c, d) = (a[axis], b[axis], c[axis], d[axis]);
             [a, b - a, c - a, a + d - b - c].map(|value| value as f32)
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A fisheye that sees nearly all around, so that every face of the cube is met.
+    static FISHEYE: LazyLock<Projection> = LazyLock::new(|| {
+        let pixel = |bearing: &Vector3<f64>| {
+            let away = bearing.xy().norm();
+            let scale = 100.0 * away.atan2(bearing.z) / away.max(1e-12);
+            bearing.xy() * scale + Vector2::new(320.0, 320.0)
+        };
+        Projection::new([640.0, 640.0], |bearings| Ok::<_, Error>(bearings.iter().map(pixel).collect())).unwrap()
+    });
+
+    proptest! {
+        /// In double precision about the same cell, which is exact: differences in single precision are not.
+        #[test]
+        fn derivatives_are_those_of_the_cell(
+            bearing in prop::array::uniform3(-5.0..5.0_f64),
+            way in prop::array::uniform3(-0.1..0.1_f64),
+            by_pixel in prop::array::uniform2(-1.0..1.0_f32),
+        ) {
+            let made = &*FISHEYE;
+            let narrow = |values: [f64; 3]| values.map(|value| value as f32);
+            let (bearing, way) = (narrow(bearing), narrow(way));
+            let Some((pixel, place)) = made.pixel_and_place(bearing) else { return Ok(()) };
+            let (same, across) = made.pixel(bearing, way).unwrap();
+            prop_assert!((0..2).all(|axis| (same[axis] - pixel[axis]).abs() < 1e-3));
+            let Cell(cell) = made.faces[place.face].as_ref().unwrap()[place.cell];
+            let (axis, sign) = (place.face / 2, if place.face % 2 == 1 { -1.0 } else { 1.0 });
+            let (row, column) = ((place.cell / made.cells) as f64, (place.cell % made.cells) as f64);
+            let at = |bearing: [f64; 3]| {
+                let half = 0.5 * made.cells as f64;
+                let depth = sign * bearing[axis];
+                let u = (bearing[(axis + 1) % 3] / depth + 1.0) * half - column;
+                let v = (bearing[(axis + 2) % 3] / depth + 1.0) * half - row;
+                cell.map(|c| c.map(f64::from)).map(|[a, b, c, d]| a + b * u + c * v + d * u * v)
+            };
+            let wide = |values: [f32; 3]| values.map(f64::from);
+            let moved = |by: f64| at([0, 1, 2].map(|axis| wide(bearing)[axis] + by * wide(way)[axis]));
+            let (forth, back) = (moved(1e-4), moved(-1e-4));
+            let expected = [0, 1].map(|axis| (forth[axis] - back[axis]) / 2e-4);
+            let most = expected.iter().fold(1.0, |most: f64, value| most.max(value.abs()));
+            for axis in 0..2 {
+                prop_assert!((f64::from(across[axis]) - expected[axis]).abs() < 1e-3 * most, "{across:?} {expected:?}");
+            }
+            let slope = made.by_bearing(&place, bearing, by_pixel);
+            let along: f64 = (0..3).map(|axis| f64::from(slope[axis]) * wide(way)[axis]).sum();
+            let expected: f64 = (0..2).map(|axis| f64::from(by_pixel[axis]) * expected[axis]).sum();
+            prop_assert!((along - expected).abs() < 1e-3 * most, "{along} {expected}");
+        }
     }
 }
