@@ -135,3 +135,138 @@ pub(super) fn directions_of(ways: &[Floats; 2]) -> Numbers {
     }
     directions
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::{FRAC_PI_4, TAU};
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Pictures that rise along both axes, differently by direction.
+    fn sloped(rows: usize, columns: usize) -> Vec<f32> {
+        let value = |direction: usize, row: usize, column: usize| {
+            (direction + 1) as f32 * (0.5 * column as f32 - 0.25 * row as f32) + direction as f32
+        };
+        let line = |direction, row| (0..columns).map(move |column| value(direction, row, column));
+        (0..DIRECTIONS).flat_map(|direction| (0..rows).flat_map(move |row| line(direction, row))).collect()
+    }
+
+    /// A way of each direction.
+    fn way(direction: usize) -> [f32; 2] {
+        let (sine, cosine) = (direction as f32 * FRAC_PI_4).sin_cos();
+        [cosine, sine]
+    }
+
+    #[test]
+    fn what_does_not_fill_four_pictures_is_none() {
+        for (values, rows, columns, reduction) in
+            [(48, 3, 4, 0), (47, 3, 4, 1), (0, 0, 4, 1), (0, 3, 0, 1), (4, usize::MAX, 2, 1), (4, 1 << 32, 1 << 32, 1)]
+        {
+            assert!(LogRatios::new(&vec![0.0; values], rows, columns, reduction).is_none());
+        }
+        assert!(LogRatios::new(&[0.0; 48], 3, 4, 100).is_some());
+    }
+
+    /// Squares at the right and lower sides are of fewer pixels.
+    #[test]
+    fn reduced_pictures_hold_means_of_squares() {
+        let (rows, columns) = (7, 11);
+        let values = sloped(rows, columns);
+        for reduction in [1, 2, 3, 4, 20] {
+            let made = LogRatios::new(&values, rows, columns, reduction).unwrap();
+            assert_eq!((made.rows, made.columns), (rows.div_ceil(reduction), columns.div_ceil(reduction)));
+            for (place, found) in made.values.iter().enumerate() {
+                let (down, right) = (place / made.columns * reduction, place % made.columns * reduction);
+                for (direction, found) in found.iter().enumerate() {
+                    let square = (down..rows.min(down + reduction)).flat_map(|row| {
+                        (right..columns.min(right + reduction))
+                            .map(move |column| (direction * rows + row) * columns + column)
+                    });
+                    let (sum, count) = square.fold((0.0, 0.0), |(sum, count), at| (sum + values[at], count + 1.0));
+                    assert!((found - sum / count).abs() < 1e-4, "{reduction}: {found}");
+                }
+            }
+        }
+    }
+
+    proptest! {
+        /// Between pixels' centers, the first of which is at 0 whatever the reduction; a plane is met exactly.
+        #[test]
+        fn values_between_pixels_are_on_the_plane_through_them(
+            x in -2.0..41.0_f32,
+            y in -2.0..25.0_f32,
+            direction in 0..DIRECTIONS,
+            reduction in 1..5_usize,
+        ) {
+            let (rows, columns) = (24, 36);
+            let made = LogRatios::new(&sloped(rows, columns), rows, columns, reduction).unwrap();
+            let margin = 0.5 * (reduction as f32 - 1.0);
+            let beyond = |at: f32, count: usize| (margin - at).max(at - (count as f32 - 1.0 - margin));
+            let outside = beyond(x, columns).max(beyond(y, rows));
+            let found = made.at([x, y], way(direction));
+            if outside > 1e-3 && reduction != 1 && columns % reduction + rows % reduction > 0 {
+                // The last square is of fewer pixels, and its middle elsewhere.
+                return Ok(());
+            }
+            prop_assert!(outside.abs() < 1e-3 || found.is_some() == (outside < 0.0), "{found:?} {outside}");
+            let Some(found) = found else { return Ok(()) };
+            let rise = (direction + 1) as f32;
+            let is_whole = x < 30.0 && y < 18.0;
+            let expected = rise * (0.5 * x - 0.25 * y) + direction as f32;
+            prop_assert!(!is_whole || (found - expected).abs() < 1e-3, "{found} {expected}");
+            let (value, slope) = made.with_slope([x, y], direction).unwrap();
+            prop_assert!((value - found).abs() < 1e-4);
+            let error = (slope[0] - 0.5 * rise).abs().max((slope[1] + 0.25 * rise).abs());
+            prop_assert!(!is_whole || error < 1e-3, "{slope:?}");
+        }
+
+        /// A curved picture: the slope is the derivative of what is between the pixels, and the corners are the pixels.
+        #[test]
+        fn slopes_are_those_of_the_values(x in 0.1..10.9_f32, y in 0.1..6.9_f32, seed in 0..1000_u32) {
+            let value = |place: u32| ((place.wrapping_mul(747_796_405).wrapping_add(seed) >> 7) % 1000) as f32 / 500.0 - 1.0;
+            let values: Vec<f32> = (0..4 * 96).map(value).collect();
+            let made = LogRatios::new(&values, 8, 12, 1).unwrap();
+            let step = 1e-2;
+            let is_inside = |at: f32| at.fract() > step && at.fract() < 1.0 - step;
+            prop_assume!(is_inside(x) && is_inside(y));
+            let at = |x: f32, y: f32| made.with_slope([x, y], 2).unwrap().0;
+            let (_, slope) = made.with_slope([x, y], 2).unwrap();
+            prop_assert!((slope[0] - (at(x + step, y) - at(x - step, y)) / (2.0 * step)).abs() < 1e-3);
+            prop_assert!((slope[1] - (at(x, y + step) - at(x, y - step)) / (2.0 * step)).abs() < 1e-3);
+            let corner = at(x.floor(), y.floor());
+            prop_assert_eq!(corner, values[2 * 96 + y as usize * 12 + x as usize]);
+        }
+
+        #[test]
+        fn directions_are_the_nearest_of_four(angle in 0.0..TAU, length in 1e-6..1e6_f32) {
+            let eighths = angle / FRAC_PI_4;
+            // Rounding decides half-way between two.
+            prop_assume!((eighths.fract() - 0.5).abs() > 1e-4);
+            let found = direction_of([length * angle.cos(), length * angle.sin()]);
+            prop_assert_eq!(found, eighths.round() as usize % DIRECTIONS);
+            prop_assert_eq!(direction_of([-length * angle.cos(), -length * angle.sin()]), found);
+        }
+    }
+
+    #[test]
+    fn ways_along_the_axes_have_their_directions() {
+        for (way, direction) in
+            [([1.0, 0.0], 0), ([-1.0, -0.0], 0), ([0.0, 1.0], 2), ([-0.0, -1.0], 2), ([1.0, 1.0], 1)]
+        {
+            assert_eq!(direction_of(way), direction);
+        }
+        assert_eq!(direction_of([-1.0, 1.0]), 3);
+    }
+
+    #[test]
+    fn there_is_nothing_outside_and_at_no_pixel() {
+        let made = LogRatios::new(&sloped(6, 9), 6, 9, 1).unwrap();
+        for pixel in [[-0.01, 2.0], [8.0, 2.0], [3.0, 5.0], [f32::NAN, 2.0], [3.0, f32::INFINITY]] {
+            assert!(made.at(pixel, [1.0, 0.0]).is_none() && made.with_slope(pixel, 0).is_none(), "{pixel:?}");
+        }
+        // A picture of one row has no pixels to be between.
+        assert!(LogRatios::new(&[1.0; 36], 1, 9, 1).unwrap().at([3.0, 0.0], [1.0, 0.0]).is_none());
+    }
+}
