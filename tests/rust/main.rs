@@ -2,6 +2,7 @@
 
 mod support;
 
+mod alignment;
 #[cfg(feature = "batch")]
 mod batch;
 mod border;

@@ -1,0 +1,339 @@
+//! Densities of poses: what they integrate to, their slopes, and draws of them.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, SVector, U6, Vector3, Vector6};
+use regionpose::alignment::density::{PoseDensity, Sampler};
+use regionpose::geometry::pose::Tangent;
+use regionpose::{Pose, PoseSigma, Prior};
+
+use crate::support::jacobian::assert_jacobian;
+use crate::support::random::Random;
+
+const DEGREE: f64 = PI / 180.0;
+
+/// Standard errors of a mean beyond which it is off.
+const ERRORS: f64 = 4.5;
+
+fn near(sigma: f64) -> Prior {
+    Prior { near: Some(Vector3::new(3.0, -2.0, 1.5)), near_sigma: Some(sigma), ..Prior::default() }
+}
+
+fn near_and_up(degrees: f64) -> Prior {
+    Prior { up: Some(Vector3::new(0.3, -0.4, 2.0)), up_sigma: Some(degrees * DEGREE), ..near(0.4) }
+}
+
+/// An initial pose that is level and stands near, but for a deviation or so.
+fn initial(prior: Prior, rotation: f64, place: f64) -> Prior {
+    let level =
+        prior.up.map_or(Random::new(4).rotation(), |up| Rotation3::rotation_between(&up, &-Vector3::y()).unwrap());
+    let turn =
+        Rotation3::new(Vector3::new(0.7, 1.0, -0.6) * rotation) * Rotation3::from_axis_angle(&Vector3::y_axis(), 2.0);
+    let (rotation_, center) = (turn * level, Vector3::new(3.1, -2.0, 1.4));
+    Prior {
+        initial: Some(Pose::new(rotation_, -(rotation_ * center))),
+        initial_sigma: Some(PoseSigma { rotation, place }),
+        ..prior
+    }
+}
+
+/// A pose of a camera that stands somewhere.
+fn standing(rotation: Rotation3<f64>, center: &Vector3<f64>) -> Pose {
+    Pose::new(rotation, -(rotation * center))
+}
+
+/// The density of independent normal numbers of such a deviation.
+fn bell(numbers: &[f64], sigma: f64) -> f64 {
+    let squares: f64 = numbers.iter().map(|number| (number / sigma).powi(2)).sum();
+    (-0.5 * squares).exp() / (sigma * TAU.sqrt()).powi(numbers.len() as i32)
+}
+
+/// The mean of importance weights, and its standard error.
+fn mean(weights: &[f64]) -> (f64, f64) {
+    let count = weights.len() as f64;
+    let mean = weights.iter().sum::<f64>() / count;
+    let squares: f64 = weights.iter().map(|weight| (weight - mean).powi(2)).sum();
+    (mean, squares.sqrt() / count)
+}
+
+fn assert_is_one(weights: &[f64], allowed: f64) {
+    let (mean, error) = mean(weights);
+    assert!(error < 0.02, "{error} tells nothing");
+    assert!((mean - 1.0).abs() < ERRORS * error + allowed, "{mean} +- {error}, allowed {allowed}");
+}
+
+/// How much larger a volume of rotations is in the rotation vector than on the group: less than one of space.
+fn rotations_of(angle: f64) -> f64 {
+    if angle < 1e-6 { 1.0 } else { 2.0 * (1.0 - angle.cos()) / (angle * angle) }
+}
+
+/// Over the sphere of tilts, the headings and space. The volume is that of a flat bell, of which a sphere's lacks a third of the variance.
+#[test]
+fn a_prior_of_up_and_place_integrates_to_one_over_all_headings() {
+    let mut random = Random::new(11);
+    for degrees in [3.0, 10.0] {
+        let prior = near_and_up(degrees);
+        let density = PoseDensity::of_prior(&prior).unwrap();
+        let level = Rotation3::rotation_between(&prior.up.unwrap(), &-Vector3::y()).unwrap();
+        let sigma = degrees * DEGREE;
+        let weight = |_| {
+            let heading = Rotation3::from_axis_angle(&Vector3::y_axis(), random.uniform(0.0, TAU));
+            let [x, z] = [0; 2].map(|_| 1.2 * sigma * random.normal());
+            let way = random.normals() * 0.5;
+            let rotation = Rotation3::new(Vector3::new(x, 0.0, z)) * heading * level;
+            let value = density.at(&standing(rotation, &(prior.near.unwrap() + way))).value;
+            let angle = x.hypot(z);
+            let drawn = bell(&[x, z], 1.2 * sigma) / TAU * bell(way.as_slice(), 0.5);
+            value.exp() * (angle.sin() / angle) / drawn
+        };
+        let weights: Vec<f64> = (0..20_000).map(weight).collect();
+        assert_is_one(&weights, sigma * sigma / 3.0);
+    }
+}
+
+#[test]
+fn a_prior_of_a_place_alone_integrates_to_one_over_all_rotations() {
+    let mut random = Random::new(12);
+    let prior = near(0.3);
+    let density = PoseDensity::of_prior(&prior).unwrap();
+    let weight = |_| {
+        let way = random.normals() * 0.4;
+        let value = density.at(&standing(random.rotation(), &(prior.near.unwrap() + way))).value;
+        value.exp() * 8.0 * PI * PI / bell(way.as_slice(), 0.4)
+    };
+    let weights: Vec<f64> = (0..20_000).map(weight).collect();
+    assert_is_one(&weights, 0.0);
+}
+
+/// With and without up, and with a place that contradicts the initial one by a deviation or two. Bells are taken for flat here as well.
+#[test]
+fn a_prior_about_a_pose_integrates_to_one() {
+    let mut random = Random::new(13);
+    let alone = Prior { near: None, near_sigma: None, ..initial(near(1.0), 0.1, 0.3) };
+    let elsewhere = Prior { near: Some(Vector3::new(2.6, -2.0, 1.5)), near_sigma: Some(0.25), ..alone };
+    let priors = [
+        (alone, 0.0),
+        (elsewhere, 0.0),
+        (initial(near(0.4), 0.3, 0.5), 0.0),
+        (initial(near_and_up(3.0), 0.15, 0.3), 0.01),
+        (initial(near_and_up(10.0), 0.15, 0.3), 0.01),
+    ];
+    for (prior, further) in priors {
+        let density = PoseDensity::of_prior(&prior).unwrap();
+        let (initial, sigma) = (prior.initial.unwrap(), prior.initial_sigma.unwrap());
+        let center = initial.inverse().translation;
+        let weight = |_| {
+            let turn = random.normals() * (1.05 * sigma.rotation);
+            let way = random.normals() * (1.05 * sigma.place);
+            let pose = standing(Rotation3::new(turn) * initial.rotation, &(center + way));
+            let drawn = bell(turn.as_slice(), 1.05 * sigma.rotation) * bell(way.as_slice(), 1.05 * sigma.place);
+            density.at(&pose).value.exp() * rotations_of(turn.norm()) / drawn
+        };
+        let weights: Vec<f64> = (0..40_000).map(weight).collect();
+        assert_is_one(&weights, sigma.rotation.powi(2) / 4.0 + further);
+    }
+}
+
+#[test]
+fn a_prior_that_does_not_say_where_the_camera_stands_has_no_density() {
+    let up = Prior { near: None, near_sigma: None, ..near_and_up(3.0) };
+    let start = Prior { initial_sigma: None, ..initial(up, 0.1, 0.1) };
+    for prior in [Prior::default(), up, start] {
+        assert!(PoseDensity::of_prior(&prior).is_none());
+    }
+    assert!(PoseDensity::of_prior(&Prior { near: Some(Vector3::zeros()), ..start }).is_some());
+}
+
+/// A covariance of a camera that turns about a place before it: rotation and place go together.
+fn covariance(rotation: f64, place: f64) -> Matrix6<f64> {
+    let mut random = Random::new(3);
+    let mut root = Matrix6::from_fn(|_, _| 0.3 * random.normal()) + Matrix6::identity();
+    for (row, scale) in [rotation, rotation, rotation, place, place, place].into_iter().enumerate() {
+        root.row_mut(row).scale_mut(scale);
+    }
+    root * root.transpose()
+}
+
+fn student(rotation: f64, place: f64) -> (PoseDensity, Pose, Matrix6<f64>) {
+    let (pose, covariance) = (Random::new(5).pose(7.0), covariance(rotation, place));
+    (PoseDensity::student(pose, &covariance).unwrap(), pose, covariance)
+}
+
+/// Draws of it as a normal vector over the root of a gamma-distributed number, twice as wide.
+#[test]
+fn students_density_integrates_to_one_and_has_its_height_in_the_middle() {
+    let mut random = Random::new(14);
+    let (density, pose, covariance) = student(2e-3, 0.05);
+    let height = 24.0_f64.ln() - 3.0 * (4.0 * PI).ln() - 0.5 * covariance.determinant().ln();
+    assert!((density.at(&pose).value - height).abs() < 1e-9);
+    // At a deviation along any direction it is (1 + 1/4)^-5 of that.
+    let root = covariance.cholesky().unwrap().l();
+    for axis in 0..6 {
+        let value = density.at(&pose.moved(&root.column(axis).into_owned())).value;
+        assert!((value - height + 5.0 * 1.25_f64.ln()).abs() < 1e-6);
+    }
+    // Of the heavier tails of two degrees of freedom: (2 pi)^-3 Gamma(4) / Gamma(1) (1 + q / 2)^-4.
+    let weight = |_| {
+        let normals = Vector6::from_fn(|_, _| random.normal());
+        let squares = -2.0 * (1.0 - random.uniform(0.0, 1.0)).ln();
+        let drawn = normals / (squares / 2.0).sqrt();
+        let tails = 6.0 / TAU.powi(3) * (1.0 + 0.5 * drawn.norm_squared()).powi(-4);
+        let value = density.at(&pose.moved(&(root * drawn))).value;
+        value.exp() * covariance.determinant().sqrt() / tails
+    };
+    let weights: Vec<f64> = (0..40_000).map(weight).collect();
+    assert_is_one(&weights, 0.0);
+}
+
+#[test]
+fn what_is_no_covariance_has_no_density() {
+    let mut negative = Matrix6::identity();
+    negative[(4, 4)] = -1.0;
+    for covariance in [negative, Matrix6::zeros(), Matrix6::repeat(f64::NAN)] {
+        assert!(PoseDensity::student(Pose::identity(), &covariance).is_none());
+    }
+}
+
+/// Near the middle and far from it, up to two radians and tens of deviations.
+#[test]
+fn the_slope_is_the_derivative_by_a_left_increment() {
+    let mut random = Random::new(15);
+    let densities = [near(0.5), near_and_up(3.0), near_and_up(10.0), initial(near_and_up(10.0), 0.2, 0.3)]
+        .map(|prior| (PoseDensity::of_prior(&prior).unwrap(), initial(prior, 0.1, 0.1).initial.unwrap()));
+    let students = [(2e-3, 0.05), (0.3, 0.5)].map(|(rotation, place)| {
+        let (density, pose, _) = student(rotation, place);
+        (density, pose)
+    });
+    for (density, middle) in densities.iter().chain(&students) {
+        for (angle, length) in [(0.0, 0.0), (0.02, 0.05), (0.5, 1.0), (2.0, 8.0)] {
+            let pose = middle.moved(&random.tangent(angle, length));
+            let found = density.at(&pose);
+            if found.slope.amax() < 1e-6 {
+                assert!(angle == 0.0, "none in the middle alone");
+                continue;
+            }
+            let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[found.slope.transpose()]);
+            let value = |by: &Tangent| DVector::from_element(1, density.at(&pose.moved(by)).value);
+            assert_jacobian(&slope, value, &Tangent::zeros(), 1.0, 1e-6);
+        }
+    }
+}
+
+/// As much as the inverse covariance in the middle, and less far off; a prior's is that of its Gaussian anywhere.
+#[test]
+fn the_information_is_that_of_the_covariance_and_no_more_far_off() {
+    let (density, pose, covariance) = student(2e-3, 0.05);
+    let error = |information: Matrix6<f64>, share: f64| (information * covariance - Matrix6::identity() * share).amax();
+    assert!(error(density.at(&pose).information, 1.0) < 1e-9);
+    let six = covariance.cholesky().unwrap().l().column(2) * 6.0;
+    assert!(error(density.at(&pose.moved(&six)).information, 10.0 / 40.0) < 1e-6);
+}
+
+#[test]
+fn deviations_are_those_of_what_is_known_and_even_ones_of_the_rest() {
+    let sigmas = |prior: &Prior| PoseDensity::of_prior(prior).unwrap().sigmas();
+    let is = |found: [f64; 3], mut expected: [f64; 3]| {
+        let mut found = found;
+        found.sort_by(f64::total_cmp);
+        expected.sort_by(f64::total_cmp);
+        (Vector3::from(found) - Vector3::from(expected)).amax() < 1e-9
+    };
+    let even = PI / 3.0_f64.sqrt();
+    let (place, rotation) = sigmas(&near(0.4));
+    assert!(is(place, [0.4; 3]) && is(rotation, [even; 3]), "{place:?} {rotation:?}");
+    let (place, rotation) = sigmas(&near_and_up(3.0));
+    assert!(is(place, [0.4; 3]) && is(rotation, [3.0 * DEGREE, 3.0 * DEGREE, even]), "{place:?} {rotation:?}");
+    let (_, rotation) = sigmas(&Prior { near: None, ..initial(near(1.0), 0.1, 0.3) });
+    assert!(is(rotation, [0.1; 3]), "{rotation:?}");
+}
+
+const DRAWS: usize = 20_000;
+
+fn draws(density: PoseDensity, seed: u64) -> Vec<Pose> {
+    let (sampler, mut random) = (Sampler::new(density), Random::new(seed));
+    let draw = |_| {
+        let uniform = [0; 3].map(|_| random.uniform(0.0, 1.0));
+        sampler.pose(&uniform, &[0; 6].map(|_| random.normal()))
+    };
+    (0..DRAWS).map(draw).collect()
+}
+
+fn moments<const D: usize>(values: &[SVector<f64, D>]) -> (SVector<f64, D>, nalgebra::SMatrix<f64, D, D>) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<SVector<f64, D>>() / count;
+    let squares: nalgebra::SMatrix<f64, D, D> =
+        values.iter().map(|value| (value - mean) * (value - mean).transpose()).sum();
+    (mean, squares / count)
+}
+
+/// Standard error of variances and covariances of so many draws, in variances, with a margin.
+fn spread() -> f64 {
+    ERRORS * (2.0 / DRAWS as f64).sqrt()
+}
+
+#[test]
+fn draws_are_tilted_and_away_as_a_prior_says_and_headed_anywhere() {
+    let prior = near_and_up(3.0);
+    let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 21);
+    let (up, sigma) = (prior.up.unwrap().normalize(), 3.0 * DEGREE);
+    let tilts: Vec<_> = drawn.iter().map(|pose| (pose.rotation * up).xz()).collect();
+    let (mean, squares) = moments(&tilts);
+    assert!(mean.amax() < ERRORS * sigma / (DRAWS as f64).sqrt(), "{mean}");
+    // Sines of angles are shorter than these by the angle's square.
+    let error = (squares / (sigma * sigma) - nalgebra::Matrix2::identity()).amax();
+    assert!(error < spread() + 2.0 * sigma * sigma, "{error}");
+    let centers: Vec<_> = drawn.iter().map(|pose| pose.inverse().translation - prior.near.unwrap()).collect();
+    let (mean, squares) = moments(&centers);
+    assert!(mean.amax() < ERRORS * 0.4 / (DRAWS as f64).sqrt(), "{mean}");
+    assert!((squares / 0.16 - nalgebra::Matrix3::identity()).amax() < spread());
+    // Headings: where the camera's axis points about up.
+    let level = Rotation3::rotation_between(&up, &Vector3::z()).unwrap();
+    let mut bins = [0.0_f64; 24];
+    for pose in &drawn {
+        let axis = level * (pose.rotation.inverse() * Vector3::z());
+        bins[((axis.y.atan2(axis.x) / TAU).rem_euclid(1.0) * 24.0) as usize % 24] += 1.0;
+    }
+    let expected = DRAWS as f64 / 24.0;
+    let squares: f64 = bins.iter().map(|count| (count - expected).powi(2) / expected).sum();
+    // Of 23 degrees of freedom: beyond 60 in one of 40,000 cases.
+    assert!(squares < 60.0, "{squares}");
+}
+
+#[test]
+fn draws_of_a_prior_that_says_nothing_of_rotations_have_all_alike() {
+    let drawn = draws(PoseDensity::of_prior(&near(0.4)).unwrap(), 22);
+    let entries: Vec<SVector<f64, 9>> =
+        drawn.iter().map(|pose| SVector::from_iterator(pose.rotation.matrix().iter().copied())).collect();
+    let (mean, squares) = moments(&entries);
+    let allowed = ERRORS / (DRAWS as f64).sqrt();
+    // Entries are square to one another in the mean, and each has a third for its square.
+    let error = (squares - nalgebra::SMatrix::<f64, 9, 9>::identity() / 3.0).amax();
+    assert!(mean.amax() < allowed && error < allowed, "{mean} {error}");
+    // That of the angle: a trace of 1 + 2 cos a has the mean 0, the square 1 and the fourth power 3.
+    for (power, expected) in [(1, 0.0), (2, 1.0), (3, 1.0), (4, 3.0)] {
+        let moments: Vec<f64> = drawn.iter().map(|pose| pose.rotation.matrix().trace().powi(power)).collect();
+        let (found, error) = self::mean(&moments);
+        assert!((found - expected).abs() < ERRORS * error, "{power}: {found}");
+    }
+}
+
+/// Of Gaussians of the initial pose, up and the place together, which contradict one another: both means at the weighted one.
+#[test]
+fn draws_about_a_pose_are_those_of_all_that_is_known() {
+    let prior = initial(near_and_up(3.0), 0.1, 0.3);
+    let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 23);
+    let base = prior.initial.unwrap();
+    let factor = prior.gaussian(&base);
+    let covariance = factor.information.try_inverse().unwrap();
+    let (mean, squares) = moments(&drawn.iter().map(|pose| base.increment_to(pose)).collect::<Vec<_>>());
+    let root = covariance.cholesky().unwrap().l();
+    let off = root.solve_lower_triangular(&(mean - covariance * factor.vector)).unwrap();
+    assert!(off.amax() < ERRORS / (DRAWS as f64).sqrt(), "{off}");
+    let inverse = root.try_inverse().unwrap();
+    assert!((inverse * squares * inverse.transpose() - Matrix6::identity()).amax() < spread());
+    let (density, pose, covariance) = student(2e-3, 0.05);
+    let (mean, squares) = moments(&draws(density, 24).iter().map(|drawn| pose.increment_to(drawn)).collect::<Vec<_>>());
+    let inverse = covariance.cholesky().unwrap().l().try_inverse().unwrap();
+    assert!((inverse * mean).amax() < ERRORS / (DRAWS as f64).sqrt());
+    assert!((inverse * squares * inverse.transpose() - Matrix6::identity()).amax() < spread());
+}
