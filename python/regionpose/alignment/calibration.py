@@ -104,7 +104,7 @@ def calibrate(
         taken to be near the scanner, within 0.5 m along each axis; without `up` or `initial` with its deviations every
         rotation is searched.
     sensor_origin : (3,) array, optional
-        Where the scanner stands in the clouds' frame, meters; (0, 0, 0) by default.
+        Where the scanner stands in the clouds' frame, meters; by default where the prior has the camera, else (0, 0, 0).
     solver : Solver, optional
         Its limits, and what a frame and the focal lengths are off by.
     progress : callable, optional
@@ -132,9 +132,15 @@ def calibrate(
 
 def _assumed(prior: Prior | None, sensor_origin: ArrayLike | None) -> tuple[Prior, tuple[str, ...], Array]:
     """The prior with what it needs to be searched, the names of what was assumed, and the scanner's place."""
-    place = np.zeros(3) if sensor_origin is None else np.asarray(sensor_origin, dtype=np.float64)
     known, assumed = prior or Prior(), []
     has_pose = known.initial is not None and known.initial_rotation_sigma_deg is not None
+    place = np.zeros(3)
+    if sensor_origin is not None:
+        place = np.asarray(sensor_origin, dtype=np.float64)
+    elif known.camera_near is not None:
+        place = np.asarray(known.camera_near, dtype=np.float64)
+    elif has_pose and known.initial is not None:
+        place = known.initial.camera_center
     if known.camera_near is None and not has_pose:
         known, assumed = replace(known, camera_near=place), ["camera_near"]
     if known.camera_near is not None and known.camera_near_sigma_m is None:
@@ -147,8 +153,8 @@ def _judged(
     modes: Sequence[EdgeMode], frames: Sequence[EdgeFrame], prior: Prior, assumed: tuple[str, ...], solver: Solver
 ) -> Calibration:
     """The first mode as an estimate, with the others as its alternatives."""
-    best = modes[0]
     places = _places(modes)
+    best = places[0][0]
     masses = np.array([log_mass(place) for place in places])
     lead = float(masses[0] - masses[1]) if len(masses) > 1 else np.inf
     confidences = _confidences(masses)

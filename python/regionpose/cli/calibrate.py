@@ -174,7 +174,7 @@ def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
     from regionpose.reading import IMAGE_SUFFIXES
 
     for path in (first, second):
-        if not path.exists() and "#" not in path.name:
+        if not path.exists() and "#" not in str(path):
             raise FileNotFoundError(f"{path}: found nothing; needed a photo and a cloud")
     pictures = [path.suffix.lower() in IMAGE_SUFFIXES for path in (first, second)]
     if pictures[0] and pictures[1]:
@@ -200,7 +200,10 @@ def _prior(near: str | None, up: str | None, mount: Mount | None, origin: list[f
         right = np.cross(forward, [0.0, 0.0, 1.0])
         rotation = np.stack([right, [0.0, 0.0, -1.0], forward])
         matrix = np.column_stack([rotation, -rotation @ place])
+        # The place is the initial pose's, and counts once.
         known |= {
+            "camera_near": None,
+            "camera_near_sigma_m": None,
             "initial": {"camera_from_world": {"matrix": matrix.tolist()}},
             "initial_rotation_sigma_deg": MOUNT_SIGMA_DEG,
             "initial_center_sigma_m": sigma,

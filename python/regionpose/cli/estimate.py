@@ -186,7 +186,11 @@ def _say_search(result: dict[str, Any]) -> None:
     if found is None:
         return
     prior, assumed = found["prior"], found["assumed"]
-    near = f"within {prior['camera_near_sigma_m']:g} m (1 sigma) of {_vector(prior['camera_near_m'], 2)} m"
+    initial, sigma_m = prior["initial_camera_from_world"], prior["camera_near_sigma_m"]
+    place = prior["camera_near_m"]
+    if place is None:
+        sigma_m, place = prior["initial_center_sigma_m"], _center(initial)
+    near = f"within {sigma_m:g} m (1 sigma) of {_vector(place, 2)} m"
     turns = "every rotation"
     if prior["initial_rotation_sigma_deg"] is not None:
         turns = f"rotations within {prior['initial_rotation_sigma_deg']:g} deg (1 sigma) of the initial one"
@@ -197,6 +201,12 @@ def _say_search(result: dict[str, Any]) -> None:
     lead = found["log_odds_over_next"]
     others = "no other pose" if lead is None else f"e^{lead:.1f} over the likeliest other pose"
     typer.echo(f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {others}")
+
+
+def _center(pose: dict[str, Any]) -> list[float]:
+    """Where a camera stands, meters, of a pose in a result."""
+    matrix = pose["matrix"]
+    return [-sum(matrix[row][axis] * matrix[row][3] for row in range(3)) for axis in range(3)]
 
 
 def _say_known(result: dict[str, Any]) -> None:

@@ -206,7 +206,7 @@ def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | N
             lambda: calibrate(
                 photos,
                 prior=_prior(frames).about(origin),
-                sensor_origin=-origin if scanner is None else scanner.place - origin,
+                sensor_origin=None if scanner is None else scanner.place - origin,
                 solver=scene_solver(scene),
                 progress=stages.progress,
             ),

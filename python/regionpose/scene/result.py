@@ -196,9 +196,11 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     nothing was.
     """
     prior, item = run.prior, run.scene.model.prior
+    if run.calibration is not None:
+        prior = run.calibration.prior.about(-run.sides.origin)
     if prior.camera_near is None:
         return None
-    by = "sensor_origin" if item.camera_near is None else "prior.camera_near"
+    by = "prior.camera_near" if item.camera_near is not None else "sensor_origin" if run.scanner else "assumption"
     return {"place_in_world_m": prior.camera_near, "sigma_m": prior.core.camera_near_sigma_m, "said_by": by}
 
 
