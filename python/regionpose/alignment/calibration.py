@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.odds import COMMON, DECISIVE
 from regionpose.alignment.pose_search import EdgeFrame, EdgeMode, log_mass, maxima, searched
 from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays
@@ -37,6 +39,14 @@ AMBIGUOUS_SHARE = 0.02
 
 FOCAL_STEP = 0.01
 """Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
+
+OTHER_FOCAL = (-0.2, -0.1, -0.05, -0.03, 0.03, 0.05, 0.1, 0.2)
+"""Logarithms of focal lengths over the given ones that are tried: a lens or a photo of another size is off by more than
+a tenth, and what lies between two of them by less than what either explains."""
+
+FOCAL_CONTRADICTED = DECISIVE - float(np.log(COMMON))
+"""Logarithm of the odds from which on other focal lengths are believed in spite of the calibration's: 9 to 1, of what
+is 81 to 1 for the calibration beforehand (docs/math.md, eq. 18.14)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +114,8 @@ def calibrate(
         taken to be near the scanner, within 0.5 m along each axis; without `up` or `initial` with its deviations every
         rotation is searched.
     sensor_origin : (3,) array, optional
-        Where the scanner stands in the clouds' frame, meters; by default where the prior has the camera, else (0, 0, 0).
+        Where the scanner stands in the clouds' frame, meters; by default where the prior has the camera, else (0, 0,
+        0).
     solver : Solver, optional
         Its limits, and what a frame and the focal lengths are off by.
     progress : callable, optional
@@ -158,7 +169,8 @@ def _judged(
     masses = np.array([log_mass(place) for place in places])
     lead = float(masses[0] - masses[1]) if len(masses) > 1 else np.inf
     confidences = _confidences(masses)
-    shift = _focal_shift(frames, best, prior)
+    focal = _Focal.of(frames, best, prior)
+    shift = focal.shift
     pixel = float(np.mean([frame.pixel_angle_rad for frame in frames]))
     own = _covariance_of(places[0]) + _frame_covariance(solver, len(frames))
     own += solver.calibration_covariance(shift, pixel)
@@ -182,7 +194,7 @@ def _judged(
         focal_shift=shift,
         pixel_angle_rad=pixel,
     )
-    estimate = replace(estimate, warnings=_warnings(estimate, solver))
+    estimate = replace(estimate, warnings=(*focal.warnings, *_warnings(estimate, solver)))
     return Calibration(estimate, prior, assumed, float(masses[0]), lead, best.edges, tuple(modes))
 
 
@@ -225,16 +237,47 @@ def _frame_covariance(solver: Solver, frames: int) -> Array:
     return np.diag(np.square(sigma)) / frames
 
 
-def _focal_shift(frames: Sequence[EdgeFrame], best: EdgeMode, prior: Prior) -> Array:
-    """The pose's derivative (6,) by the logarithm of the focal lengths; zero of a camera without them."""
-    if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
-        return np.zeros(6)
-    density = _core.Density.of_prior(prior.core)
-    ends = [maxima([frame.zoomed(sign * FOCAL_STEP) for frame in frames], density, [best.pose]) for sign in (-1.0, 1.0)]
-    if not all(ends):
-        return np.full(6, np.nan)
-    low, high = (best.pose.increment_to(modes[0].pose) for modes in ends)
-    return (high - low) / (2.0 * FOCAL_STEP)
+class _Focal(NamedTuple):
+    """What focal lengths do to a pose: its derivative (6,) by their logarithm, zero of a camera without them; the
+    factor by which they would have to be longer for the likeliest pose, and by how much the logarithm of the mass is
+    larger then.
+    """
+
+    shift: Array
+    factor: float = 1.0
+    gain: float = 0.0
+
+    @classmethod
+    def of(cls, frames: Sequence[EdgeFrame], best: EdgeMode, prior: Prior) -> _Focal:
+        """That of the pose at a maximum, by other maxima near it."""
+        if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
+            return cls(np.zeros(6))
+        density = _core.Density.of_prior(prior.core)
+
+        def maximum(log_focal: float, start: Pose) -> EdgeMode | None:
+            modes = maxima([frame.zoomed(log_focal) for frame in frames], density, [start, best.pose])
+            return modes[0] if modes else None
+
+        low, given, high = (maximum(step * FOCAL_STEP, best.pose) for step in (-1.0, 0.0, 1.0))
+        if low is None or given is None or high is None:
+            return cls(np.full(6, np.nan))
+        ends = [best.pose.increment_to(mode.pose) for mode in (low, high)]
+        shift = (ends[1] - ends[0]) / (2.0 * FOCAL_STEP)
+        others = {log_focal: maximum(log_focal, best.pose.moved(log_focal * shift)) for log_focal in OTHER_FOCAL}
+        found = {log_focal: mode.log_mass - given.log_mass for log_focal, mode in others.items() if mode is not None}
+        likeliest = max(found, key=lambda log_focal: found[log_focal], default=0.0)
+        return cls(shift, float(np.exp(likeliest)), found.get(likeliest, 0.0))
+
+    @property
+    def warnings(self) -> tuple[PoseWarning, ...]:
+        """That other focal lengths are likelier, in spite of what a calibration counts."""
+        if self.gain <= FOCAL_CONTRADICTED:
+            return ()
+        text = (
+            "photo and cloud agree better with focal lengths {factor:.2f} times as long, by odds of e^{log_odds:.0f} to"
+            " 1"
+        )
+        return (PoseWarning("focal-contradicted", text, (), {"factor": self.factor, "log_odds": self.gain}),)
 
 
 def _alternative(mode: EdgeMode, share: float) -> Alternative:

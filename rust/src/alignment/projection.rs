@@ -115,7 +115,7 @@ impl Projection {
 
     /// Where bearings meet the cube.
     #[inline(always)]
-    pub(super) fn places(&self, bearings: &[Floats; 3]) -> Places {
+    pub(super) fn places(&self, [xs, ys, zs]: &[Floats; 3]) -> Places {
         let (half, last) = (0.5 * self.count as f32, (self.count - 1) as f32);
         let mut places = Places {
             axis: [0; GROUP],
@@ -127,7 +127,7 @@ impl Projection {
             cell: [0; GROUP],
         };
         for edge in 0..GROUP {
-            let bearing = [bearings[0][edge], bearings[1][edge], bearings[2][edge]];
+            let bearing = [xs[edge], ys[edge], zs[edge]];
             let [x, y, z] = bearing.map(f32::abs);
             let axis = if (z >= x) & (z >= y) { 2 } else { i32::from(x < y) };
             let [first, second, depth] = turned(bearing, axis);
