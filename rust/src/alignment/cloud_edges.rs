@@ -159,6 +159,7 @@ fn split(points: &[Vector3<f64>], order: &mut [usize]) {
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
+    use std::ptr;
 
     use nalgebra::Rotation3;
     use proptest::prelude::*;
@@ -195,31 +196,35 @@ mod tests {
         ) {
             let grouped = GroupedEdges::new(&edges, &origin);
             let pose = Pose::new(Rotation3::new(turn), translation);
-            let mut is_held = vec![false; edges.len()];
-            for edge in grouped.within(&pose, [angle.cos(), angle.sin()]).flatten() {
-                prop_assert!(!is_held[edge], "{edge} comes twice");
-                is_held[edge] = true;
-            }
-            for (edge, is_held) in is_held.iter().enumerate() {
-                let middle = Vector3::from_fn(|axis, _| f64::from(grouped.middles[axis][edge]));
-                let seen = pose.transform(&middle);
-                let off = seen.xy().norm().atan2(seen.z);
-                prop_assert!(*is_held || off > angle - 1e-5, "{off} of {angle}");
+            let shown: Vec<_> = grouped.within(&pose, [angle.cos(), angle.sin()]).collect();
+            for group in &grouped.0 {
+                let times = shown.iter().filter(|held| ptr::eq(**held, group)).count();
+                prop_assert!(times <= 1, "a group comes {times} times");
+                for edge in 0..group.count {
+                    let middle = Vector3::from_fn(|axis, _| f64::from(group.middles[axis][edge]));
+                    let seen = pose.transform(&middle);
+                    let off = seen.xy().norm().atan2(seen.z);
+                    prop_assert!(times == 1 || off > angle - 1e-5, "{off} of {angle}");
+                }
             }
         }
 
         #[test]
         fn groups_hold_every_edge_once_and_are_small(edges in edges(), origin in vector(5.0)) {
             let grouped = GroupedEdges::new(&edges, &origin);
-            let held: Vec<usize> = grouped.groups.iter().flat_map(|group| group.edges.clone()).collect();
-            prop_assert_eq!(held, (0..edges.len()).collect::<Vec<_>>());
-            prop_assert!(grouped.groups.iter().all(|group| (1..=GROUP).contains(&group.edges.len())));
+            let last = grouped.0.len().saturating_sub(1);
+            for (place, group) in grouped.0.iter().enumerate() {
+                prop_assert!(group.count == GROUP || (place == last && (1..GROUP).contains(&group.count)));
+                let mut rest = group.middles.iter().chain(&group.across).flat_map(|values| &values[group.count..]);
+                prop_assert!(rest.all(|value| value.is_nan()));
+            }
             // The same edges in another order, each with its own way across.
             let bits = |values: [f32; 6]| values.map(f32::to_bits);
-            let mut found: Vec<_> = (0..edges.len())
-                .map(|edge| {
-                    let of = |from: &[Vec<f32>; 3]| [0, 1, 2].map(|axis| from[axis][edge]);
-                    let ([a, b, c], [d, e, f]) = (of(&grouped.middles), of(&grouped.across));
+            let held = grouped.0.iter().flat_map(|group| (0..group.count).map(move |edge| (group, edge)));
+            let mut found: Vec<_> = held
+                .map(|(group, edge)| {
+                    let of = |from: &[Floats; 3]| from.map(|values| values[edge]);
+                    let ([a, b, c], [d, e, f]) = (of(&group.middles), of(&group.across));
                     bits([a, b, c, d, e, f])
                 })
                 .collect();
@@ -253,7 +258,7 @@ mod tests {
         let middles: Vec<_> = ring.collect();
         let grouped = GroupedEdges::new(&CloudEdges { across: middles.clone(), middles }, &Vector3::zeros());
         let (sine, cosine) = 0.35_f64.sin_cos();
-        let count: usize = grouped.within(&Pose::identity(), [cosine, sine]).map(|range| range.len()).sum();
+        let count: usize = grouped.within(&Pose::identity(), [cosine, sine]).map(|group| group.count).sum();
         // Of 10,000 as many as 0.7 of 2 pi at the most, and some beside.
         assert!((500..2000).contains(&count), "{count}");
     }

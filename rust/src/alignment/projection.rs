@@ -334,20 +334,34 @@ mod tests {
             let made = &*FISHEYE;
             let narrow = |values: [f64; 3]| values.map(|value| value as f32);
             let (bearing, way) = (narrow(bearing), narrow(way));
-            let Some((pixel, place)) = made.pixel_and_place(bearing) else { return Ok(()) };
-            let (same, across) = made.pixel(bearing, way).unwrap();
-            prop_assert!((0..2).all(|axis| (same[axis] - pixel[axis]).abs() < 1e-3));
-            let Cell(cell) = made.faces[place.face].as_ref().unwrap()[place.cell];
-            let (axis, sign) = (place.face / 2, if place.face % 2 == 1 { -1.0 } else { 1.0 });
-            let (row, column) = ((place.cell / made.cells) as f64, (place.cell % made.cells) as f64);
+            // All edges of a group alike.
+            let filled = |values: [f32; 3]| values.map(|value| [value; GROUP]);
+            let places = made.places(&filled(bearing));
+            let seen = made.pixels(&places);
+            let pixel = seen.pixels.map(|along| along[0]);
+            if !pixel.iter().all(|value| value.is_finite()) {
+                return Ok(());
+            }
+            let across = seen.moved(&places, &filled(way));
+            let slope = seen.by_bearings(&places, &by_pixel.map(|value| [value; GROUP]));
+            for along in seen.pixels.iter().chain(&across).chain(&slope) {
+                prop_assert!(along.iter().all(|value| *value == along[0]), "{along:?}");
+            }
+            let (across, slope) = (across.map(|along| along[0]), slope.map(|along| along[0]));
+            let (face, place) = (places.face[0] as usize, places.cell[0] as usize);
+            let Cell(cell) = made.cells[made.faces[face].first as usize + place];
+            let (axis, sign) = (face / 2, if face % 2 == 1 { -1.0 } else { 1.0 });
+            let (row, column) = ((place / made.count) as f64, (place % made.count) as f64);
             let at = |bearing: [f64; 3]| {
-                let half = 0.5 * made.cells as f64;
+                let half = 0.5 * made.count as f64;
                 let depth = sign * bearing[axis];
                 let u = (bearing[(axis + 1) % 3] / depth + 1.0) * half - column;
                 let v = (bearing[(axis + 2) % 3] / depth + 1.0) * half - row;
                 cell.map(|c| c.map(f64::from)).map(|[a, b, c, d]| a + b * u + c * v + d * u * v)
             };
             let wide = |values: [f32; 3]| values.map(f64::from);
+            let same = at(wide(bearing));
+            prop_assert!((0..2).all(|axis| (same[axis] - f64::from(pixel[axis])).abs() < 1e-3), "{same:?} {pixel:?}");
             let moved = |by: f64| at([0, 1, 2].map(|axis| wide(bearing)[axis] + by * wide(way)[axis]));
             let (forth, back) = (moved(1e-4), moved(-1e-4));
             let expected = [0, 1].map(|axis| (forth[axis] - back[axis]) / 2e-4);
@@ -355,7 +369,6 @@ mod tests {
             for axis in 0..2 {
                 prop_assert!((f64::from(across[axis]) - expected[axis]).abs() < 1e-3 * most, "{across:?} {expected:?}");
             }
-            let slope = made.by_bearing(&place, bearing, by_pixel);
             let along: f64 = (0..3).map(|axis| f64::from(slope[axis]) * wide(way)[axis]).sum();
             let expected: f64 = (0..2).map(|axis| f64::from(by_pixel[axis]) * expected[axis]).sum();
             prop_assert!((along - expected).abs() < 1e-3 * most, "{along} {expected}");
