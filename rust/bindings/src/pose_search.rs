@@ -151,13 +151,15 @@ impl AlignmentFrame {
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>)> {
+    ) -> PyResult<SeenArrays<'py>> {
         let pose = pose(rotation, translation)?;
         let (pixels, directions) = self.0.seen_from(&pose, SPREADS - 1).pixels(&pose);
         let directions = directions.into_iter().map(|direction| direction as i64).collect();
         Ok((array(py, &pixels)?, PyArray1::from_vec(py, directions)))
     }
 }
+
+type SeenArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 
 fn picture(values: &PyReadonlyArray3<'_, f32>, reduction: usize) -> Option<LogRatios> {
     let shape = values.shape();
