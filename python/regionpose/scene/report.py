@@ -85,13 +85,21 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         *_fit(result),
         (angle_text(_worst(result["rotation_sigma_deg"])), "rotation, 1 sigma, worst axis"),
         (length_text(_worst(result["translation_sigma_m"])), "translation, 1 sigma, worst axis"),
-        (f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours"),
+        *_noise(result),
         (f"{sum(result['seconds'].values()):.1f} s", "for all stages"),
     ]
 
 
 def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How the regions fit: first by their samples, where all are known by such, since areas say little of these."""
+    """How the regions fit: first by their samples, where all are known by such, since areas say little of these; how
+    far the edges of photo and cloud agree of a scene without regions.
+    """
+    search = result["edge_search"]
+    if search is not None:
+        return [
+            (f"{search['edges']:,}", "edges that the photos show"),
+            (_fixed(search["log_odds"], 1), "log odds over chance"),
+        ]
     shares = [region["samples_on_their_side"] for region in result["regions"]]
     error = _percent(result["overlap_error"])
     known = [share for share in shares if share is not None]
@@ -99,6 +107,13 @@ def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         return [(error, "overlap error, all regions")]
     less = "overlap error of outlines that the scan doesn't know; its samples count"
     return [(_percent(min(known)), "samples on their side, worst region"), (error, less)]
+
+
+def _noise(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The noise of the contours, where there are some."""
+    if result["edge_search"] is not None:
+        return []
+    return [(f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours")]
 
 
 def _regions(regions: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
@@ -136,8 +151,9 @@ def _pairs(pairs: Sequence[Sequence[str]]) -> str:
 
 
 def _frames(frames: Sequence[Mapping[str, Any]] | None) -> list[list[str]]:
-    """How each of several frames fits."""
-    return [[frame["name"], _percent(frame["overlap_error"]), *_frame(frame)] for frame in frames or ()]
+    """How the regions of each of several frames fit; nothing of frames without regions."""
+    fitted = [frame for frame in frames or () if frame["without_it"] is not None]
+    return [[frame["name"], _percent(frame["overlap_error"]), *_frame(frame)] for frame in fitted]
 
 
 def _frame(frame: Mapping[str, Any]) -> list[str]:
