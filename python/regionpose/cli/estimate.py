@@ -230,4 +230,6 @@ def _say_truth(result: dict[str, Any]) -> None:
 def _vector(values: object, digits: int) -> str:
     import numpy as np
 
-    return "[" + ", ".join(f"{value:.{digits}f}" for value in np.asarray(values)) + "]"
+    # Without the sign of what is rounded to nothing.
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0
+    return "[" + ", ".join(f"{value:.{digits}f}" for value in rounded) + "]"
