@@ -139,9 +139,12 @@ def calibrate(
     """
     from regionpose.scene.folder import folder_scene, pair_scene
 
+    if len(paths) > 2:
+        raise ValueError(f"found {len(paths)} paths; needed a folder, or a photo and a cloud")
+    # The photo first.
+    paths = list(_photo_and_cloud(*paths)) if len(paths) == 2 else paths
     first = paths[0].resolve()
-    stem = first.name if len(paths) == 1 else first.stem
-    result = out or paths[0].parent / f"{stem}-result"
+    result = out or paths[0].parent / f"{first.name if len(paths) == 1 else first.stem}-result"
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
     with Progress(quiet) as progress:
         progress.begin("pairs of the folder" if len(paths) == 1 else "files")
@@ -152,10 +155,8 @@ def calibrate(
         alone: list[Path] = []
         if len(paths) == 1:
             scene, alone = folder_scene(paths[0], result / SCENE_FILE, options)
-        elif len(paths) == 2:
-            scene = pair_scene(*_photo_and_cloud(*paths), result / SCENE_FILE, options)
         else:
-            raise ValueError(f"found {len(paths)} paths; needed a folder, or a photo and a cloud")
+            scene = pair_scene(paths[0], paths[1], result / SCENE_FILE, options)
     if alone and not quiet:
         typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)
     run_scene(
