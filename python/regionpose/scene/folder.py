@@ -230,6 +230,7 @@ def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> 
         values["sensor_origin"] = list(options.sensor_origin)
     if pair.document is not None:
         _check_photo(pair, pair.document)
+        _check_cloud(pair, pair.document)
         own: Values = moved(pair.held, pair.document.path.parent, out)
         for key in own.keys() - {*SHARED, "image", "name"}:
             values[key], sources[key,] = own[key], Source(pair.document, (key,))
@@ -246,6 +247,18 @@ def _check_photo(pair: Pair, document: Document) -> None:
     named = pair.held.get("image")
     if named is not None and (document.path.parent / str(named)).resolve() != pair.photo.resolve():
         raise document.error(("image",), f"found {brief(named)}; needed {pair.photo.name}, or no such key")
+
+
+def _check_cloud(pair: Pair, document: Document) -> None:
+    """Pass where a pair's scene file names the cloud that was given with the photo, or one of them names none;
+    SceneError otherwise.
+    """
+    named = pair.held.get("cloud")
+    file = named.get("file") if isinstance(named, dict) else named
+    if pair.cloud is None or not isinstance(file, str):
+        return
+    if (document.path.parent / file).resolve() != pair.cloud.resolve():
+        raise document.error(("cloud",), f"found {brief(file)}; needed {pair.cloud.name}, or no such key")
 
 
 class Drawn(NamedTuple):
