@@ -57,7 +57,12 @@ def public_objects() -> dict[str, list[Any]]:
         few[:9] + 1e5, fields={"ring": np.arange(9)}, intensity=np.ones(9), triangles=np.array([[0, 1, 2]])
     )
     members = demo.regions[0].point_indices[::4]
+    calibration = rp.calibrate(
+        [rp.SceneFrame(demo.image, demo.points[::4], demo.camera)],
+        prior=rp.Prior(initial=pose, initial_rotation_sigma_deg=2.0, initial_center_sigma_m=0.1),
+    )
     objects: list[Any] = [
+        calibration,
         *(scene, rig, matches, *witnessed, witnessed, *outlines, *polygons, whole),
         rp.read_cloud(folder() / "cloud.ply"),
         rp.SceneFrame(demo.image, few, demo.camera),

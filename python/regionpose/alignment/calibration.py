@@ -14,7 +14,7 @@ from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.odds import COMMON, DECISIVE
 from regionpose.alignment.pose_search import EdgeFrame, EdgeMode, log_mass, maxima, searched
 from regionpose.arguments import checked_arguments
-from regionpose.arrays import KeptArrays
+from regionpose.arrays import KeptArrays, finite_array
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.answer import Alternative, PoseEstimate
 from regionpose.estimation.options import Solver, checked_solver
@@ -147,7 +147,7 @@ def _assumed(prior: Prior | None, sensor_origin: ArrayLike | None) -> tuple[Prio
     has_pose = known.initial is not None and known.initial_rotation_sigma_deg is not None
     place = np.zeros(3)
     if sensor_origin is not None:
-        place = np.asarray(sensor_origin, dtype=np.float64)
+        place = finite_array(sensor_origin, "sensor_origin", (3,))
     elif known.camera_near is not None:
         place = np.asarray(known.camera_near, dtype=np.float64)
     elif has_pose and known.initial is not None:
@@ -306,7 +306,8 @@ def _warnings(estimate: PoseEstimate, solver: Solver) -> tuple[PoseWarning, ...]
         found.append(PoseWarning("ambiguous", text, (), values))
     most_deg, share = solver.limits
     turn, shift = float(estimate.rotation_sigma_deg.max()), float(estimate.translation_sigma_m.max())
-    if turn > most_deg or shift > share * estimate.distance_m:
+    # So, for NaN, too.
+    if not (turn <= most_deg and shift <= share * estimate.distance_m):
         text = (
             "standard deviations of {rotation_deg:.2f} deg and {translation_mm:.0f} mm exceed the limits of"
             " {most_deg:.2f} deg and {most_mm:.0f} mm"
