@@ -135,7 +135,8 @@ def calibrate(
     options = checked_solver(solver)
     known, assumed, place = _assumed(prior, sensor_origin)
     edge_frames = [EdgeFrame(frame, place) for frame in frames]
-    modes = searched(edge_frames, known, progress=part(progress, 0.0, 0.95))
+    starts = [] if known.initial is None else [known.initial]
+    modes = searched(edge_frames, known, starts, progress=part(progress, 0.0, 0.95))
     if not modes:
         raise ValueError("no pose was found: clouds and photos show no edges in common that the prior allows")
     return _judged(modes, edge_frames, known, assumed, options)
