@@ -139,7 +139,10 @@ def calibrate(
     modes = searched(edge_frames, known, starts, progress=part(progress, 0.0, 0.95))
     if not modes:
         raise ValueError("no pose was found: clouds and photos show no edges in common that the prior allows")
-    return _judged(modes, edge_frames, known, assumed, options)
+    found = _judged(modes, edge_frames, known, assumed, options)
+    if progress is not None:
+        progress(1.0)
+    return found
 
 
 def _assumed(prior: Prior | None, sensor_origin: ArrayLike | None) -> tuple[Prior, tuple[str, ...], Array]:
