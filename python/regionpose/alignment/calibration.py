@@ -16,7 +16,7 @@ from regionpose.alignment.pose_search import EdgeFrame, EdgeMode, log_mass, maxi
 from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays, finite_array
 from regionpose.cameras.matrix import MatrixCamera
-from regionpose.estimation.answer import Alternative, PoseEstimate
+from regionpose.estimation.answer import Alternative, PoseError, PoseEstimate
 from regionpose.estimation.options import Solver, checked_solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.warning import PoseWarning
@@ -128,21 +128,37 @@ def calibrate(
     Raises
     ------
     ValueError
-        For no frames, arrays of another shape, or clouds and photos in which no edges are found.
+        For no frames, and arrays of another shape.
+    PoseError
+        A ValueError, where clouds and photos show no edges in common that the prior allows.
     """
     if not frames:
         raise ValueError("frames is empty; needed at least one photo and cloud")
     options = checked_solver(solver)
     known, assumed, place = _assumed(prior, sensor_origin)
-    edge_frames = [EdgeFrame(frame, place) for frame in frames]
-    starts = [] if known.initial is None else [known.initial]
-    modes = searched(edge_frames, known, starts, progress=part(progress, 0.0, 0.95))
+    local, edge_frames = known.about(place), [EdgeFrame(frame, place) for frame in frames]
+    starts = [] if local.initial is None else [local.initial]
+    modes = searched(edge_frames, local, starts, progress=part(progress, 0.0, 0.95))
     if not modes:
-        raise ValueError("no pose was found: clouds and photos show no edges in common that the prior allows")
-    found = _judged(modes, edge_frames, known, assumed, options)
+        raise PoseError(_nothing_shown(edge_frames))
+    found = _judged(modes, edge_frames, local, assumed, options)
     if progress is not None:
         progress(1.0)
-    return found
+    return replace(_about(found, -place), prior=known)
+
+
+def _nothing_shown(frames: Sequence[EdgeFrame]) -> str:
+    edges, points = sum(frame.edge_count for frame in frames), sum(frame.point_count for frame in frames)
+    found = f"{points} points have {edges} edges as seen from sensor_origin"
+    found += ", none of which a photo shows at the likeliest poses of the prior" * bool(edges)
+    return f"no pose was found: {found}; needed photos and dense clouds of one scene"
+
+
+def _about(found: Calibration, origin: Array) -> Calibration:
+    """The same for world points that are taken relative to an origin (3,), but for its prior."""
+    alternatives = tuple(replace(other, pose=other.pose.about(origin)) for other in found.estimate.alternatives)
+    estimate = replace(found.estimate, pose=found.pose.about(origin), alternatives=alternatives)
+    return replace(found, estimate=estimate, modes=tuple(replace(m, pose=m.pose.about(origin)) for m in found.modes))
 
 
 def _assumed(prior: Prior | None, sensor_origin: ArrayLike | None) -> tuple[Prior, tuple[str, ...], Array]:

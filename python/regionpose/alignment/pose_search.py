@@ -73,19 +73,33 @@ class EdgeFrame:
     """A photo's log likelihood ratios and a cloud's edges, as the core searches with them."""
 
     def __init__(self, frame: SceneFrame, place: Array) -> None:
-        """Take the edges that are seen from a place (3,) of the world, such as the scanner's."""
-        self._frame, self._place = frame, place
-        self._points = checked_points(frame.points)
+        """Take the edges that are seen from a place (3,) of the world, such as the scanner's.
+
+        Poses are those for points about that place: far from the world's origin, turns about it are moves of
+        kilometers.
+        """
+        points = checked_points(frame.points)
+        self._frame, self._points = frame, points - place if place.any() else points
         self._intensity = checked_intensity(frame.intensity, self._points)
 
     @cached_property
     def core(self) -> _core.AlignmentFrame:
         """The frame with the edges that are seen from the scanner."""
         check_wanted()
-        photo, edges = self._frame.photo, self._edges(self._place)
+        photo = self._frame.photo
         spreads = zip(_core.edge_spreads(), REDUCTIONS, strict=True)
         ratios = [(photo.log_ratios(spread), reduction) for spread, reduction in spreads]
-        return _core.AlignmentFrame(*self._projection(self.camera), ratios, edges, self._place)
+        return _core.AlignmentFrame(*self._projection(self.camera), ratios, self._near_edges, np.zeros(3))
+
+    @property
+    def edge_count(self) -> int:
+        """How many edges the cloud has, as seen from the scanner."""
+        return len(self._near_edges)
+
+    @property
+    def point_count(self) -> int:
+        """How many points the cloud has that are finite."""
+        return int(np.isfinite(self._points).all(axis=1).sum())
 
     def seen_from(self, place: Array) -> _core.AlignmentFrame:
         """The frame with the edges that are seen from another place (3,)."""
@@ -123,6 +137,10 @@ class EdgeFrame:
         height, width = photo.luminance.shape
         projection = _core.Projection([width, height], lambda bearings: photo.places(camera.project(bearings)))
         return projection, half_field(camera, photo)
+
+    @cached_property
+    def _near_edges(self) -> _core.CloudEdges:
+        return self._edges(np.zeros(3))
 
     def _edges(self, place: Array) -> _core.CloudEdges:
         """The edges all around a place."""
@@ -176,7 +194,9 @@ def _modes(
     check_wanted()
     given = [(start.rotation.as_matrix(), start.translation) for start in starts]
     found = _core.search_poses(list(frames), density, given, draws, list(kept))
+    # Where photos show no edge, the prior is all that is known.
     return [
         EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
         for rotation, translation, covariance, mass, ratio, edges in found
+        if edges
     ]
