@@ -1,0 +1,487 @@
+"""Scenes without regions, and `regionpose calibrate` of a photo and a cloud or a folder of these."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+from commands import run
+from made_up_worlds import CAMERA, World, made_world, pose_of
+from PIL import Image
+from regionpose.alignment import pose_search
+from regionpose.clouds import Cloud, write_ply
+from regionpose.progress import UnwantedError, while_wanted
+from regionpose.scene import SceneError, Stages, estimate_scene, load_scene, scene_result
+from regionpose.scene.bundle import bundle, file_names
+from regionpose.scene.folder import FolderOptions, pair_scene
+from regionpose.scene.verdict import DOUBTFUL, verdict
+from regionpose.yaml_text import to_yaml
+from scene_files import PLATES
+
+LENS = {"model": "pinhole", "fx": 260.0, "fy": 260.0, "cx": 239.5, "cy": 159.5, "width": 480, "height": 320}
+COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
+"""The same, whose pixels count from the corner."""
+
+PRIOR = {
+    "camera_near": [0.0, 0.0, 0.0],
+    "camera_near_sigma_m": 0.3,
+    "up": [0.0, 0.0, 1.0],
+    "up_sigma_deg": 3.0,
+    "initial": {"camera_from_world": {"matrix": pose_of(45.0).matrix.tolist()}},
+    "initial_rotation_sigma_deg": 5.0,
+    "initial_center_sigma_m": 0.3,
+}
+"""With which few poses are enough to find the true one."""
+
+FAR = np.array([431_000.0, 5_230_000.0, 440.0])
+
+
+@pytest.fixture(scope="module")
+def worlds() -> list[World]:
+    return [made_world(5), made_world(3)]
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far fewer poses are looked at than a search needs."""
+    monkeypatch.setattr(pose_search, "DRAWS", 1_000)
+    monkeypatch.setattr(pose_search, "KEPT", (40, 12, 4))
+
+
+def write_pair(folder: Path, world: World, name: str, shift: Any = (0.0, 0.0, 0.0)) -> None:
+    Image.fromarray(world.photo).save(folder / f"{name}.png")
+    write_ply(folder / f"{name}.ply", Cloud.from_points(world.points + shift, intensity=world.intensity))
+
+
+def write_scene(folder: Path, **values: Any) -> Path:
+    """A scene file of the pair 0001, or of frames."""
+    own = {} if "frames" in values else {"image": "0001.png", "cloud": "0001.ply"}
+    held = {"camera": LENS, **own, "prior": PRIOR, **values}
+    path = folder / "scene.yaml"
+    path.write_text(to_yaml({key: value for key, value in held.items() if value is not None}), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def pair(worlds: list[World], tmp_path: Path) -> Path:
+    """A folder with the photo and the cloud 0001, and a calibration."""
+    write_pair(tmp_path, worlds[0], "0001")
+    (tmp_path / "cameras.txt").write_text(COLMAP, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def drive(worlds: list[World], tmp_path: Path) -> Path:
+    """A folder of two pairs."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for number, world in enumerate(worlds, start=1):
+        write_pair(folder, world, f"000{number}")
+    (tmp_path / "cameras.txt").write_text(COLMAP, encoding="utf-8")
+    return folder
+
+
+def numbers_in(value: Any) -> Iterator[float]:
+    if isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from numbers_in(item)
+    elif isinstance(value, float):
+        yield value
+
+
+def assert_right(matrix: Any, truth: rp.Pose) -> None:
+    pose = rp.Pose.from_matrix(matrix)
+    assert np.degrees((pose.rotation * truth.rotation.inv()).magnitude()) < 0.5
+    assert np.linalg.norm(pose.camera_center - truth.camera_center) < 0.15
+
+
+def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World]) -> None:
+    stages = Stages()
+    scene = estimate_scene(load_scene(write_scene(pair)), stages)
+    assert_right(scene.estimate.pose.matrix, worlds[0].pose)
+    calibration = scene.calibration
+    assert calibration is not None and calibration.assumed == () and scene.names == ()
+    assert {"pose", "witness"} <= stages.seconds.keys()
+    result = scene_result(scene)
+    assert all(map(math.isfinite, numbers_in(result)))
+    json.dumps(result, allow_nan=False)
+    assert result["overlap_error"] is None and result["regions"] == [] and result["frames"] is None
+    assert result["scene_refinement"] is None and result["matching"] is None
+    assert result["scene_agreement"]["steps"] > 100 and result["scene_agreement"]["z"] > 3.0
+    search = result["edge_search"]
+    assert search["edges"] == calibration.edges and search["log_odds"] == calibration.log_odds
+    assert search["log_odds_over_next"] is None or search["log_odds_over_next"] > 0.0
+    assert search["assumed"] == []
+    prior = search["prior"]
+    assert prior["camera_near_m"] == [0.0, 0.0, 0.0] and prior["camera_near_sigma_m"] == 0.3
+    assert prior["up"] == [0.0, 0.0, 1.0] and prior["up_sigma_deg"] == 3.0
+    assert prior["initial_rotation_sigma_deg"] == 5.0 and prior["initial_center_sigma_m"] == 0.3
+    assert np.allclose(prior["initial_camera_from_world"]["matrix"], pose_of(45.0).matrix)
+
+
+def test_the_verdict_speaks_of_edges(pair: Path) -> None:
+    judged = verdict(estimate_scene(load_scene(write_scene(pair))))
+    assert judged.level in {"trusted", "check"}
+    assert re.match(
+        r"The edges of the cloud lie on those of the photo at this pose, by odds of e\^\d+", judged.headline
+    )
+    assert "regions" not in judged.headline
+
+
+def test_the_verdict_of_a_wrong_photo_is_doubtful(pair: Path, worlds: list[World]) -> None:
+    Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
+    judged = verdict(estimate_scene(load_scene(write_scene(pair))))
+    assert judged.level == DOUBTFUL
+    assert judged.remarks and all(advice for _, advice in judged.remarks)
+
+
+def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
+    scene = load_scene(write_scene(pair, prior={key: PRIOR[key] for key in ("camera_near", "up")}))
+    run_, out = estimate_scene(scene), pair / "out"
+    out.mkdir()
+    files = bundle(run_, Stages(), folder=out)
+    assert run_.estimate.alternatives
+    assert files.writers.keys() == set(file_names(scene))
+    assert file_names(scene) == ["result.json", "report.html", "depth.png", "edges.png", "runner_up.png", "cloud.ply"]
+    for name, write in files.writers.items():
+        write(out / name)
+    for name in ("depth.png", "edges.png", "runner_up.png"):
+        # Depths have a legend beside the photo.
+        height, width, _ = np.asarray(Image.open(out / name)).shape
+        assert height == 320 and width >= 480
+    cloud = rp.read_cloud(out / "cloud.ply")
+    assert cloud.colors is not None and len(cloud) == 38_400
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "edges that the photos show" in report and "<h2>Regions</h2>" not in report
+    assert "noise of the contours" not in report and report.count("data:image/jpeg") >= 3
+    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["verdict"]["level"] in {"check", "doubtful"}
+
+
+def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
+    result = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None))))
+    assert result["edge_search"]["assumed"] == ["camera_near", "camera_near_sigma_m"]
+    assert result["edge_search"]["prior"]["camera_near_m"] == [0.0, 0.0, 0.0]
+    assert result["camera_near"] == {"place_in_world_m": [0.0, 0.0, 0.0], "sigma_m": 0.5, "said_by": "assumption"}
+    known = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None, sensor_origin=[0.0, 0.0, 0.0]))))
+    assert known["edge_search"]["assumed"] == ["camera_near_sigma_m"]
+    assert known["camera_near"]["said_by"] == "sensor_origin"
+    assert known["camera_near"]["sigma_m"] == known["edge_search"]["prior"]["camera_near_sigma_m"] == 0.5
+
+
+def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_path: Path) -> None:
+    write_pair(tmp_path, worlds[0], "0001", FAR)
+    prior = {
+        "up": [0.0, 0.0, 1.0],
+        "initial": {"camera_from_world": {"matrix": pose_of(45.0).about(-FAR).matrix.tolist()}},
+        "initial_rotation_sigma_deg": 5.0,
+        "initial_center_sigma_m": 0.3,
+    }
+    run_ = estimate_scene(load_scene(write_scene(tmp_path, prior=prior, sensor_origin=FAR.tolist())))
+    assert_right(run_.estimate.pose.about(FAR).matrix, worlds[0].pose)
+    result = scene_result(run_)
+    held = result["edge_search"]["prior"]
+    assert np.allclose(held["camera_near_m"], FAR, atol=1e-6)
+    assert np.allclose(held["initial_camera_from_world"]["matrix"], pose_of(45.0).about(-FAR).matrix, atol=1e-6)
+    for other in run_.estimate.alternatives:
+        assert np.linalg.norm(other.pose.camera_center - FAR) < 5.0
+
+
+def test_frames_share_a_pose(drive: Path, worlds: list[World]) -> None:
+    frames = [{"name": name, "image": f"{name}.png", "cloud": f"{name}.ply"} for name in ("0001", "0002")]
+    scene, stages = load_scene(write_scene(drive, frames=frames)), Stages()
+    run_ = estimate_scene(scene, stages)
+    assert_right(run_.estimate.pose.matrix, worlds[0].pose)
+    files = bundle(run_, stages, folder=drive)
+    json.dumps(files.result, allow_nan=False)
+    assert [frame["name"] for frame in files.result["frames"]] == ["0001", "0002"]
+    for frame in files.result["frames"]:
+        assert frame["without_it"] is None and frame["overlap_error"] is None
+        assert frame["scene_agreement"]["steps"] > 100
+    assert "edges of 2 clouds lie on those of their photos" in files.result["verdict"]["headline"]
+    written = {name for name in files.writers if not name.startswith("runner_up")}
+    assert written == {name for name in file_names(scene) if not name.startswith("runner_up")}
+    assert {"depth_1.png", "depth_2.png", "edges_2.png", "cloud_2.ply"} <= written
+    files.writers["report.html"](drive / "report.html")
+    assert "<h2>Frames</h2>" not in (drive / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_estimate_that_nobody_waits_for_ends(pair: Path) -> None:
+    with while_wanted(lambda: False), pytest.raises(UnwantedError):
+        estimate_scene(load_scene(write_scene(pair)))
+
+
+PLATE = {
+    "name": "floor",
+    "image": {"polygon": [[10.0, 10.0], [90.0, 10.0], [50.0, 80.0]]},
+    "world": {"polygon": PLATES["floor"].tolist()},
+}
+
+
+def frame(name: str, **values: Any) -> dict[str, Any]:
+    return {"name": name, "image": "0001.png", "cloud": "0001.ply", **values}
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
+    "no cloud": ({"cloud": None}, "image: 0001.png", "found no region; needed one with both sides"),
+    "no witness": ({"solver": {"witness": False}}, "image: 0001.png", "found no region; .*solver.witness"),
+    "a frame without a region": (
+        {"frames": [frame("first", regions=[PLATE]), frame("second")]},
+        "name: second",
+        r"frames\[1\]: found no region, but some in other frames; needed some in all, or in none",
+    ),
+    "a frame without a cloud": (
+        {"frames": [frame("first"), {"name": "second", "image": "0001.png"}]},
+        "name: second",
+        "found no region; needed one with both sides",
+    ),
+    "regions of one side": (
+        {"image_regions": [{"name": "sign", "image": PLATE["image"]}]},
+        "",
+        "found regions of one side; needed some with both sides",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_scenes_that_tell_nothing_are_refused(tmp_path: Path, case: str) -> None:
+    values, at, message = REFUSED[case]
+    path = write_scene(tmp_path, **values)
+    with pytest.raises(SceneError, match=message) as failed:
+        load_scene(path)
+    found = re.match(r".*scene\.yaml:(\d+): ", str(failed.value))
+    assert found is not None, failed.value
+    if at.startswith("name"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert at in lines[int(found[1]) - 1], failed.value
+
+
+def test_clouds_without_edges_are_named_as_such(pair: Path) -> None:
+    write_ply(pair / "0001.ply", Cloud.from_points(np.ones((4, 3))), overwrite=True)
+    with pytest.raises(rp.PoseError, match="no pose was found: 4 points have 0 edges"):
+        estimate_scene(load_scene(write_scene(pair)))
+
+
+# The command.
+
+
+def said(code_out_err: tuple[int, str, str]) -> str:
+    """What a command that gave a pose said."""
+    code, out, errors = code_out_err
+    assert code in (0, 3) and errors == "", errors
+    return out
+
+
+def written_scene(folder: Path) -> dict[str, Any]:
+    value = load_scene(folder / "scene.yaml").document.value
+    assert isinstance(value, dict)
+    return value
+
+
+def test_a_photo_and_a_cloud_in_either_order_give_one_result(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words: list[str | Path] = ["--camera", pair / "cameras.txt", "--up", "z", "--json", "--quiet"]
+    results = []
+    # Of another name, in a folder of its own.
+    scans = pair / "scans"
+    scans.mkdir()
+    (pair / "0001.ply").rename(scans / "scan.ply")
+    for order in ((pair / "0001.png", scans / "scan.ply"), (scans / "scan.ply", pair / "0001.png")):
+        results.append(json.loads(said(run(capsys, "calibrate", *order, *words))))
+        out = pair / "0001-result"
+        assert {"scene.yaml", "result.json", "report.html", "depth.png", "edges.png", "cloud.ply"} <= {
+            path.name for path in out.iterdir()
+        }
+        assert not list(scans.glob("*-result"))
+        words += ["--force"]
+    first, second = ({key: value for key, value in result.items() if key != "seconds"} for result in results)
+    assert first == second
+    again = json.loads(said(run(capsys, "estimate", out / "scene.yaml", "--out", pair / "again", "--json", "--quiet")))
+    assert again["camera_from_world"] == first["camera_from_world"]
+
+
+def test_a_folder_without_regions_is_calibrated(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    camera, out = drive.parent / "cameras.txt", drive.parent / "out"
+    told = said(run(capsys, "calibrate", drive, "--camera", camera, "--up", "z", "--near", "0.3", "--out", out))
+    assert re.search(r"searched: within 0\.3 m \(1 sigma\) of \[0\.00, 0\.00, 0\.00\] m; every heading", told)
+    assert re.search(r"\d+ edges; odds e\^-?\d+\.\d over chance, ", told)
+    assert "overlap error" not in told and "The edges of 2 clouds lie on those of their photos" in told
+    assert {"depth_1.png", "depth_2.png", "edges_1.png", "cloud_2.ply", "report.html"} <= {
+        p.name for p in out.iterdir()
+    }
+    held = written_scene(out)
+    assert [one["name"] for one in held["frames"]] == ["0001", "0002"]
+    assert all(not {"regions", "image_regions", "world_regions"} & one.keys() for one in held["frames"])
+
+
+def test_what_was_searched_by_a_mount_alone_is_said(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--camera", pair / "cameras.txt", "--mount", "front")
+    told = said(run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", *words))
+    assert "searched: within 0.5 m (1 sigma) of [0.00, 0.00, 0.00] m" in told
+    assert "rotations within 20 deg (1 sigma) of the initial one" in told
+
+
+def test_what_was_assumed_is_said(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = said(run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", "--camera", pair / "cameras.txt"))
+    assert "searched: within 0.5 m (1 sigma) of [0.00, 0.00, 0.00] m (assumed); every rotation" in told
+
+
+def prior_by(pair: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> dict[str, Any]:
+    """The prior of the scene that the command would run."""
+    scenes: list[Any] = []
+    monkeypatch.setattr("regionpose.cli.calibrate.run_scene", lambda scene, *_, **__: scenes.append(scene))
+    from regionpose.cli import main
+
+    paths = [str(pair / "0001.png"), str(pair / "0001.ply"), "--camera", str(pair / "cameras.txt")]
+    assert main(["calibrate", *paths, "--quiet", *words]) == 0
+    held = scenes[0].document.value
+    return dict(held.get("prior", {}))
+
+
+@pytest.mark.parametrize(
+    ("words", "up"),
+    [
+        ("z", [0, 0, 1]),
+        ("-z", [0, 0, -1]),
+        ("+y", [0, 1, 0]),
+        ("-x", [-1, 0, 0]),
+        ("0,0,1", [0, 0, 1]),
+        ("0.1,-0.2,0.9", [0.1, -0.2, 0.9]),
+    ],
+)
+def test_up_is_an_axis_or_a_direction(pair: Path, monkeypatch: pytest.MonkeyPatch, words: str, up: list[float]) -> None:
+    assert prior_by(pair, monkeypatch, "--up", words) == {"up": up, "up_sigma_deg": 5.0}
+    assert prior_by(pair, monkeypatch, f"--up={words}")["up"] == up
+
+
+def test_near_is_a_deviation_or_a_place_with_one(pair: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert prior_by(pair, monkeypatch) == {}
+    assert prior_by(pair, monkeypatch, "--near", "0.3") == {
+        "camera_near": [0.0, 0.0, 0.0],
+        "camera_near_sigma_m": 0.3,
+    }
+    assert prior_by(pair, monkeypatch, "--near", "1,-2,0.5,0.2") == {
+        "camera_near": [1.0, -2.0, 0.5],
+        "camera_near_sigma_m": 0.2,
+    }
+    about_scanner = prior_by(pair, monkeypatch, "--near", "0.3", "--sensor-origin", "4,5,6")
+    assert about_scanner == {"camera_near": [4.0, 5.0, 6.0], "camera_near_sigma_m": 0.3}
+
+
+AXES = {"front": [1, 0, 0], "left": [0, 1, 0], "rear": [-1, 0, 0], "right": [0, -1, 0]}
+
+
+@pytest.mark.parametrize("mount", AXES)
+def test_a_mount_is_a_level_camera_that_looks_there(pair: Path, monkeypatch: pytest.MonkeyPatch, mount: str) -> None:
+    prior = prior_by(pair, monkeypatch, "--mount", mount, "--near", "1,2,3,0.4")
+    pose = rp.Pose.from_matrix(prior["initial"]["camera_from_world"]["matrix"])
+    right, down, forward = pose.rotation.as_matrix()
+    assert forward == pytest.approx(AXES[mount]) and down == pytest.approx([0.0, 0.0, -1.0])
+    assert right == pytest.approx(np.cross([0.0, 0.0, -1.0], AXES[mount]))
+    assert pose.camera_center == pytest.approx([1.0, 2.0, 3.0])
+    assert (prior["initial_rotation_sigma_deg"], prior["initial_center_sigma_m"]) == (20.0, 0.4)
+    # The place counts once.
+    assert prior["camera_near"] is None and prior["camera_near_sigma_m"] is None
+    alone = prior_by(pair, monkeypatch, "--mount", mount)
+    assert alone["initial_center_sigma_m"] == 0.5 and alone["camera_near"] is None
+    assert rp.Pose.from_matrix(alone["initial"]["camera_from_world"]["matrix"]).camera_center == pytest.approx(
+        [0, 0, 0]
+    )
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "two photos": (["0001.png", "0002.png"], r"0002\.png: found a second photo; needed a cloud"),
+    "three paths": (["0001.png", "0001.ply", "0002.ply"], "found 3 paths; needed a folder, or a photo and a cloud"),
+    "no such cloud": (["0001.png", "0009.ply"], r"0009\.ply: found nothing; needed a photo and a cloud"),
+    "no such photo": (["0009.png", "0001.ply"], r"0009\.png: found nothing; needed a photo and a cloud"),
+    "one file": (["0001.png"], r"0001\.png: found a file; needed a folder"),
+    "near in words": (["0001.png", "0001.ply", "--near", "close"], "--near: found 'close'; needed meters, or x,y,z,si"),
+    "near of two": (
+        ["0001.png", "0001.ply", "--near", "1,2"],
+        "--near: found 2 numbers; needed meters, or x,y,z,sigma",
+    ),
+    "near of none": (["0001.png", "0001.ply", "--near", "0"], "--near.*found 0"),
+    "near below": (["0001.png", "0001.ply", "--near=-0.5"], "--near.*found -0.5"),
+    "near at nan": (["0001.png", "0001.ply", "--near", "nan"], "--near.*found nan"),
+    "near endless": (["0001.png", "0001.ply", "--near", "inf"], "--near.*found inf"),
+    "near a place at nan": (["0001.png", "0001.ply", "--near", "nan,0,0,1"], "--near.*found"),
+    "up in words": (
+        ["0001.png", "0001.ply", "--up", "north"],
+        "--up: found 'north'; needed x, y, z, -x, -y, -z or x,y",
+    ),
+    "up of two": (
+        ["0001.png", "0001.ply", "--up", "0,1"],
+        "--up: found 2 numbers; needed x, y, z, -x, -y, -z or x,y,z",
+    ),
+    "up with two signs": (["0001.png", "0001.ply", "--up=--z"], "--up: found '--z'; needed x, y, z"),
+    "up nowhere": (["0001.png", "0001.ply", "--up", "0,0,0"], "--up"),
+    "no such mount": (["0001.png", "0001.ply", "--mount", "top"], "--mount.*top"),
+    "a place of two": (["0001.png", "0001.ply", "--sensor-origin", "1,2"], "--sensor-origin: found 2 numbers"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_words_that_are_wrong_are_named(pair: Path, capsys: pytest.CaptureFixture[str], case: str) -> None:
+    words, message = BAD[case]
+    Image.new("L", (480, 320)).save(pair / "0002.png")
+    paths = [str(pair / word) if re.match(r"\d{4}\.", word) else word for word in words]
+    code, out, errors = run(capsys, "calibrate", *paths, "--camera", pair / "cameras.txt", "--quiet")
+    assert code == 2 and out == ""
+    # Typer draws a box about its own errors.
+    assert re.search(message, " ".join(errors.split())), errors
+    assert "Traceback" not in errors and not list(pair.glob("*-result"))
+
+
+def test_two_clouds_are_refused(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_ply(pair / "0002.ply", Cloud.from_points(np.ones((4, 3))))
+    code, _, errors = run(
+        capsys, "calibrate", pair / "0001.ply", pair / "0002.ply", "--camera", pair / "cameras.txt", "--quiet"
+    )
+    assert code == 2 and re.search(r"0001\.ply: found .*; needed ", errors), errors
+
+
+def test_a_camera_is_needed(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, errors = run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", "--quiet")
+    assert code == 2 and "found no camera; needed --camera" in errors
+
+
+def test_clouds_without_edges_end_with_the_code_of_no_pose(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_ply(pair / "0001.ply", Cloud.from_points(np.ones((4, 3))), overwrite=True)
+    words = ("--camera", pair / "cameras.txt", "--quiet")
+    code, out, errors = run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", *words)
+    assert code == 3 and out == "" and "no pose was found: 4 points have 0 edges" in errors
+    assert not list(pair.glob("*-result"))
+
+
+def test_the_scene_file_beside_a_photo_counts(pair: Path) -> None:
+    beside = {"camera": LENS, "sensor_origin": [0.0, 0.0, 0.1], "cloud": "0001.ply"}
+    (pair / "0001.yaml").write_text(to_yaml(beside), encoding="utf-8")
+    scene = pair_scene(pair / "0001.png", pair / "0001.ply", pair / "out" / "scene.yaml", FolderOptions())
+    held = scene.document.value
+    assert isinstance(held, dict)
+    assert held["frames"] == [
+        {"name": "0001", "image": "../0001.png", "cloud": "../0001.ply", "sensor_origin": [0.0, 0.0, 0.1]}
+    ]
+    write_ply(pair / "other.ply", Cloud.from_points(np.ones((4, 3))))
+    with pytest.raises(
+        SceneError, match=r"0001\.yaml:\d+: cloud: found '0001\.ply'; needed other\.ply, or no such key"
+    ):
+        pair_scene(pair / "0001.png", pair / "other.ply", pair / "out" / "scene.yaml", FolderOptions())
+
+
+def test_options_go_before_the_priors_of_pairs(pair: Path) -> None:
+    (pair / "0001.yaml").write_text(to_yaml({"camera": LENS, "prior": PRIOR}), encoding="utf-8")
+    place = (pair / "0001.png", pair / "0001.ply", pair / "out" / "scene.yaml")
+    assert pair_scene(*place, FolderOptions()).model.prior.up_sigma_deg == 3.0
+    given = pair_scene(*place, FolderOptions(prior={"up": [0.0, 1.0, 0.0]})).model.prior
+    assert given.up == [0.0, 1.0, 0.0] and given.up_sigma_deg is None
+    assert given.camera_near is None
+
+
+def test_the_camera_of_the_command_is_that_of_the_scene(pair: Path) -> None:
+    assert rp.load_camera(pair / "cameras.txt") == CAMERA
