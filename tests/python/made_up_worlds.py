@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 CAMERA = rp.PinholeCamera(260.0, 260.0, 239.5, 159.5, width=480, height=320)
-HEADINGS_DEG = (40.0, -115.0, 160.0)
-"""Of the cameras of the worlds, about z from x: one for each."""
+HEADING_DEG = 40.0
+"""Of the rig's camera, about z from x."""
 
 RINGS, AZIMUTHS = 64, 600
 RANGE_NOISE_M = 0.01
@@ -47,11 +47,12 @@ def pose_of(heading_deg: float) -> rp.Pose:
     return rp.Pose(rotation, -rotation.apply([0.3, -0.2, -0.15]))
 
 
-def made_world(seed: int, heading_deg: float | None = None) -> World:
-    """The world of a seed, the camera as in the first one of three unless a heading is given."""
+def made_world(seed: int, heading_deg: float = HEADING_DEG, scale: float = 1.0) -> World:
+    """The world of a seed, about a scanner in the middle of the same hall unless another scale is given."""
     rng = np.random.default_rng(seed)
     lows, highs, shades = _boxes(rng)
-    pose = pose_of(HEADINGS_DEG[0] if heading_deg is None else heading_deg)
+    lows, highs = scale * lows, scale * highs
+    pose = pose_of(heading_deg)
     elevations = np.radians(np.linspace(-25.0, 13.0, RINGS))[:, None]
     azimuths = np.linspace(-np.pi, np.pi, AZIMUTHS, endpoint=False)
     # Uneven, as a scanner's: of neighbors that are equally far, rounding would choose.
