@@ -33,9 +33,8 @@ SAME_DEG, SAME_M = 5.0, 1.0
 """Modes within so much of one another are one place: the confidence is that of the rotation within 5 degrees, and what
 moves the camera by a meter moves what it shows at 10 m by as much."""
 
-MASS_OF_CHANCE, MASS_SCALE = 0.0, 1.0
-
 AMBIGUOUS_SHARE = 0.02
+"""Probability of another place from which on a pose is ambiguous: more leaves the best less than a trusted pose has."""
 
 FOCAL_STEP = 0.01
 """Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
@@ -237,9 +236,7 @@ def _is_same(pose: Pose, other: Pose) -> bool:
 
 def _confidences(masses: Array) -> Array:
     """Probabilities (n,) that places are right: of one another and of chance, which none of them leads."""
-    scaled = (masses - MASS_OF_CHANCE) / MASS_SCALE
-    total = np.logaddexp(np.logaddexp.reduce(scaled), 0.0)
-    return np.asarray(np.exp(scaled - total))
+    return np.asarray(np.exp(masses - np.logaddexp(np.logaddexp.reduce(masses), 0.0)))
 
 
 def _covariance_of(place: Sequence[EdgeMode]) -> Array:
