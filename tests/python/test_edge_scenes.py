@@ -362,7 +362,6 @@ def test_up_is_an_axis_or_a_direction(pair: Path, monkeypatch: pytest.MonkeyPatc
 def test_near_is_a_deviation_or_a_place_with_one(pair: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert prior_by(pair, monkeypatch) == {}
     assert prior_by(pair, monkeypatch, "--near", "0.3") == {
-        "camera_near": [0.0, 0.0, 0.0],
         "camera_near_sigma_m": 0.3,
     }
     assert prior_by(pair, monkeypatch, "--near", "1,-2,0.5,0.2") == {
@@ -370,7 +369,7 @@ def test_near_is_a_deviation_or_a_place_with_one(pair: Path, monkeypatch: pytest
         "camera_near_sigma_m": 0.2,
     }
     about_scanner = prior_by(pair, monkeypatch, "--near", "0.3", "--sensor-origin", "4,5,6")
-    assert about_scanner == {"camera_near": [4.0, 5.0, 6.0], "camera_near_sigma_m": 0.3}
+    assert about_scanner == {"camera_near_sigma_m": 0.3}
 
 
 AXES = {"front": [1, 0, 0], "left": [0, 1, 0], "rear": [-1, 0, 0], "right": [0, -1, 0]}

@@ -192,8 +192,9 @@ def _prior(near: str | None, up: str | None, mount: Mount | None, origin: list[f
     sigma = DEFAULT_NEAR_M
     if near is not None:
         numbers = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
-        place, sigma = list(numbers[:3]) if len(numbers) == 4 else place, numbers[-1]
-        known |= {"camera_near": place, "camera_near_sigma_m": sigma}
+        known["camera_near_sigma_m"] = sigma = numbers[-1]
+        if len(numbers) == 4:
+            known["camera_near"] = place = list(numbers[:3])
     if up is not None:
         known |= {"up": _direction(up), "up_sigma_deg": UP_SIGMA_DEG}
     if mount is not None:

@@ -205,7 +205,7 @@ def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | N
         found = _explained(
             lambda: calibrate(
                 photos,
-                prior=_prior(frames).about(origin),
+                prior=_edge_prior(frames).about(origin),
                 sensor_origin=None if scanner is None else scanner.place - origin,
                 solver=scene_solver(scene),
                 progress=stages.progress,
@@ -293,6 +293,14 @@ def heard(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimate:
         counts = [len(sides.names) for sides in run.frames]
         told = witnessed(run.estimate, rest.align, settled, refine, counts)
     return replace(run, estimate=told.estimate, witness=told.witness)
+
+
+def _edge_prior(frames: Sequence[SceneSides]) -> Prior:
+    """What is known of a pose by edges alone: a deviation without a place is about the clouds' origin then."""
+    scanner, item = _scanner(frames), frames[0].scene.model.prior
+    if scanner is None and item.camera_near is None and item.camera_near_sigma_m is not None:
+        scanner = SensorOrigin(np.zeros(3), "assumption")
+    return scene_prior(frames[0].scene, scanner)
 
 
 def scene_frames(frames: Sequence[SceneSides]) -> list[SceneFrame | None]:

@@ -195,9 +195,8 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     """The place that the camera was taken to be near, to what standard deviation (meters), and who says so; None where
     nothing was.
     """
-    prior, item = run.prior, run.scene.model.prior
-    if run.calibration is not None:
-        prior = run.calibration.prior.about(-run.sides.origin)
+    item = run.scene.model.prior
+    prior = run.prior if run.calibration is None else run.calibration.prior.about(-run.sides.origin)
     if prior.camera_near is None:
         return None
     by = "prior.camera_near" if item.camera_near is not None else "sensor_origin" if run.scanner else "assumption"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from regionpose.alignment.odds import DECISIVE
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import scene_fit
 from regionpose.scene.known import scene_solver
@@ -157,8 +158,10 @@ def _fit(run: SceneEstimate) -> str:
     scene without regions how the edges of photos and clouds agree.
     """
     if run.calibration is not None:
-        odds = f"odds of e^{run.calibration.log_odds:.0f} to 1 against chance"
-        return f"The edges of {_count(len(run.frames), 'cloud')} lie on those of {_photos(run)} at this pose, by {odds}"
+        edges, log_odds = f"The edges of {_count(len(run.frames), 'cloud')}", run.calibration.log_odds
+        if log_odds < DECISIVE:
+            return f"{edges} lie on those of {_photos(run)} nowhere much better than by chance"
+        return f"{edges} lie on those of {_photos(run)} at this pose, by odds of e^{log_odds:.0f} to 1 against chance"
     fit = scene_fit(run)
     if fit.on_their_side is None:
         share = 100.0 * fit.overlap_error
