@@ -9,6 +9,7 @@ likeliest other place, the verdict, and seconds. Kinds of problems:
     mismatched  the photo of one frame with the cloud of another: no pose is right
     thinned     every second, and every fourth ring of a scanner of 64
     degraded    photos blurred, darkened, cropped
+    focal       focal lengths 10 and 3 % too short and too long
     starts      started within 10 deg and 0.25 m of the true pose, and within 20 deg and 1.5 m, as papers do: mean and
                 root mean square errors by axis
 
@@ -25,11 +26,12 @@ import argparse
 import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import regionpose as rp
+from regionpose.cameras.matrix import MatrixCamera
 
 from benchmarks.real_frames import (
     DEGRADATIONS,
@@ -46,7 +48,8 @@ from benchmarks.real_frames import (
 )
 from benchmarks.real_scenes import DEFAULT_DATA
 
-KINDS = ("single", "rigs", "mismatched", "thinned", "degraded", "starts")
+KINDS = ("single", "rigs", "mismatched", "thinned", "degraded", "focal", "starts")
+FACTORS = (0.9, 0.97, 1.03, 1.1)
 RIG_SIZES = (2, 3, 5)
 UP_SIGMA_DEG = 3.0
 RIGHT_DEG, RIGHT_M = 1.0, 0.3
@@ -137,6 +140,12 @@ def rows(frames: Sequence[RealFrame], kinds: Sequence[str], count: int) -> Itera
         for how in DEGRADATIONS:
             for frame in frames:
                 yield solved(how, frame.name, [degraded(frame, how)], frame.truth)[0]
+    if "focal" in kinds:
+        zoomable = [(frame, frame.camera) for frame in frames if isinstance(frame.camera, MatrixCamera)]
+        for factor in FACTORS:
+            for frame, camera in zoomable:
+                other = replace(frame, camera=camera.zoomed(factor))
+                yield solved(f"focal x {factor:g}", frame.name, [other], frame.truth)[0]
     if "starts" in kinds:
         yield from started(frames)
 
