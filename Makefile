@@ -67,6 +67,7 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.rig --synthetic 5
 	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
+	$(BIN)/python -m benchmarks.automatic
 	$(BIN)/python -m benchmarks.witness
 	$(BIN)/python -m benchmarks.chessboards
 	$(BIN)/python -m benchmarks.refinement

@@ -31,12 +31,14 @@
 //!
 //! # Features
 //!
-//! Both are on by default.
+//! All are on by default.
+//! - `alignment`: the pose of a camera by the edges of photos and clouds;
 //! - `batch`: many problems on a pool of threads by `in_parallel`;
 //! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused.
 #![forbid(unsafe_code)]
 
 // Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.
+#[cfg(feature = "alignment")]
 #[doc(hidden)]
 pub mod alignment;
 #[cfg(feature = "batch")]

@@ -32,6 +32,9 @@ impl Default for SearchOptions {
 /// Poses whose edges lie as far apart as this, in spreads, as a root mean square, lead to different maxima.
 const APART: f64 = 0.5;
 
+/// Turn, rad, that moves the edges of any photo by more than that.
+const FAR_TURN: f64 = 0.2;
+
 /// Turns of null poses from drawn ones, rad: beyond what a pose may be off, to like parts of the photo.
 const TURNED: [f64; 2] = [3.0 / 180.0 * PI, 8.0 / 180.0 * PI];
 
@@ -103,12 +106,11 @@ fn distinct(
     let made = mapped(candidates, threads, |(pose, _)| posterior.metric(pose))?;
     for ((pose, _), metric) in candidates.iter().zip(made) {
         let is_new = kept.iter().zip(&metrics).all(|(other, metric)| {
-            let turn = pose.angle_to(other);
-            if turn > 0.2 {
-                return true;
+            // Most are told apart by this alone.
+            pose.angle_to(other) > FAR_TURN || {
+                let way = other.increment_to(pose);
+                way.dot(&(metric * way)) > APART * APART
             }
-            let way = other.increment_to(pose);
-            way.dot(&(metric * way)) > APART * APART
         });
         if is_new {
             kept.push(*pose);
