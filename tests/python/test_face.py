@@ -262,6 +262,7 @@ UNITLESS = {
     "depth_tolerance mesh_size overlap_error disturbed_share": "shares",
     "factor": "of focal lengths",
     "confidence confidence_before share score log_odds chance sigmas": "probabilities and their like",
+    "lead log_mass log_ratio": "logarithms of odds",
     "values": "of a warning, each with its unit in its key",
 }
 """Names of numbers without a unit, and what they are."""
@@ -288,5 +289,5 @@ def test_numbers_with_a_unit_say_it_in_their_names(name: str) -> None:
     assert [
         each
         for each in _numbers_of(getattr(rp, name))
-        if not re.search(r"_(m|px|deg|percent)$", each) and each not in known
+        if not re.search(r"_(m|px|deg|rad|percent)$", each) and each not in known
     ] == []

@@ -19,7 +19,7 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.verdict import DOUBTFUL, verdict
 from regionpose.units import length_text
 from regionpose.yaml_text import to_yaml
-from scene_files import write_scene
+from scene_files import scene_values, write_scene
 
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
 """Where the world lies: far away, as maps have it."""
@@ -84,8 +84,7 @@ def test_another_photo_does_not(tmp_path: Path) -> None:
 
 
 def test_there_is_no_rest_without_a_cloud(tmp_path: Path) -> None:
-    path = write_scene(tmp_path)
-    path.write_text(path.read_text(encoding="utf-8") + "solver:\n  refine: scene\n", encoding="utf-8")
+    path = write_scene(tmp_path, {**scene_values(), "solver": {"refine": "scene"}})
     with pytest.raises(SceneError, match=r"scene.yaml:\d+: solver.refine: found scene, but no cloud; needed the key"):
         load_scene(path)
 
