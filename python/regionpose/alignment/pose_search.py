@@ -34,7 +34,9 @@ from regionpose.progress import Progress, check_wanted
 Array = NDArray[np.float64]
 
 DRAWS, KEPT = 60_000, (2_000, 400, 64)
-"""Poses that are drawn from the prior, and how many of the best by each spread are led on to the next one."""
+"""Poses that are drawn from the prior, and how many of the best by each spread are led on to the next one. Measured: of
+eight frames of four scanners, heading unknown, 200,000 and (6,000, 800, 64) find no other one, in 2.5 times the time.
+"""
 
 MOST_POINTS = 20_000
 """Points whose distances are looked at: a median needs no more."""
