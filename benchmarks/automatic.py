@@ -133,8 +133,8 @@ def rows(frames: Sequence[RealFrame], kinds: Sequence[str], count: int) -> Itera
         yield from (solved("mismatched", pair.name, [pair], None)[0] for pair in mismatched(frames, count, seed=5))
     if "thinned" in kinds:
         for every in (2, 4):
-            told = [frame for frame in frames if frame.rings is not None and len(np.unique(frame.rings)) >= 60]
-            for frame in told:
+            dense = [frame for frame in frames if frame.rings is not None and len(np.unique(frame.rings)) >= 60]
+            for frame in dense:
                 yield solved(f"1 of {every} rings", frame.name, [thinned(frame, every)], frame.truth)[0]
     if "degraded" in kinds:
         for how in DEGRADATIONS:

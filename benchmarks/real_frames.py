@@ -137,7 +137,7 @@ class Capture:
 
     @property
     def rings(self) -> Rings | None:
-        """Number of each point's ring (n,), read-only; None where it can't be told."""
+        """Number of each point's ring (n,), read-only; None where it is unknown."""
         return _scan(self.scan).rings
 
 
@@ -420,7 +420,7 @@ def _hesai_frames(kind: str, data: Path) -> Iterator[RealFrame]:
 def _sustech_frames(kind: str, data: Path) -> Iterator[RealFrame]:
     """Frames of three cameras about one Pandar40.
 
-    The header of the cloud names a column of rings, two bytes beside where they are: they are told by elevation.
+    The header of the cloud names a column of rings, two bytes beside where they are: they follow from elevation.
     """
     for cloud in sorted((data / kind).glob("*.pcd")):
         place = Place.of(partial(rp.read_cloud, cloud), "elevation")
@@ -473,7 +473,7 @@ def load_frames(data: Path, kinds: Sequence[str] | None = None) -> list[RealFram
 def thinned(capture: CaptureT, every: int) -> CaptureT:
     """The frame with every second, third ... ring alone, by elevation from the highest.
 
-    Of 64 rings every second leaves 32, as of a scanner with so many beams. Points of a cloud whose rings can't be told
+    Of 64 rings every second leaves 32, as of a scanner with so many beams. Points of a cloud whose rings are unknown
     are a ValueError when they are read.
     """
     scan = partial(_thinned, capture.scan, every, capture.scanner, capture.up)
@@ -484,7 +484,7 @@ def _thinned(load: Callable[[], Scan], every: int, scanner: Array, up: Array) ->
     """The points of the rings that are kept."""
     scan = _scan(load)
     if scan.rings is None:
-        raise ValueError("cloud: found no rings; needed one whose rings can be told")
+        raise ValueError("cloud: found no rings; needed one whose rings are known")
     middles = ring_elevations(scan.rings, azimuth_elevation(scan.points, scanner, up)[1])
     held = np.isin(scan.rings, sorted(middles, key=lambda ring: -middles[ring])[::every])
     return Scan(scan.points[held], None if scan.intensity is None else scan.intensity[held], scan.rings[held])

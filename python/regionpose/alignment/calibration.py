@@ -34,7 +34,8 @@ SAME_DEG, SAME_M = 5.0, 1.0
 moves the camera by a meter moves what it shows at 10 m by as much."""
 
 AMBIGUOUS_SHARE = 0.02
-"""Probability of another place from which on a pose is ambiguous: more leaves the best less than a trusted pose has."""
+"""Probability of another place from which on a pose is ambiguous: a convention, less than the 3 % that a trusted pose
+may lack."""
 
 FOCAL_STEP = 0.01
 """Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
@@ -118,7 +119,7 @@ def calibrate(
     solver : Solver, optional
         Its limits, and what a frame and the focal lengths are off by.
     progress : callable, optional
-        Told which share of the work is done, 0 to 1.
+        Called with the share of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -226,7 +227,7 @@ def _places(modes: Sequence[EdgeMode]) -> list[list[EdgeMode]]:
             places.append([mode])
         else:
             own.append(mode)
-    return sorted(places, key=log_mass, reverse=True) if places else places
+    return sorted(places, key=log_mass, reverse=True)
 
 
 def _is_same(pose: Pose, other: Pose) -> bool:

@@ -15,10 +15,8 @@ from scipy.spatial.transform import Rotation
 from regionpose import _core
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.steps import (
-    CELL_PX,
-    GAP_SPACINGS,
     STEP_SHARE,
-    WIDEST_GAP_DEG,
+    cell_and_gap,
     checked_intensity,
     checked_points,
     half_field,
@@ -146,9 +144,7 @@ class EdgeFrame:
 
     def _edges(self, place: Array) -> _core.CloudEdges:
         """The edges all around a place."""
-        cell = CELL_PX * pixel_angle(self._frame.camera, self._frame.photo)
-        spacing = np.sqrt(4.0 * np.pi / max(len(self._points), 1))
-        gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
+        cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
         return _core.CloudEdges(self._points, place, cell, gap, STEP_SHARE, self._intensity)
 
 
@@ -160,19 +156,19 @@ def searched(
     `starts`: poses to look about beside those that are drawn from the prior. ValueError for a prior that says nothing
     of where the camera stands.
     """
-    density, told = _core.Density.of_prior(prior.core), progress or (lambda share: None)
+    density, report = _core.Density.of_prior(prior.core), progress or (lambda share: None)
     cores = []
     for number, frame in enumerate(frames):
         cores.append(frame.core)
-        told(0.3 * (number + 1) / len(frames))
+        report(0.3 * (number + 1) / len(frames))
     modes = _modes(cores, density, starts, DRAWS, KEPT)
     if not modes:
         return []
-    told(0.8)
+    report(0.8)
     # Edges seen from where the camera stands are other ones, the more the farther it is from the scanner.
     place = modes[0].pose.camera_center
     anew = maxima([frame.seen_from(place) for frame in frames], density, [mode.pose for mode in modes])
-    told(1.0)
+    report(1.0)
     return max(modes, anew, key=log_mass)
 
 

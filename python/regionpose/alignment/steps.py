@@ -118,11 +118,18 @@ def steps_at(pose: Pose, points: ArrayLike, camera: Camera, photo: Photo, intens
     reach = float(np.cos(min(half_field(camera, photo) + margin, np.pi)))
     shown, local = _within(places, pose.camera_center, rotation[2], reach)
     seen = local @ rotation.T
-    spacing = np.sqrt(2.0 * np.pi * (1.0 - reach) / max(len(seen), 1))
-    cell = CELL_PX * pixel_angle(camera, photo)
-    gap = max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * float(spacing)))
+    cell, gap = cell_and_gap(camera, photo, len(seen), 2.0 * np.pi * (1.0 - reach))
     shades = None if values is None else values[shown]
     return Steps(*_core.scene_steps(seen, cell, gap, STEP_SHARE, shades))
+
+
+def cell_and_gap(camera: Camera, photo: Photo, count: int, solid_angle: float) -> tuple[float, float]:
+    """Angles within which the nearest point hides others, and beyond which neighbors are none, rad, of so many points
+    in a solid angle.
+    """
+    spacing = float(np.sqrt(solid_angle / max(count, 1)))
+    cell = CELL_PX * pixel_angle(camera, photo)
+    return cell, max(2.0 * cell, min(float(np.radians(WIDEST_GAP_DEG)), GAP_SPACINGS * spacing))
 
 
 def _within(points: Array, center: Array, axis: Array, cosine: float) -> tuple[NDArray[np.bool_], Array]:

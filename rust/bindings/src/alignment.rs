@@ -36,11 +36,7 @@ pub fn scene_steps<'py>(
 ) -> PyResult<StepArrays<'py>> {
     check_angles(cell, gap)?;
     let points = self::points::<3>("points", points)?;
-    let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
-    if let Some(count) = shades.as_ref().map(Vec::len).filter(|count| *count != points.len()) {
-        let refused = format!("shades has {count} values for {} points; it needs one a point", points.len());
-        return Err(PyValueError::new_err(refused));
-    }
+    let shades = shades_of(shades, points.len())?;
     let found = py.detach(|| {
         let seen = Seen::new(&points, cell, gap);
         let by_shade = shades.map_or(Vec::new(), |shades| seen.shade_steps(&shades, share));
@@ -49,6 +45,18 @@ pub fn scene_steps<'py>(
     let distances = found.iter().map(|step| step.distance).collect();
     let (near, far): (Vec<_>, Vec<_>) = found.into_iter().map(|step| (step.near, step.far)).unzip();
     Ok((array(py, &near)?, array(py, &far)?, PyArray1::from_vec(py, distances)))
+}
+
+/// One shade of each of so many points, if there are any.
+pub fn shades_of(shades: Option<PyReadonlyArray1<'_, f64>>, points: usize) -> PyResult<Option<Vec<f64>>> {
+    let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
+    match shades.as_ref().map(Vec::len).filter(|count| *count != points) {
+        Some(count) => {
+            let refused = format!("shades has {count} values for {points} points; it needs one a point");
+            Err(PyValueError::new_err(refused))
+        }
+        None => Ok(shades),
+    }
 }
 
 /// Refuses angles that cells cannot be counted by.

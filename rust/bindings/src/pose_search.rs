@@ -81,11 +81,7 @@ impl CloudEdges {
     ) -> PyResult<Self> {
         crate::alignment::check_angles(cell, gap)?;
         let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
-        let shades: Option<Vec<f64>> = shades.map(|shades| shades.as_array().iter().copied().collect());
-        if let Some(count) = shades.as_ref().map(Vec::len).filter(|count| *count != points.len()) {
-            let refused = format!("shades has {count} values for {} points; it needs one a point", points.len());
-            return Err(PyValueError::new_err(refused));
-        }
+        let shades = crate::alignment::shades_of(shades, points.len())?;
         let options = EdgeOptions { cell, gap, share };
         Ok(Self(py.detach(|| cloud_edges::CloudEdges::new(&points, shades.as_deref(), &place, &options))))
     }
@@ -204,8 +200,7 @@ type ModeArrays<'py> =
 /// The maxima of the posterior of the pose that frames share, of the largest mass first.
 ///
 /// `starts`: poses to look about beside `draws` drawn ones. `kept`: how many of the best by each spread but the finest are led
-/// on to the next one. `threads`: all
-/// cores for None.
+/// on to the next one. `threads`: all cores for None.
 #[pyfunction]
 #[pyo3(signature = (frames, density, starts, draws, kept, threads=None))]
 pub fn search_poses<'py>(

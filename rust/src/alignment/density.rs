@@ -97,22 +97,6 @@ impl PoseDensity {
             }
         }
     }
-
-    /// The standard deviation of the camera's place that it leaves, meters, and of its rotation about each of three axes, rad.
-    pub fn sigmas(&self) -> ([f64; 3], [f64; 3]) {
-        let information = match self {
-            Self::Prior { prior, .. } => {
-                with_free_angles(prior, &prior.gaussian(&base_pose(prior, &[0.0; 3])).information)
-            }
-            Self::Student { information, .. } => *information,
-        };
-        let covariance = information.try_inverse().unwrap_or_else(Matrix6::identity);
-        let block = |first: usize| {
-            let block = covariance.fixed_view::<3, 3>(first, first).into_owned();
-            SymmetricEigen::new(block).eigenvalues.map(|value| value.max(0.0).sqrt()).into()
-        };
-        (block(3), block(0))
-    }
 }
 
 /// Draws poses from a density.

@@ -229,24 +229,6 @@ fn the_information_is_that_of_the_covariance_and_no_more_far_off() {
     assert!(error(density.at(&pose.moved(&six)).information, 10.0 / 40.0) < 1e-6);
 }
 
-#[test]
-fn deviations_are_those_of_what_is_known_and_even_ones_of_the_rest() {
-    let sigmas = |prior: &Prior| PoseDensity::of_prior(prior).unwrap().sigmas();
-    let is = |found: [f64; 3], mut expected: [f64; 3]| {
-        let mut found = found;
-        found.sort_by(f64::total_cmp);
-        expected.sort_by(f64::total_cmp);
-        (Vector3::from(found) - Vector3::from(expected)).amax() < 1e-9
-    };
-    let even = PI / 3.0_f64.sqrt();
-    let (place, rotation) = sigmas(&near(0.4));
-    assert!(is(place, [0.4; 3]) && is(rotation, [even; 3]), "{place:?} {rotation:?}");
-    let (place, rotation) = sigmas(&near_and_up(3.0));
-    assert!(is(place, [0.4; 3]) && is(rotation, [3.0 * DEGREE, 3.0 * DEGREE, even]), "{place:?} {rotation:?}");
-    let (_, rotation) = sigmas(&Prior { near: None, ..initial(near(1.0), 0.1, 0.3) });
-    assert!(is(rotation, [0.1; 3]), "{rotation:?}");
-}
-
 const DRAWS: usize = 20_000;
 
 fn draws(density: PoseDensity, seed: u64) -> Vec<Pose> {
