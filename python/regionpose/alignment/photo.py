@@ -45,8 +45,7 @@ between a rank that tells nothing and one that tells all."""
 
 LEAST_WINDOW_PX, WINDOW_SPREADS = 41, 5
 """Width of the window within which densities are made comparable: that of the widest reach of `strength`, and so many
-spreads where that is more. By a window that is no wider than what edges are spread by, true poses stand out no more (at
-a spread of 16 pixels, of eight frames: by -2 to 0 deviations with 41 pixels, by 2 to 4 with 81)."""
+spreads where that is more. By a window no wider than what edges are spread by, true poses do not stand out."""
 
 LEVELS = 1 << 12
 """Bins of the distribution of strengths, for their ranks: far more than ranks need."""
