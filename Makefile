@@ -40,10 +40,10 @@ soak: $(STAMP)
 	$(BIN)/python fuzz/soak.py
 	$(BIN)/python fuzz/kills.py --seed $(SEED)
 
-# The site, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
+# The site, all pages read anew, with its examples run; warnings, dead links among them, are errors. Opens as docs/_build/html/index.html.
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --group docs
-	$(BIN)/python -m sphinx -b html -W --keep-going --quiet docs docs/_build/html
+	$(BIN)/python -m sphinx -b html -E -W --keep-going --quiet docs docs/_build/html
 
 # Wheel, source distribution and crate, each tested from where its user gets it.
 packages: $(STAMP)

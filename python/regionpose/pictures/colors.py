@@ -121,8 +121,8 @@ def blend_colors(
     ----------
     points : (n, 3) array
         World coordinates.
-    views : iterable of (image, camera, pose)
-        As of `colorize`; taken one by one, so that they needn't be in memory together.
+    views : iterable of tuples
+        Image, camera and pose, as of `colorize`; taken one by one, so that they needn't be in memory together.
     normals : (n, 3) array, optional
         Of the points, of either side.
     depth_tolerance : float
